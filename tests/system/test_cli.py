@@ -199,3 +199,24 @@ def test_lanes_go_out_as_a_layout_and_come_back(tmp_path: Path) -> None:
     refused = somrs("map", "export", "track.lif", "--from", "empty.yaml", cwd=tmp_path)
     assert refused.returncode != 0
     assert "no lanes to export" in refused.stderr
+
+
+def test_check_finds_mistakes_in_the_geometry_with_their_line(tmp_path: Path) -> None:
+    (tmp_path / "track.yaml").write_text(TRACK.replace("Bay: {type: Place, at: [1, 2]}", "Bay: {type: Place, at: [1, 9]}"))
+    result = somrs("check", "track.yaml", cwd=tmp_path)
+    assert result.returncode == 1
+    assert "track.yaml:10: Bay: there is no floor under it" in result.stdout
+    (problem,) = json.loads(somrs("check", "track.yaml", "--json", cwd=tmp_path).stdout)
+    assert (problem["subject"], problem["line"], problem["rule"]) == ("Bay", 10, "no-floor")
+
+
+def test_degrees_taken_for_metres_are_found(tmp_path: Path) -> None:
+    """A campus in longitude and latitude, which somebody calls metres."""
+    vertices = "\n".join(f'      - [{103.77 + 0.001 * i}, {1.3 + 0.0005 * i}, 0, "p{i}"]' for i in range(6))
+    (tmp_path / "campus.building.yaml").write_text(
+        f"name: campus\ncoordinate_system: cartesian_meters\nlevels:\n  L1:\n    vertices:\n{vertices}\n"
+    )
+    assert "1 mistake" in somrs("import", "campus.building.yaml", cwd=tmp_path).stdout
+    result = somrs("check", "campus.map.yaml", cwd=tmp_path)
+    assert result.returncode == 1
+    assert "cannot be metres" in result.stdout

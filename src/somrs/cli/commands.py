@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from importlib import resources
 from pathlib import Path
 
+from somrs.cli.geometry import geometry_problems, printed
 from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.deployment.launcher import Launcher
@@ -24,29 +25,32 @@ DEMO_SITE = Path(str(resources.files("somrs.demo") / "data" / "scenario-1.yaml")
 
 
 def check(files: Sequence[Path], *, json: bool) -> int:
-    """Print every error in the files. Returns the exit status: 0 if there is none."""
+    """Print every error in the files or, if there is none, every mistake in the geometry of the map. Returns the exit status."""
     from somrs.ontology.files.loading import load
     from somrs.ontology.service_kinds import planning_notes
 
+    notes: list[str] = []
     try:
         loaded = load(files)
     except ModelError as error:
-        if json:
-            terminal.print_json([{name: getattr(problem, name) for name in problem.__slots__} for problem in error.problems])
-        else:
-            for problem in error.problems:
-                print(problem)
-            print(f"{len(error.problems)} problem{'s' if len(error.problems) != 1 else ''} found")
-        return 1
-    if json:
-        terminal.print_json([])
+        problems = error.problems
     else:
+        notes = [f"{name}: {note}" for name, service in loaded.ontology.services.items() for note in planning_notes(service)]
+        geometry = geometry_problems(loaded)
+        if geometry is None:
+            notes.append("the geometry was not checked, because numpy or scipy is missing: pip install 'somrs[simulator]'")
+        problems = geometry or []
         objects = f"a map of {len(loaded.map.objects)} objects" if loaded.map is not None else "no map"
-        for name, service in loaded.ontology.services.items():
-            for note in planning_notes(service):
-                print(f"note: {name}: {note}")
-        print(f"no problems: {len(loaded.ontology.types)} types, {len(loaded.ontology.services)} service types, {objects}")
-    return 0
+        summary = f"{len(loaded.ontology.types)} types, {len(loaded.ontology.services)} service types, {objects}"
+    if json:
+        terminal.print_json([{name: getattr(problem, name) for name in problem.__slots__} for problem in problems])
+        return 1 if problems else 0
+    for note in notes:
+        print(f"note: {note}")
+    for line in printed(problems):
+        print(line)
+    print(f"{len(problems)} problem{'s' if len(problems) != 1 else ''} found" if problems else f"no problems: {summary}")
+    return 1 if problems else 0
 
 
 def schema(output: Path | None) -> None:

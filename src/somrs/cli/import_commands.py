@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from somrs.cli import import_report
+from somrs.cli.geometry import geometry_problems
 from somrs.client import terminal
 from somrs.errors import UsageError
+from somrs.ontology.files.loading import load
 from somrs.ontology.files.site import dump_site
 
 if TYPE_CHECKING:
@@ -40,8 +42,10 @@ def import_site(
     target = output or _target_of(source)
     target.write_text(dump_site(site.ontology, site.map), encoding="utf-8")
     terminal.console().print(import_report.report(site, details=details))
-    quoted = shlex.quote(str(target))
-    print(f"{target}: {_count(target)} objects, no problems. Next: somrs check {quoted}, somrs up {quoted}")
+    quoted, loaded = shlex.quote(str(target)), load([target])
+    mistakes = geometry_problems(loaded)
+    found = f"{len(mistakes)} mistake{'s' if len(mistakes) != 1 else ''} in its geometry" if mistakes else "no problems"
+    print(f"{target}: {len(site.map.objects)} objects, {found}. Next: somrs check {quoted}, somrs up {quoted}")
 
 
 def _import_problem(sources: Sequence[Path], output: Path | None) -> None:
@@ -67,8 +71,6 @@ def problem_of(sources: Sequence[Path]) -> ImportedProblem:
 
 def _count(target: Path) -> int:
     """Check the file, and return its number of objects. Raises ModelError if it has errors."""
-    from somrs.ontology.files.loading import load
-
     loaded = load([target])
     return len(loaded.map.objects) if loaded.map is not None else 0
 

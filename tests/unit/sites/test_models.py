@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from somrs.errors import InputError, ModelError
 from somrs.sites import ImportOptions, Site
 from somrs.sites.models import ModelTable, shipped_models
 from somrs.sites.openrmf import import_text
+from tests.support.paths import ROOT
 
 HALL = """\
 name: hall
@@ -68,6 +70,14 @@ def test_users_extend_the_table(tmp_path: Path) -> None:
     assert size(site, "Sofa001") == [2.5, 1.0, 0.8]
     assert "Banner001" not in site.map.objects
     assert (table.robots["Walker"].type, table.robots["TinyRobot"].type) == ("PatrolRobot", "DeliveryRobot")
+
+
+def test_example_in_the_documentation_is_a_table(tmp_path: Path) -> None:
+    (block,) = re.findall(r'```yaml title="sizes.yaml"\n(.*?)```', (ROOT / "docs/how-to/describe-a-building.md").read_text(), re.DOTALL)
+    sizes = tmp_path / "sizes.yaml"
+    sizes.write_text(block)
+    table = ModelTable().extended(sizes)
+    assert (set(table.furniture), set(table.things), set(table.robots)) == ({"PackingStation"}, {"TinBox"}, {"Walker"})
 
 
 @pytest.mark.parametrize(

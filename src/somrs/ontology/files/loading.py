@@ -45,6 +45,12 @@ class LoadedModel:
 
     ontology: Ontology
     map: Map | None
+    places: Mapping[str, _Place] = field(default_factory=dict, repr=False, compare=False)
+
+    def written(self, object: str) -> tuple[str, int | None]:
+        """The file and the line where an object is defined."""
+        place = self.places.get(f"objects {object}")
+        return (place.source.file, place.line()) if place is not None else ("map", None)
 
 
 @lru_cache(maxsize=LATEST)
@@ -170,7 +176,7 @@ class _Reading:
         if self.problems:
             order = {source.file: index for index, source in enumerate(sources)}
             raise ModelError(sorted(dict.fromkeys(self.problems), key=lambda p: (order.get(p.file, -1), p.line or 0)))
-        return LoadedModel(ontology, map if self.has_map else None)
+        return LoadedModel(ontology, map if self.has_map else None, self.places)
 
     def _report(self, violation: Violation) -> None:
         """Report the violation with its line, unless it only follows from a problem that is already reported."""

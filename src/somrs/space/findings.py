@@ -1,0 +1,275 @@
+"""Mistakes in the geometry of a map: what stands in walls, what no robot can reach, lanes that lead through something, coordinates that
+cannot be metres.
+
+Objects and their positions are taken exactly; only for what is reachable the ground is a grid, coarser than that of `navigation.py`.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from somrs.errors import SimulationError
+from somrs.ontology.objects import Map, Object
+from somrs.ontology.types import Ontology
+from somrs.space.dimensions import dimensions_of
+from somrs.space.distances import distances_from
+from somrs.space.reachability import Ground
+from somrs.space.solids import Point, Role, Solid, solid_of
+
+STANDING = (Role.WALL, Role.SUPPORT, Role.STATIC)
+ROBOT_RADIUS, ROBOT_HEIGHT = 0.25, 1.85
+"""The size of a robot where the map has none, m."""
+TOLERANCE = 0.02
+"""How far objects may overlap, m: drawings are not more exact."""
+_LEVEL_DISTANCE = 0.3
+"""The largest difference between the height of an object and of the floor that it stands on, m."""
+_STEP = 0.05
+"""Distance between the points at which outlines and lanes are sampled, m; walls are thicker."""
+_SMALLEST_SITE, _LARGEST_SITE = 1.0, 20_000.0
+_SHORTEST_LANE = 0.05
+_DOOR_WIDTHS = (0.4, 12.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """A mistake in the geometry: the object, what is wrong with it, and what to do."""
+
+    subject: str
+    rule: str
+    message: str
+
+
+def find_mistakes(map: Map, ontology: Ontology) -> list[Finding]:
+    """All mistakes in the geometry of a map. If its coordinates cannot be metres, this alone."""
+    site = _Site(map, ontology)
+    return site.unbuildable + (
+        list(site.implausible_sizes()) or [*site.in_walls(), *site.without_floor(), *site.blocked_lanes(), *site.unreachable()]
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Spot:
+    """A robot, a place or a waypoint: where it is."""
+
+    name: str
+    type: str
+    point: Point
+    z: float
+
+
+class _Site:
+    """The solids of a map, its robots, places and lanes."""
+
+    def __init__(self, map: Map, ontology: Ontology) -> None:
+        self.map, self.ontology = map, ontology
+        self.unbuildable: list[Finding] = []
+        solids = [solid for object in map.objects.values() if (solid := self._solid(object)) is not None]
+        self.floors = [solid for solid in solids if solid.role is Role.FLOOR]
+        self.walls = [solid for solid in solids if solid.role is Role.WALL]
+        self.robots = [solid for solid in solids if solid.role is Role.ROBOT]
+        self.passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
+        in_lifts = {fact.arguments[0] for fact in map.facts("isIn") if ontology.is_subtype(map.objects[fact.arguments[1]].type, "Lift")}
+        self.lifts = {solid.name for solid in solids if ontology.is_subtype(solid.type, "Lift")}
+        self.standing = [solid for solid in solids if solid.role in STANDING and solid.name not in self.lifts]
+        self.places = [spot for spot in self._spots("Place") if spot.name not in in_lifts]
+        self.waypoints = [spot for spot in self._spots("Waypoint") if spot.name not in in_lifts]
+        self.robot_radius = min((dimensions_of(robot).radius for robot in self.robots), default=ROBOT_RADIUS)
+        self.levels = self._levels()
+
+    def _solid(self, object: Object) -> Solid | None:
+        try:
+            return solid_of(object, self.ontology)
+        except SimulationError as error:
+            self.unbuildable.append(Finding(subject=object.name, rule="shape", message=str(error).removeprefix(f"{object.name}: ")))
+            return None
+
+    def _spots(self, type: str) -> list[_Spot]:
+        return [spot for object in self.map.objects.values() if self.ontology.is_subtype(object.type, type) and (spot := _spot(object))]
+
+    def _levels(self) -> list[float]:
+        """The heights of the floors, of which those that are almost equal are one."""
+        levels: list[float] = []
+        for top in sorted(floor.top for floor in self.floors):
+            if not levels or top - levels[-1] > _LEVEL_DISTANCE:
+                levels.append(top)
+        return levels
+
+    def _level_of(self, z: float) -> float | None:
+        level = min(self.levels, key=lambda level: abs(level - z), default=None)
+        return level if level is not None and abs(level - z) <= _LEVEL_DISTANCE else None
+
+    def _floors_of(self, level: float) -> list[Solid]:
+        return [floor for floor in self.floors if abs(floor.top - level) <= _LEVEL_DISTANCE]
+
+    def _standing_on(self, level: float) -> list[Solid]:
+        return [solid for solid in self.standing if solid.z < level + ROBOT_HEIGHT and solid.top > level + TOLERANCE]
+
+    # Coordinates that cannot be metres
+
+    def implausible_sizes(self) -> Iterator[Finding]:
+        points = [(solid.x, solid.y) for solid in (*self.walls, *self.standing, *self.robots)] + [spot.point for spot in self.waypoints]
+        root = next(iter(self.map.roots()), "map")
+        if len(points) > 3:
+            extent = max(max(values) - min(values) for values in zip(*points, strict=True))
+            if not _SMALLEST_SITE <= extent <= _LARGEST_SITE:
+                text = f"all that is there lies within {_length(extent)}: the coordinates cannot be metres"
+                yield Finding(subject=root, rule="not-metres", message=f"{text}; convert degrees, pixels or millimetres")
+                return
+        lengths = [math.dist(start.point, end.point) for _, start, end in self._lanes()]
+        if len(lengths) > 3 and statistics.median(lengths) < _SHORTEST_LANE:
+            text = f"half of the lanes are shorter than {_length(_SHORTEST_LANE)}: the coordinates cannot be metres; convert them"
+            yield Finding(subject=root, rule="not-metres", message=text)
+        for door in self.passages:
+            width = max(door.width, door.depth)
+            if door.form == "Box" and self.ontology.is_subtype(door.type, "Door") and not _DOOR_WIDTHS[0] <= width <= _DOOR_WIDTHS[1]:
+                text = f"it is {_length(width)} wide, which no door is; correct its Shape.Width, or the unit of the coordinates"
+                yield Finding(subject=door.name, rule="not-metres", message=text)
+
+    # Things in walls
+
+    def in_walls(self) -> Iterator[Finding]:
+        """Robots that overlap something, and furniture that overlaps a wall or a window."""
+        for robot in self.robots:
+            radius = robot.extent
+            nearest = min(self._overlapping(robot, self.standing), key=lambda solid: solid.distance(robot.x, robot.y), default=None)
+            if nearest is not None and (overlap := radius - nearest.distance(robot.x, robot.y)) > TOLERANCE:
+                yield Finding(
+                    subject=robot.name, rule="in-wall", message=f"it stands {_length(overlap)} deep in {nearest.name}; move it away"
+                )
+        for solid in self.standing:
+            if solid.role is Role.WALL or self.ontology.is_subtype(solid.type, "BuildingElement"):
+                continue
+            outline = _outline(solid)
+            for wall in self._overlapping(solid, self.walls):
+                depth = -float(distances_from(wall, outline).min())
+                if depth > TOLERANCE:
+                    message = f"it stands {_length(depth)} deep in {wall.name}; move it away, or correct its Shape"
+                    yield Finding(subject=solid.name, rule="in-wall", message=message)
+                    break
+
+    def _overlapping(self, solid: Solid, candidates: Sequence[Solid]) -> list[Solid]:
+        """The candidates that may overlap the solid: those at its height whose circles meet its own."""
+        return [
+            candidate
+            for candidate in candidates
+            if candidate.z < solid.top - TOLERANCE
+            and candidate.top > solid.z + TOLERANCE
+            and math.hypot(candidate.x - solid.x, candidate.y - solid.y) < candidate.extent + solid.extent
+        ]
+
+    def without_floor(self) -> Iterator[Finding]:
+        """Robots and places that are on no floor."""
+        if not self.floors:
+            return
+        for spot in (*(_Spot(robot.name, robot.type, (robot.x, robot.y), robot.z) for robot in self.robots), *self.places):
+            if not self._is_on_floor(spot):
+                message = "there is no floor under it; move it, correct its height, or add a floor"
+                yield Finding(subject=spot.name, rule="no-floor", message=message)
+
+    def _is_on_floor(self, spot: _Spot) -> bool:
+        level = self._level_of(spot.z)
+        return level is not None and any(floor.distance(*spot.point) <= _STEP for floor in self._floors_of(level))
+
+    # Lanes
+
+    def _lanes(self) -> Iterator[tuple[str, _Spot, _Spot]]:
+        """The lanes between two waypoints with positions, on one storey."""
+        starts, ends = ({f.arguments[0]: f.arguments[1] for f in self.map.facts(relation)} for relation in ("startsAt", "endsAt"))
+        spots = {name: _spot(self.map.objects[name]) for name in {*starts.values(), *ends.values()}}
+        for lane in starts.keys() & ends.keys():
+            start, end = spots[starts[lane]], spots[ends[lane]]
+            if start is not None and end is not None and abs(start.z - end.z) <= _LEVEL_DISTANCE:
+                yield lane, start, end
+
+    def blocked_lanes(self) -> Iterator[Finding]:
+        solids = self.standing
+        centres, extents = np.array([(s.x, s.y) for s in solids]).reshape(-1, 2), np.array([s.extent for s in solids])
+        for lane, start, end in sorted(self._lanes()):
+            points = _along(start.point, end.point)
+            near = np.nonzero(_distances_from_segment(centres, start.point, end.point) < extents)[0]
+            blocking = [
+                solid.name
+                for solid in (solids[index] for index in near.tolist())
+                if solid.z < start.z + ROBOT_HEIGHT and solid.top > start.z + 2 * TOLERANCE
+                if float(distances_from(solid, points).min()) < -TOLERANCE
+            ]
+            if blocking:
+                ends = f"from {start.name} to {end.name}"
+                message = f"{ends}, it leads through {_some(blocking)}; move a waypoint or what stands there"
+                yield Finding(subject=lane, rule="lane-blocked", message=message)
+
+    # Places that cannot be reached
+
+    def unreachable(self) -> Iterator[Finding]:
+        for level in self.levels:
+            places = [place for place in self.places if self._level_of(place.z) == level and self._is_on_floor(place)]
+            if not places:
+                continue
+            standing = self._standing_on(level)
+            tight = {place.name: nearest for place in places if (nearest := self._too_near(place, standing)) is not None}
+            for name, solid in tight.items():
+                message = f"no robot has room there: {solid.name} is nearer than {_length(self.robot_radius)}; move one of them"
+                yield Finding(subject=name, rule="unreachable", message=message)
+            ground = Ground(standing, self._floors_of(level), self.passages, self.robot_radius)
+            robots = [robot for robot in self.robots if self._level_of(robot.z) == level]
+            home = ground.regions([(robot.x, robot.y) for robot in robots]) or ground.largest([place.point for place in places])
+            origin = "where robots stand" if robots else "the other places of the storey"
+            for place in places:
+                if place.name not in tight and ground.region(place.point) not in home:
+                    message = f"there is no way to it from {origin} that is {_length(2 * self.robot_radius)} wide; open one, or move it"
+                    yield Finding(subject=place.name, rule="unreachable", message=message)
+
+    def _too_near(self, place: _Spot, standing: Sequence[Solid]) -> Solid | None:
+        nearest = min(standing, key=lambda solid: solid.distance(*place.point), default=None)
+        return nearest if nearest is not None and nearest.distance(*place.point) < self.robot_radius - TOLERANCE else None
+
+
+def _spot(object: Object) -> _Spot | None:
+    x, y, z = (object.values.get(path) for path in ("PositionX", "PositionY", "PositionZ"))
+    if not isinstance(x, float | int) or not isinstance(y, float | int):
+        return None
+    return _Spot(object.name, object.type, (float(x), float(y)), float(z) if isinstance(z, float | int) else 0.0)
+
+
+def _outline(solid: Solid) -> npt.NDArray[np.float64]:
+    """Points on the outline of a solid, and its middle."""
+    match solid.form:
+        case "Box":
+            width, depth = solid.width / 2, solid.depth / 2
+            corners: Sequence[Point] = [(-width, -depth), (width, -depth), (width, depth), (-width, depth)]
+        case "Polygon":
+            corners = solid.outline
+        case _:
+            turns = [i * math.tau / 24 for i in range(24)]
+            corners = [(solid.radius * math.cos(turn), solid.radius * math.sin(turn)) for turn in turns]
+    on_map = [solid.world(*corner) for corner in corners]
+    edges = [_along(start, end) for start, end in zip(on_map, [*on_map[1:], on_map[0]], strict=True)]
+    return np.concatenate([*edges, [(solid.x, solid.y)]])
+
+
+def _along(start: Point, end: Point) -> npt.NDArray[np.float64]:
+    """Points on the line from start to end."""
+    share = np.linspace(0, 1, max(2, math.ceil(math.dist(start, end) / _STEP)))[:, None]
+    return np.asarray(start) * (1 - share) + np.asarray(end) * share
+
+
+def _distances_from_segment(points: npt.NDArray[np.float64], start: Point, end: Point) -> npt.NDArray[np.float64]:
+    direction = np.asarray(end) - np.asarray(start)
+    offset = points - np.asarray(start)
+    share = np.clip(offset @ direction / (direction @ direction or 1.0), 0, 1)
+    distances: npt.NDArray[np.float64] = np.hypot(*(offset - share[:, None] * direction).T)
+    return distances
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.2f} m" if metres < 1000 else f"{metres / 1000:.0f} km"
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")

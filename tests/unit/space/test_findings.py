@@ -1,0 +1,151 @@
+"""Mistakes in the geometry of a map are found, named, and told with what to do; good maps have none."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from somrs.ontology.files.loading import load, load_text
+from somrs.space.findings import Finding, find_mistakes
+from somrs.space.reachability import Ground
+from somrs.space.solids import Role, Solid
+from tests.support.paths import ROOT
+
+HALL = """\
+upper: 2
+map: Hall
+objects:
+  Hall:
+    type: Building
+    parts:
+      Ground:
+        type: Storey
+        parts:
+          Floor1: {type: Floor, at: [5, 3, -0.1], Shape: {Form: Box, Width: 10, Depth: 6, Height: 0.1}}
+          South: {type: Wall, at: [5, 0, 0], Shape: {Form: Box, Width: 10.1, Depth: 0.1, Height: 2.5}}
+          North: {type: Wall, at: [5, 6, 0], Shape: {Form: Box, Width: 10.1, Depth: 0.1, Height: 2.5}}
+          Middle1: {type: Wall, at: [6, 1.2, 0], turned: 1.5708, Shape: {Form: Box, Width: 2.4, Depth: 0.1, Height: 2.5}}
+          Middle2: {type: Wall, at: [6, 4.8, 0], turned: 1.5708, Shape: {Form: Box, Width: 2.4, Depth: 0.1, Height: 2.5}}
+          Gate: {type: Door, at: [6, 3, 0], turned: 1.5708, Open: false, Shape: {Form: Box, Width: 1.2, Depth: 0.1, Height: 2.1}}
+          Bay: {type: Place, at: [2, 3, 0]}
+          Far: {type: Place, at: [8, 3, 0]}
+          Turn: {type: Waypoint, at: [4, 3, 0]}
+          Lane1: {type: Lane}
+          Lane2: {type: Lane}
+  Robot1: {type: DeliveryRobot, at: [3, 2, 0]}
+  Shelf1: {type: Shelf, at: [1, 5, 0], Shape: {Form: Box, Width: 1.2, Depth: 0.4, Height: 1}}
+facts:
+  - Lane1 startsAt Bay
+  - Lane1 endsAt Turn
+  - Lane2 startsAt Turn
+  - Lane2 endsAt Far
+"""
+SHUT = "Gate: {type: Door, at: [6, 3, 0], turned: 1.5708, Open: false,"
+
+
+def mistakes(text: str) -> list[Finding]:
+    loaded = load_text(text)
+    assert loaded.map is not None
+    return find_mistakes(loaded.map, loaded.ontology)
+
+
+def test_good_map_has_none() -> None:
+    assert mistakes(HALL) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "subject", "rule", "words"),
+    [
+        ("DeliveryRobot, at: [3, 2, 0]", "DeliveryRobot, at: [6, 1.2, 0]", "Robot1", "in-wall", "0.27 m deep in Middle1; move it away"),
+        ("DeliveryRobot, at: [3, 2, 0]", "DeliveryRobot, at: [1.3, 4.9, 0]", "Robot1", "in-wall", "deep in Shelf1"),
+        ("Shelf, at: [1, 5, 0]", "Shelf, at: [1, 5.9, 0]", "Shelf1", "in-wall", "deep in North"),
+        ("Place, at: [8, 3, 0]", "Place, at: [8, 0.2, 0]", "Far", "unreachable", "South is nearer than"),
+        ("Place, at: [8, 3, 0]", "Place, at: [8, 9, 0]", "Far", "no-floor", "no floor under it"),
+        ("Place, at: [8, 3, 0]", "Place, at: [8, 3, 3]", "Far", "no-floor", "no floor under it"),
+        (SHUT, "Gate: {type: Wall, at: [6, 3, 0], turned: 1.5708,", "Far", "unreachable", "no way to it from where robots stand"),
+        (SHUT, "Gate: {type: Wall, at: [6, 3, 0], turned: 1.5708,", "Lane2", "lane-blocked", "from Turn to Far, it leads through Gate"),
+        (SHUT, "Gate: {type: Window, at: [6, 3, 0], turned: 1.5708,", "Lane2", "lane-blocked", "it leads through Gate"),
+        ("Width: 1.2, Depth: 0.1, Height: 2.1", "Width: 0.1, Depth: 0.1, Height: 2.1", "Gate", "not-metres", "which no door is"),
+        ("Width: 1.2, Depth: 0.4", "Width: 0, Depth: 0", "Shelf1", "shape", "without extent"),
+    ],
+)
+def test_mistake_is_found_and_named(old: str, new: str, subject: str, rule: str, words: str) -> None:
+    assert old in HALL
+    found = {(finding.subject, finding.rule): finding.message for finding in mistakes(HALL.replace(old, new))}
+    assert words in found.get((subject, rule), ""), found
+
+
+def test_only_the_mistake_is_found() -> None:
+    assert [f.subject for f in mistakes(HALL.replace("at: [1, 5, 0]", "at: [1, 5.9, 0]"))] == ["Shelf1"]
+    assert {f.subject for f in mistakes(HALL.replace(SHUT, "Gate: {type: Wall, at: [6, 3, 0], turned: 1.5708,"))} == {"Far", "Lane2"}
+
+
+def test_degrees_are_no_metres() -> None:
+    """A campus in longitude and latitude: all of it lies within 0.02 m."""
+    waypoints = "\n".join(f"          W{i}: {{type: Place, at: [{103.77 + 0.002 * i}, {1.3 + 0.001 * i}, 0]}}" for i in range(6))
+    text = "map: M\nobjects:\n  M:\n    type: Building\n    parts:\n      S:\n        type: Storey\n        parts:\n"
+    text += "          F: {type: Floor, at: [103, 1, -0.1], Shape: {Form: Box, Width: 9, Depth: 9, Height: 0.1}}\n" + waypoints
+    (finding,) = mistakes(text)
+    assert (finding.subject, finding.rule) == ("M", "not-metres")
+    assert "all that is there lies within 0.01 m: the coordinates cannot be metres" in finding.message
+    (large,) = mistakes(text.replace("W5: {type: Place, at: [103.78", "W5: {type: Place, at: [99103.78"))
+    assert "within 99 km" in large.message
+
+
+def test_lift_is_no_obstacle_to_the_lane_into_it() -> None:
+    text = HALL.replace(
+        "  Robot1:", "  Lift1: {type: Lift, at: [8.5, 3, 0], Shape: {Form: Box, Width: 2, Depth: 2, Height: 2.5}}\n  Robot1:"
+    )
+    text = text.replace("Far: {type: Place, at: [8, 3, 0]}", "Far: {type: Waypoint, at: [8.5, 3, 0]}") + "  - Far isIn Lift1\n"
+    assert mistakes(text) == []
+
+
+@pytest.mark.parametrize("site", sorted((ROOT / "src/somrs/demo/data").glob("*.yaml")), ids=lambda path: path.stem)
+def test_sites_of_the_demonstration_have_none(site: object) -> None:
+    loaded = load([str(site)])
+    assert loaded.map is not None
+    assert find_mistakes(loaded.map, loaded.ontology) == []
+
+
+# What is reachable, against the definition
+
+
+def box(name: str, role: Role, x: float, y: float, width: float, depth: float) -> Solid:
+    return Solid(name=name, type="Wall", role=role, x=x, y=y, z=0, yaw=0, form="Box", width=width, depth=depth, height=1)
+
+
+tenths = st.integers(0, 60).map(lambda n: n / 10)
+blocks = st.lists(st.tuples(tenths, tenths, st.integers(2, 40).map(lambda n: n / 10), st.integers(2, 40).map(lambda n: n / 10)), max_size=6)
+
+
+@given(blocks)
+def test_regions_are_those_of_a_plain_flood(drawn: list[tuple[float, float, float, float]]) -> None:
+    """Two cells are in one region if a chain of neighbouring cells with enough room joins them."""
+    radius, floor = 0.3, box("Floor", Role.FLOOR, 3, 3, 6, 6)
+    walls = [box(f"Wall{i}", Role.WALL, *sizes) for i, sizes in enumerate(drawn)]
+    ground = Ground(walls, [floor], [], radius)
+    grid = ground.grid
+    free = {(row, column) for row in range(1, grid.rows - 1) for column in range(1, grid.columns - 1) if ground.labels[row, column]}
+    for row, column in free:
+        centre = grid.centre((row, column))
+        assert all(wall.distance(*centre) > radius - grid.size for wall in walls)
+        assert floor.distance(*centre) < 2 * grid.size - radius, "floors are drawn with the tolerance of a cell"
+    reached: dict[tuple[int, int], int] = {}
+    for start in sorted(free):
+        if start in reached:
+            continue
+        queue = [start]
+        reached[start] = int(ground.labels[start])
+        while queue:
+            row, column = queue.pop()
+            for neighbour in ((row + i, column + j) for i in (-1, 0, 1) for j in (-1, 0, 1)):
+                if neighbour in free and neighbour not in reached:
+                    reached[neighbour] = reached[start]
+                    queue.append(neighbour)
+    assert reached == {cell: int(ground.labels[cell]) for cell in free}
+    assert ground.count == len(set(reached.values()))
+    assert ground.region((100.0, 100.0)) is None
+    assert math.isclose(grid.size, 0.1)
