@@ -25,6 +25,7 @@ from somrs.demo.scenarios import play
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import FormulaError, UsageError
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
@@ -52,8 +53,8 @@ async def accomplish(client: Client, effect: str, *, waits: bool = True) -> Task
 
 
 @asynccontextmanager
-async def running(data: Path, *site: Path) -> AsyncIterator[tuple[System, Client, OperatorLink]]:
-    async with System(site, data, speed="max", launcher=warm.launcher()) as system, Client(system.addresses) as client:
+async def running(data: Path, *site: Path, world: WorldKind = WorldKind.PHYSICS) -> AsyncIterator[tuple[System, Client, OperatorLink]]:
+    async with System(site, data, speed="max", world=world, launcher=warm.launcher()) as system, Client(system.addresses) as client:
         host, _, port = (system.addresses.simulator or "").rpartition(":")
         async with OperatorLink(host, int(port)) as operator:
             yield system, client, operator
@@ -102,6 +103,17 @@ def conversation(folder: Path) -> list[Line]:
     ET.parse(folder / "messages.svg")
     assert (folder / "map-before.yaml").read_text() != (folder / "map-after.yaml").read_text()
     return lines
+
+
+def test_a_system_with_a_kinematic_world_does_the_same(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with running(tmp_path, SCENARIO_1, world=WorldKind.KINEMATIC) as (_, client, operator):
+            view = await accomplish(client, "Jar002 isOn Platform001")
+            assert view.outcome == "accomplished", view.explanation
+            jar = await operator.observe("Jar002")
+            assert (jar.support, jar.z) == ("Platform001", 0.3)
+
+    asyncio.run(test())
 
 
 def test_the_papers_scenario_as_a_program_without_opengl(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from somrs.cli.geometry import geometry_problems, printed
 from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.deployment.launcher import Launcher
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import ModelError, RemoteError, UsageError
 from somrs.ontology.types import Value
 from somrs.protocol.messages.directory import Discover
@@ -85,7 +86,14 @@ def site_to_run(site: Sequence[Path], data: Path, *, fresh: bool) -> Sequence[Pa
 
 
 async def run_system(
-    site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool, launcher: Launcher, devices_per_process: int | None
+    site: Sequence[Path],
+    data: Path,
+    speed: str,
+    world: WorldKind,
+    host: str,
+    fresh: bool,
+    launcher: Launcher,
+    devices_per_process: int | None,
 ) -> None:
     """Run a system until it is asked to stop."""
     from somrs.cli.import_commands import import_sources
@@ -99,7 +107,9 @@ async def run_system(
     if fresh:
         load_site(files)  # so that a mistake in it deletes nothing
         discard(data, keep=files)
-    system = System(files, data, speed=speed, host=host, windows=True, launcher=launcher, devices_per_process=devices_per_process)
+    system = System(
+        files, data, speed=speed, world=world, host=host, windows=True, launcher=launcher, devices_per_process=devices_per_process
+    )
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
             await system.start()

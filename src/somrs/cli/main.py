@@ -13,11 +13,12 @@ import typer
 from typer.main import get_command
 
 from somrs.cli.ontology import DEFAULT_AUTHOR, Author, BeforeOption, Dry, Limit, ontology_app, undo
-from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, Formula, HostOption, Json, awaited, fail, guarded
+from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, Formula, HostOption, Json, WorldOption, awaited, fail, guarded
 from somrs.cli.orders import orders_app, templates_app
 from somrs.cli.run import run_app
 from somrs.cli.task_options import PolicyOption
 from somrs.cli.tasks import tasks_app
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.version import __version__
 
 app = typer.Typer(
@@ -88,6 +89,7 @@ def up(
     ] = None,
     data: Data = DEFAULT_FOLDER,
     speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
+    world: WorldOption = WorldKind.PHYSICS,
     host: HostOption = LOOPBACK,
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the map of an earlier run, and start with the site's map.")] = False,
     devices_per_process: Annotated[
@@ -106,7 +108,7 @@ def up(
 
     files = guarded(lambda: site_to_run(site or [], data, fresh=fresh))
     launcher_process = fork_launcher()
-    awaited(run(files, data, speed, host, fresh, Launcher(launcher_process), devices_per_process))
+    awaited(run(files, data, speed, world, host, fresh, Launcher(launcher_process), devices_per_process))
 
 
 @app.command()

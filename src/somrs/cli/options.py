@@ -12,11 +12,16 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import InputError, SomrsError
 
 Data = Annotated[Path, typer.Option("--data", envvar="SOMRS_DATA", help="The data folder of the system.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 HostOption = Annotated[str, typer.Option("--host", help="The address to listen on.")]
+WorldOption = Annotated[
+    WorldKind,
+    typer.Option("--world", help="What moves the simulated world: `physics`, or `kinematic`, without forces, for hundreds of robots."),
+]
 PortOption = Annotated[int, typer.Option("--port", help="The port to listen on; 0 selects a free port.")]
 Formula = Annotated[str, typer.Argument(help="An Entish formula, such as 'Jar002 isOn Platform001'.")]
 

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, HostOption, PortOption, guarded
+from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, HostOption, PortOption, WorldOption, guarded
+from somrs.devices.simulator.world.kinds import WorldKind
 
 run_app = typer.Typer(help="Run a single component of a system.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -50,15 +51,16 @@ def simulator(
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
     speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
+    world: WorldOption = WorldKind.PHYSICS,
 ) -> None:
     """The simulator, with the world of the Repository's map."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program, run_simulator, run_simulator_of_files, speed_of
 
     if site:
-        guarded(lambda: run_program(run_simulator_of_files(site, host, port, speed_of(speed))))
+        guarded(lambda: run_program(run_simulator_of_files(site, host, port, speed_of(speed), world)))
     else:
-        guarded(lambda: run_program(run_simulator(Addresses.read(data), host, port, speed_of(speed))))
+        guarded(lambda: run_program(run_simulator(Addresses.read(data), host, port, speed_of(speed), world)))
 
 
 @run_app.command()

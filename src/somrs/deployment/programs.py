@@ -27,6 +27,7 @@ from somrs.runtime.node import Report, Watch
 
 if TYPE_CHECKING:
     from somrs.devices.simulator.server.simulation import Simulation
+    from somrs.devices.simulator.world.kinds import WorldKind
     from somrs.ontology.files.loading import LoadedModel
     from somrs.storage.journal import Journal
 
@@ -201,13 +202,13 @@ def speed_of(text: str) -> float | None:
     return speed
 
 
-async def run_simulator(addresses: Addresses, host: str, port: int, speed: float | None) -> None:
-    """Run the simulator. Its world is built from the Repository's map, and objects that are added to the map are added to it."""
+async def run_simulator(addresses: Addresses, host: str, port: int, speed: float | None, kind: WorldKind) -> None:
+    """Run the simulator. Its world, of this kind, is built from the Repository's map. Objects that are added to the map are added to it."""
     from somrs.devices.simulator.server.follower import Follower
 
     runtime = Host(host)
     await runtime.start()
-    world = Follower(f"{runtime.url}/simulator", addresses.repository)
+    world = Follower(f"{runtime.url}/simulator", addresses.repository, kind)
     runtime.add("/simulator", lambda address: world)
     try:
         await asyncio.wait_for(world.read.wait(), MAP_TIME)
@@ -219,13 +220,13 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
         await runtime.stop()
 
 
-async def run_simulator_of_files(site: Sequence[Path], host: str, port: int, speed: float | None) -> None:
+async def run_simulator_of_files(site: Sequence[Path], host: str, port: int, speed: float | None, kind: WorldKind) -> None:
     """Run the simulator alone, for developers of drivers: its world is built from the map in the files."""
     from somrs.devices.simulator.server.simulation import Simulation
 
     loaded = load_site(site)
     assert loaded.map is not None, "load_site returns a map"
-    await _serve_robots(Simulation(loaded.map, loaded.ontology), host, port, speed)
+    await _serve_robots(Simulation(loaded.map, loaded.ontology, kind), host, port, speed)
 
 
 async def run_world(addresses: Addresses, host: str, port: int, speed: float | None) -> None:

@@ -19,6 +19,7 @@ from somrs.client.client import SYSTEM_FILE, Addresses, Client
 from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_windows
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError, UsageError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
@@ -88,7 +89,8 @@ def discard(data: Path, keep: Sequence[Path] = ()) -> None:
 class System:
     """The processes of one system, its data folder, and its addresses. An asynchronous context manager.
 
-    `world_address`: host:port of a simulator or a symbolic world that runs already; None: the system starts its own.
+    `world`: what moves the simulated world. `world_address`: host:port of a simulator or a symbolic world that runs already; None: the
+    system starts its own.
     `launcher`: starts the programs; None: the system makes its own. `stop` ends it in either case.
     `devices_per_process`: how many devices share a process; None: as `group_devices` says.
     """
@@ -99,13 +101,15 @@ class System:
         data: Path,
         *,
         speed: str = "1",
+        world: WorldKind = WorldKind.PHYSICS,
         host: str = "127.0.0.1",
         windows: bool = False,
         world_address: str | None = None,
         launcher: Launcher | None = None,
         devices_per_process: int | None = None,
     ) -> None:
-        self.site, self.data, self.speed, self.host = [path.resolve() for path in site], data, speed, host
+        self.site, self.data, self.host = [path.resolve() for path in site], data, host
+        self.speed, self.world = speed, world
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
         self.addresses = Addresses(repository="", registry="", task_manager="")
@@ -160,7 +164,8 @@ class System:
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         first = [self._start("registry", "--port", str(ports[1])), self._start("task-manager", "--port", str(ports[2]))]
         if self._world_address is None:
-            first.append(self._start("world" if bodiless else "simulator", "--port", str(ports[3]), "--speed", self.speed))
+            arguments = ["--port", str(ports[3]), "--speed", self.speed, *([] if bodiless else ["--world", self.world])]
+            first.append(self._start("world" if bodiless else "simulator", *arguments))
         await asyncio.gather(*first)
         last_starts = [self._start_devices(group) for group in group_devices(driven, self._devices_per_process)]
         last_starts += [self._start("scheduler", "--port", str(ports[6])), self._start("api", "--port", str(ports[5]))]

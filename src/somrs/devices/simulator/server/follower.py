@@ -16,6 +16,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.devices.simulator.world.recognition import are_alike
 from somrs.kernel.component import Effect, Input, Started
 from somrs.kernel.replica import Replica
@@ -28,9 +29,13 @@ SAME_PLACE = 0.1
 
 
 class Follower:
-    """A component that only receives. `simulation` is set when the event `read` is set: when the map has been read."""
+    """A component that only receives. `simulation` is set when the event `read` is set: when the map has been read.
 
-    def __init__(self, address: str, repository: str) -> None:
+    `kind`: what moves the world.
+    """
+
+    def __init__(self, address: str, repository: str, kind: WorldKind = WorldKind.PHYSICS) -> None:
+        self._kind = kind
         self.replica = Replica(address, repository)
         self.read = asyncio.Event()
         self.simulation: Simulation | None = None
@@ -46,7 +51,7 @@ class Follower:
             return []
         map_before, self._map = self._map, self.replica.map
         if self.simulation is None and self.replica.ready:
-            self.simulation = Simulation(self.replica.map, self.replica.ontology)
+            self.simulation = Simulation(self.replica.map, self.replica.ontology, self._kind)
             self.read.set()
         elif self.simulation is not None:
             if news.ontology_changed:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
-from somrs.devices.simulator.world.scene import Scene
-from somrs.ontology.objects import Map
-from somrs.ontology.types import Ontology
+if TYPE_CHECKING:  # so that the command line, which offers the kinds, starts fast
+    from somrs.devices.simulator.world.scene import Scene
+    from somrs.ontology.objects import Map
+    from somrs.ontology.types import Ontology
 
 
 class WorldKind(StrEnum):
