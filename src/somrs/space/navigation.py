@@ -20,6 +20,7 @@ from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.space.clearance import FAR, Disc, Field, Grid, clearances
 from somrs.space.leaves import leaf_obstacles
+from somrs.space.lines import point_distance
 from somrs.space.solids import Point, Role, Solid, path_length, solid_of
 from somrs.space.wayfinding import costs_from, search
 
@@ -95,9 +96,11 @@ class Navigator:
         """
         if not self.free(goal, radius, discs):
             return None
+        if self._clear_line(self._clearance, start, goal, radius + COMFORT) and all(
+            point_distance((disc.x, disc.y), start, goal) - disc.radius >= radius + COMFORT - SLACK for disc in discs
+        ):
+            return [start, goal]  # without a field of its own, which takes a time that grows with the floor
         field = self.grid.with_discs(self._clearance, discs)
-        if self._clear_line(field, start, goal, radius + COMFORT):
-            return [start, goal]
         labels, _ = ndimage.label(field >= radius, structure=np.ones((3, 3)))
         start_cell, goal_cell = self._joining(field, labels, start, radius), self._joining(field, labels, goal, radius)
         if start_cell is None or goal_cell is None or labels[start_cell] != labels[goal_cell]:

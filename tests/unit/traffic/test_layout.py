@@ -82,7 +82,7 @@ def test_there_are_lanes_where_there_is_a_path_and_none_through_what_stands_ther
             "Table",
             data.draw(coordinate),
             data.draw(coordinate),
-            *data.draw(st.sampled_from(((0.4, 2.0), (2.5, 0.2), (1, 1)))),
+            *data.draw(sizes),
         )
         for number in range(data.draw(st.integers(0, 5)))
     ]
