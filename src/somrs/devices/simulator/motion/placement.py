@@ -58,7 +58,9 @@ def stands(
     mask = _boom_clear(robot, bases, target_spots, top, container)
     bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot, ignored)]
-    claims = [claim for other_robot in robot.other_robots() for claim in other_robot.claims()]
+    middle = (float(spots[:, 0].mean()), float(spots[:, 1].mean()))
+    spread = float(np.hypot(spots[:, 0] - middle[0], spots[:, 1] - middle[1]).max()) + size.farthest + size.radius + 2 * MARGIN
+    claims = [claim for other_robot in robot.fleet.near(robot, spread, middle) for claim in other_robot.claims()]
     obstacles += claims
     ranked_stands: list[Stand] = []
     for i in np.argsort(costs, kind="stable").tolist():

@@ -268,9 +268,9 @@ class Fleet(dict[str, Robot]):
         self._squares = squares
         self._reach = max((robot.longest_claim for robot in self.values()), default=0.0)
 
-    def near(self, robot: Robot, distance: float) -> Iterator[Robot]:
-        """The other robots on the same floor that may claim something at most `distance` away from the middle of this robot's base."""
-        x, y, _ = robot.pose()
+    def near(self, robot: Robot, distance: float, point: Point | None = None) -> Iterator[Robot]:
+        """The other robots on this robot's floor that may claim something at most `distance` away from a point; by default, from it."""
+        x, y = point or robot.pose()[:2]
         span, level = distance + self._reach, robot.solid.z
         rows = range(math.floor((x - span) / CELL), math.floor((x + span) / CELL) + 1)
         columns = range(math.floor((y - span) / CELL), math.floor((y + span) / CELL) + 1)

@@ -21,6 +21,7 @@ import numpy as np
 from PIL import Image
 
 from somrs.devices.simulator import GRAPHICS
+from somrs.devices.simulator.world.looks import PICTURE_SIZE
 from somrs.devices.simulator.world.scene import Scene
 from somrs.errors import SimulationError
 from somrs.space.distances import distances_from
@@ -138,7 +139,7 @@ def _screens(wall: Solid, floors: list[Solid], direction: np.ndarray[Any, Any], 
 class Camera:
     """Takes pictures of a scene. It keeps an OpenGL context; make one per process and scene."""
 
-    def __init__(self, scene: Scene, width: int = 1200, height: int = 900) -> None:
+    def __init__(self, scene: Scene, width: int = PICTURE_SIZE[0], height: int = PICTURE_SIZE[1]) -> None:
         kind = opengl()
         os.environ["PYOPENGL_PLATFORM"] = kind  # the import below reads it
         self._context: Any = importlib.import_module(f"mujoco.{kind}").GLContext(width, height)

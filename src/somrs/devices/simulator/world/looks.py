@@ -11,6 +11,9 @@ from somrs.devices.simulator.world.colours import METAL, Colour, colour_of, shad
 from somrs.space.leaves import HANDLE_LENGTH, Leaf, boards, panels
 from somrs.space.solids import Role, Solid
 
+PICTURE_SIZE = (1200, 900)
+"""Width and height of the largest picture, pixels; OpenGL reserves memory for it."""
+
 
 def add_surroundings(spec: mujoco.MjSpec, low: tuple[float, float, float], high: tuple[float, float, float]) -> None:
     """Add sky, ground, lights and materials, for a world between two corners."""
@@ -43,8 +46,8 @@ def add_surroundings(spec: mujoco.MjSpec, low: tuple[float, float, float], high:
     spec.stat.center, spec.stat.extent = middle, size * 0.7
     spec.visual.map.znear, spec.visual.map.zfar = 0.05 / (size * 0.7), 60.0
     spec.visual.map.shadowclip, spec.visual.map.shadowscale = 1.0, 0.9
-    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 8192, 8
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1440
+    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 4096, 4
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = PICTURE_SIZE
 
 
 Draw = Callable[[mujoco.MjsBody, Solid, Colour], None]

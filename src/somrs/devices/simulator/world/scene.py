@@ -24,6 +24,8 @@ from somrs.space.distances import Array, distances_from
 from somrs.space.leaves import Leaf, inside, leaves_of
 from somrs.space.solids import Role, Solid
 
+FAR = 2.0
+"""Largest distance from obstacles that is measured, m."""
 RESTING = 1.0
 """Seconds without motion after which nothing moves again by itself: an object that tips over slowly has fallen by then."""
 
@@ -213,10 +215,15 @@ class Scene(ABC):
         return None if carrier is None else carrier.name
 
     def clearances(self, points: Array, low: float, high: float, ignored: Iterable[str] = ()) -> Array:
-        """Distance from each point to the nearest static solid between two heights; negative inside it."""
-        skip, distances = set(ignored), np.full(len(points), 9.0)
+        """Distance from each point to the nearest static solid between two heights, at most `FAR`; negative inside it."""
+        skip, distances = set(ignored), np.full(len(points), FAR)
+        if not len(points):
+            return distances
+        (left, bottom), (right, top) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
         for block in self.world.blocks():
-            if block.z < high and block.top > low and block.name not in skip:
+            span = block.extent + FAR
+            near = left - span < block.x < right + span and bottom - span < block.y < top + span
+            if near and block.z < high and block.top > low and block.name not in skip:
                 distances = np.minimum(distances, distances_from(block, points))
         return distances
 

@@ -6,10 +6,12 @@ import random
 
 from somrs.devices.simulator.link.commands import DriveTo, Grip, Open
 from somrs.devices.simulator.motion.robot import Robot
+from somrs.devices.simulator.motion.traffic import Capsule
 from somrs.ontology.objects import Map
 from tests.support.simulator_room import Run, box, robot, thing
 
 DISTANCE = 0.6
+TABLE = Capsule((3.0, 5.4), (3.0, 5.4), 0.7)
 
 
 def test_whoever_claims_something_near_a_robot_is_found() -> None:
@@ -25,7 +27,7 @@ def test_whoever_claims_something_near_a_robot_is_found() -> None:
     run.start("Robot13", Open(object="Cupboard1"))
     for n in (0, 3, 5, 9, 12, 15):
         run.start(f"Robot{n}", DriveTo(x=chance.uniform(1, 6), y=chance.uniform(1, 4)))
-    pairs, swept = 0, False
+    pairs, table_count, swept = 0, 0, False
     for period in range(1500):
         run.step()
         if period % 10:
@@ -38,7 +40,11 @@ def test_whoever_claims_something_near_a_robot_is_found() -> None:
                 robot.name for robot in fleet.near(asking_robot, asking_robot.size.radius + DISTANCE)
             }
             pairs += len(claimants)
+            at_table = [robot for robot in asking_robot.other_robots() if any(TABLE.gap(claim) < 0 for claim in robot.claims())]
+            assert {robot.name for robot in at_table} <= {robot.name for robot in fleet.near(asking_robot, TABLE.radius, TABLE.start)}
+            table_count += len(at_table)
     assert pairs > 100
+    assert table_count > 100
     assert swept
     assert not run.collisions
 
