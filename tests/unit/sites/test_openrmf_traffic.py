@@ -62,7 +62,8 @@ def depot() -> dict[str, Any]:
                 "floors": [{"vertices": [0, 1, 2, 3], "parameters": {}}],
                 "holes": [{"vertices": [0, 1, 4], "parameters": {}}],
                 "doors": [
-                    [0, 1, {"name": text("gate"), "type": text("double_hinged"), "motion_degrees": [3, 90], "motion_direction": [2, -1]}],
+                    [0, 1, {"name": text("gate"), "type": text("double_hinged"), "motion_degrees": [3, 90], "motion_direction": [2, -1],
+                            "plugin": text("normal")}],
                     [1, 2, {"name": text("null"), "type": text("telescope")}],
                 ],
                 "lanes": [
@@ -162,6 +163,7 @@ def test_doors_have_their_kind(site: Site) -> None:
     assert site.map.objects["gate"].values["DoorKind"] == "DoubleHinged"
     assert site.map.objects["gate"].values["SwingAngle"] == pytest.approx(-math.pi / 2, abs=1e-3)
     assert site.map.objects["Door002"].values["DoorKind"] == "Telescope"
+    assert (site.map.objects["gate"].type, site.map.objects["Door002"].type) == ("PoweredDoor", "Door"), "only one has a drive"
 
 
 def test_lift_has_its_cabin_storeys_and_doors(site: Site) -> None:

@@ -74,7 +74,8 @@ def _add_door(draft: Draft, level: Level, index: int, start: Point, end: Point, 
     if kind in ("Hinged", "DoubleHinged"):
         degrees = float(parameter(parameters, "motion_degrees", 90.0))
         values["SwingAngle"] = round(math.radians(degrees) * (1 if float(parameter(parameters, "motion_direction", 1)) >= 0 else -1), 4)
-    _add_wall_like(draft, level, draft.fresh(name), "Door", start, end, _DOOR_HEIGHT, values)
+    type_name = "PoweredDoor" if text_of(parameters, "plugin") == "normal" else "Door"  # the plugin opens the door on request
+    _add_wall_like(draft, level, draft.fresh(name), type_name, start, end, _DOOR_HEIGHT, values)
 
 
 def _add_wall_like(
