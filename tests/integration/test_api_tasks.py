@@ -141,7 +141,16 @@ def test_the_list_tells_of_tasks_that_come_and_change(tmp_path: Path) -> None:
         assert task_states == {first: "accomplished", second: "accomplished"}
         assert [row.task for row in (await api.tasks.list()).rows] == [second, first]
         assert (await api.tasks.list(running=True)).rows == ()
-        assert len((await api.tasks.list(limit=1)).rows) == 1
+        first_page = await api.tasks.list(limit=1)
+        assert [row.task for row in first_page.rows] == [second]
+        assert (first_page.more, first_page.total) == (True, 2)
+        last_page = await api.tasks.list(limit=1, behind=second)
+        assert [row.task for row in last_page.rows] == [first]
+        assert (last_page.more, last_page.total) == (False, 2)
+        with pytest.raises(UsageError, match="holds no task task-1"):
+            await api.tasks.list(behind="task-1")
+        with pytest.raises(UsageError, match="at least 1"):
+            await api.tasks.list(limit=0)
 
     run_scenario(tmp_path, scenario, Porter("Robot1"))
 

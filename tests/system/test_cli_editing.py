@@ -114,3 +114,15 @@ def test_a_discovered_object_is_a_known_one(data: Path) -> None:
     (merged,) = json.loads(run(data, "map", "events", "--limit", "1", "--json"))
     run(data, "map", "undo", str(merged["version"]))
     assert "discovered by Camera001" in run(data, "map", "show", name)
+
+
+def test_an_object_is_added_and_removed_by_an_update(data: Path) -> None:
+    position = "Jar099.PositionX = 1.0 AND Jar099.PositionY = 2.0 AND Jar099.PositionZ = 0.75"
+    run(data, "map", "update", f"Jar099 isOn Table001 AND {position}", "--add", "Jar099:Jar")
+    shown = json.loads(run(data, "map", "show", "Jar099", "--json"))
+    assert shown["type"] == "Jar"
+    assert "Jar099 isOn Table001" in shown["facts"]
+    run(data, "map", "update", "--remove", "Jar099")
+    assert "there is no Jar099" in run(data, "map", "show", "Jar099", code=2)
+    assert "NAME:TYPE" in run(data, "map", "update", "--add", "Jar099", code=2)
+    assert "nothing to change" in run(data, "map", "update", code=2)

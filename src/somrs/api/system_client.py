@@ -168,7 +168,8 @@ class Client:
         return await self.api.tasks.preview(Preview(effect=goal, quotes=quotes))
 
     async def tasks(self, *, running: bool = False, limit: int = 50) -> tuple[TaskRow, ...]:
-        """Return the tasks that the Task Manager holds, newest first: all, or only those that have not ended."""
+        """Return the newest `limit` tasks that the Task Manager holds, newest first: all, or only those that have not ended.
+        `api.tasks.list` reads further pages."""
         return (await self.api.tasks.list(running=running, limit=limit)).rows
 
     async def cancel(self, task: str, reason: str = "cancelled by the client") -> None:

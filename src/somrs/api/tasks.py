@@ -34,9 +34,12 @@ MOST_NAMED = 5
 
 
 class TaskList(msgspec.Struct, frozen=True, kw_only=True):
-    """Tasks, newest first."""
+    """A page of tasks, newest first. `more`: another page follows, behind the last task of this one. `total`: the number of tasks on all
+    pages."""
 
     rows: tuple[TaskRow, ...]
+    more: bool = False
+    total: int = 0
 
 
 class TaskDetails(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,10 +76,24 @@ class TaskService:
         return await self._client.preview(body)
 
     @operation("GET", "/tasks")
-    async def list(self, running: bool = False, limit: int = 50) -> TaskList:
-        """List the tasks that the Task Manager holds, newest first: all, or with `running` those that have not ended."""
-        rows = await self._client.rows()
-        return TaskList(rows=tuple(row for row in rows if not running or row.phase is not Phase.ENDED)[: max(limit, 0)])
+    async def list(self, running: bool = False, limit: int = 50, behind: str | None = None) -> TaskList:
+        """List the tasks that the Task Manager holds, newest first: all, or with `running` those that have not ended.
+
+        If `more` is true in the result, there is a next page: pass the last task of this page as `behind`. `total` counts the tasks on all
+        pages.
+        """
+        if limit < 1:
+            raise UsageError(f"limit is the number of tasks on a page, at least 1, and not {limit}")
+        held = await self._client.rows()
+        start = 0
+        if behind is not None:
+            ids = [row.task for row in held]
+            if behind not in ids:
+                raise UsageError(f"the Task Manager holds no task {behind}; read the list again, without behind")
+            start = ids.index(behind) + 1
+        listed = [row for row in held if not running or row.phase is not Phase.ENDED]
+        following = [row for row in held[start:] if not running or row.phase is not Phase.ENDED]
+        return TaskList(rows=tuple(following[:limit]), more=len(following) > limit, total=len(listed))
 
     @operation("GET", "/tasks/{id}")
     async def read(self, id: str) -> TaskDetails:

@@ -15,6 +15,7 @@ from somrs.client.client import Addresses, Client
 from somrs.deployment.launcher import Launcher
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import ModelError, RemoteError, UsageError
+from somrs.ontology.objects import Change, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Value
 from somrs.protocol.messages.directory import Discover
 from somrs.protocol.messages.knowledge import UpdateMap
@@ -207,14 +208,24 @@ async def history(name: str, limit: int, before_version: int | None, data: Path,
         print(f"there are more before version {page.events[-1].version}; --before {page.events[-1].version} shows them")
 
 
-async def update(situation: str, author: str, data: Path) -> None:
+async def update(situation: str | None, added: Sequence[str], removed: Sequence[str], author: str, data: Path) -> None:
+    changes: list[Change] = [*map(_added_object, added), *map(ObjectRemoved, removed)]
+    if situation is None and not changes:
+        raise UsageError("there is nothing to change; state a situation, such as 'Jar001 isOn Table001', or use --add or --remove")
     async with Client(Addresses.read(data)) as client:
-        updated = await client.report(UpdateMap(situation=situation, author=author))
+        updated = await client.report(UpdateMap(changes=tuple(changes), situation=situation, author=author))
     for variable, name in updated.reception.names.items() if updated.reception is not None else ():
         print(f"?{variable} is {name}{', new on the map' if updated.reception and name in updated.reception.added else ''}")
     for variable in updated.reception.unidentified if updated.reception is not None else ():
         print(f"?{variable} is left out: it may be an object that somebody holds or has moved since, or a device that has not joined")
     print(f"the map is at version {updated.version}")
+
+
+def _added_object(text: str) -> ObjectAdded:
+    name, colon, type = (part.strip() for part in text.partition(":"))
+    if not (name and colon and type):
+        raise UsageError(f"--add takes NAME:TYPE, such as Jar009:Jar, and not {text!r}")
+    return ObjectAdded(Object(name=name, type=type))
 
 
 async def export(output: Path, data: Path, sources: Sequence[Path] = ()) -> None:

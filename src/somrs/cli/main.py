@@ -304,14 +304,21 @@ def history(
 
 @map_app.command()
 def update(
-    situation: Annotated[str, typer.Argument(help="The situation, as a formula.")],
+    situation: Annotated[str | None, typer.Argument(help="The situation, as a formula.", show_default=False)] = None,
+    add: Annotated[
+        list[str],
+        typer.Option("--add", metavar="NAME:TYPE", help="A new object, which the situation may name. Can be given several times."),
+    ] = [],  # noqa: B006  # typer requires a list as the default
+    remove: Annotated[
+        list[str], typer.Option("--remove", metavar="NAME", help="An object that is no longer there. Several times, too.")
+    ] = [],  # noqa: B006  # as above
     author: Author = DEFAULT_AUTHOR,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
-    """Update the map with a situation."""
+    """Update the map with a situation, new objects, and objects that are gone."""
     from somrs.cli.commands import update as run
 
-    awaited(run(situation, author, data))
+    awaited(run(situation, add, remove, author, data))
 
 
 @map_app.command()

@@ -83,7 +83,8 @@ def describe_message(line: Line) -> str:
     body = line.body
     match line.type:
         case "Arrange" | "Execute":
-            text = str(body.get("precondition") or body.get("effect") or "")
+            effect, precondition = body.get("effect"), body.get("precondition")
+            text = f"{effect or ''}{f' when {precondition}' if precondition else ''}".strip()
         case "Terms":
             text = f"{body.get('price', 0):g} {body.get('currency', 'EUR')}, {body.get('duration', 0):.0f} s"
         case "Completed" | "Stopped" | "Compensate" | "Compensated":

@@ -29,8 +29,8 @@ from somrs.gui.unavailable_banner import UnavailableBanner
 from somrs.protocol.messages.people import person_name
 from somrs.protocol.messages.task_views import Phase, TaskRow
 
-TASK_LIMIT = 200
-"""Limit of tasks shown, which is also the number of ended tasks that the Task Manager keeps."""
+PAGE_SIZE = 200
+"""Tasks read at once."""
 
 RETRY_DELAY = 2.0
 """Seconds after which a request to a Task Manager that does not answer is repeated."""
@@ -84,13 +84,20 @@ class _Tasks:
     async def _read(self) -> None:
         while True:
             try:
-                task_list = await self._api.tasks.list(limit=TASK_LIMIT)
+                self._rows = {row.task: row for row in await self._read_pages()}
                 break
             except SomrsError as error:
                 self._table.set_empty_text(f"{error}; retrying")
                 await asyncio.sleep(RETRY_DELAY)
-        self._rows = {row.task: row for row in task_list.rows}
         self._render()
+
+    async def _read_pages(self) -> list[TaskRow]:
+        page = await self._api.tasks.list(limit=PAGE_SIZE)
+        rows = [*page.rows]
+        while page.more:
+            page = await self._api.tasks.list(limit=PAGE_SIZE, behind=rows[-1].task)
+            rows += page.rows
+        return rows
 
     async def _handle_news(self, news: News) -> None:
         if not isinstance(news.value, TasksChanged):
@@ -118,7 +125,7 @@ class _Tasks:
             self._render()
 
     def _render(self) -> None:
-        rows = sorted(self._rows.values(), key=lambda row: -row.submitted_at)[:TASK_LIMIT]
+        rows = sorted(self._rows.values(), key=lambda row: -row.submitted_at)
         self._filter.set_options(_choices(rows), value=self._filter.value)
         now = time.time()
         self._table.show_rows([_table_row(row, self._asked_people, now) for row in rows if self._matches_filter(row)])
