@@ -24,6 +24,11 @@ class Box:
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return (cos, sin), (-sin, cos)
 
+    @property
+    def reach(self) -> float:
+        """The distance of the corners from the centre."""
+        return math.hypot(self.width, self.depth) / 2
+
     def corners(self) -> list[Point]:
         """The corners, counter-clockwise."""
         (u_x, u_y), (v_x, v_y) = self.axes
@@ -51,6 +56,8 @@ class Box:
 
 def separation(box: Box, other_box: Box) -> Point | None:
     """The shortest move of `box` that ends an overlap with `other_box`; None when they do not overlap (separating axes)."""
+    if math.hypot(box.x - other_box.x, box.y - other_box.y) >= box.reach + other_box.reach:
+        return None
     best: Point | None = None
     shortest = math.inf
     mine, theirs = box.corners(), other_box.corners()
