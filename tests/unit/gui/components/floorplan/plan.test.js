@@ -4,7 +4,7 @@ import { clock, mounted, page, press, server, settled, text } from "../../../../
 import assert from "node:assert/strict";
 import test, { afterEach, beforeEach } from "node:test";
 import floorplan from "../../../../../src/somrs/gui/components/floorplan/floorplan.js";
-import { building, DEFINITIONS, object } from "./building.js";
+import { building, DEFINITIONS, fact, object } from "./building.js";
 
 let one, pad, drawing;
 
@@ -264,4 +264,26 @@ test("what is in view is kept for when the page is loaded again", async () => {
   await clock.pass(50);
   assert.equal(again.shown.plan.view.scale, scale);
   again.leave();
+});
+
+test("lanes lead from waypoint to waypoint on their storey, with an arrow if they lead in one direction", async () => {
+  const lane = (name, start, end, more) => [object(name, "Lane", undefined, undefined, more), fact("startsAt", name, start), fact("endsAt", name, end)];
+  const map = building();
+  map.version = 9;
+  map.objects.push(object("W1", "Waypoint", 1, 1), object("W2", "Waypoint", 4, 1), object("W3", "Waypoint", 4, 1, { PositionZ: 3 }));
+  for (const [made, start, end] of [lane("L1", "W1", "W2"), lane("L2", "W2", "W1", { Bidirectional: true }), lane("L3", "W1", "W3")]) {
+    map.objects.push(made);
+    map.facts.push(start, end);
+  }
+  one.shown.plan.read(map, true);
+  const drawnLanes = () => drawing.querySelector(".fp-lane").getAttribute("d");
+  assert.equal(drawnLanes(), "M1 1L4 1M4 1L1 1", "the third one ends on another storey");
+  assert.equal(drawing.querySelector(".fp-lane-tip").getAttribute("d").match(/M/g).length, 1, "only the first one has a direction");
+  assert.match(drawing.querySelector(".fp-lane-tip").getAttribute("d"), /^M2\.668 1L/, "it points from W1 to W2");
+  changed([{ type: "ValueSet", object: "W2", path: "PositionY", value: 5 }], 10);
+  await settled();
+  assert.equal(drawnLanes(), "M1 1L4 5M4 5L1 1", "lanes follow their waypoints");
+  changed([{ type: "ObjectRemoved", name: "L1" }], 11);
+  await settled();
+  assert.equal(drawnLanes(), "M4 5L1 1");
 });

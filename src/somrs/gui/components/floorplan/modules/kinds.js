@@ -10,6 +10,8 @@ const KINDS = [
   { id: "opening", types: ["Opening"], title: "Opening", layer: "walls", moves: "fixed", label: 5, from: 60 },
   { id: "charger", types: ["Charger"], title: "Charging place", layer: "places", moves: "free", label: 60, from: 14, carries: 2 },
   { id: "place", types: ["Place"], title: "Place", layer: "places", moves: "free", label: 62, from: 12, carries: 2 },
+  { id: "waypoint", types: ["Waypoint"], title: "Waypoint of lanes", layer: "places", moves: "fixed", label: 2, from: 1e9 },
+  { id: "station", types: ["Station"], title: "Where robots load and unload", layer: "places", moves: "free", label: 58, from: 0 },
   { id: "floor", types: ["Floor"], title: "Floor", layer: "floors", moves: "ground", label: 1, from: 1e9, carries: 1 },
   { id: "door", types: ["Door"], title: "Door", layer: "walls", moves: "fixed", label: 20, from: 40 },
   { id: "window", types: ["Window"], title: "Window", layer: "walls", moves: "fixed", label: 6, from: 80 },
@@ -49,4 +51,4 @@ export const SHEETS = { ground: ["floors", "places", "walls", "furniture"], thin
 export const LAYERS = Object.values(SHEETS).flat();
 
 // The legend's rows, in order.
-export const LEGEND = ["wall", "door", "window", "stairs", "support", "cupboard", "obstacle", "chair", "plant", "thing", "place", "charger", "robot", "camera", "arm", "lift", "person"];
+export const LEGEND = ["wall", "door", "window", "stairs", "support", "cupboard", "obstacle", "chair", "plant", "thing", "place", "charger", "waypoint", "station", "robot", "camera", "arm", "lift", "person"];

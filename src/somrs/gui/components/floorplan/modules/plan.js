@@ -2,6 +2,7 @@
 
 import { Frame } from "./frame.js";
 import { Labels } from "./labels.js";
+import { Lanes } from "./lanes.js";
 import { Layers } from "./layers.js";
 import { arrow, Links } from "./links.js";
 import { bounds, Model, reach } from "./model.js";
@@ -32,6 +33,7 @@ export class Plan {
     this._moving = new Map(); // objects displayed elsewhere than on the map, with their map pose at that time
     this._sheets = new Sheets(element);
     this._layers = new Layers(this._sheets.groups);
+    this._lanes = new Lanes(this._sheets.groups.get("ground"));
     this._links = new Links(this._sheets.links);
     this._labels = new Labels(this._sheets.labels);
     this._frame = new Frame(this._sheets.marks, this._sheets.screen);
@@ -72,6 +74,7 @@ export class Plan {
     this._release();
     for (const { name } of moves) if (this._moving.has(name) && this._moving.get(name) !== pose(this.model.solid(name))) this._moving.delete(name);
     this._motion.go(moves.filter((move) => !this._held.has(move.name) && !this._moving.has(move.name)));
+    this._lanes.refresh(this.model, (name) => (this.model.storeyOf(name) === this.storey ? this.model.spot(name) : null), names);
     if (names === undefined || this.relations.length) this._links.show(this.model, this.relations, (name) => this.spot(name));
     this.draw();
   }

@@ -77,6 +77,8 @@ const DRAWN = {
     const r = Math.min(...halves(solid)) * 0.9;
     return body(solid, " fp-dashed") + mark(`M${n(r * 0.15)} ${n(r)}L${n(-r * 0.45)} ${n(-r * 0.1)}H${n(r * 0.05)}L${n(-r * 0.15)} ${n(-r)}L${n(r * 0.45)} ${n(r * 0.1)}H${n(-r * 0.05)}Z`, " fp-sign fp-full");
   },
+  waypoint: () => DOT,
+  station: () => `${DOT}<path class="fp-body fp-dashed" d="M-.3 -.3H.3V.3H-.3Z"/>`,
   robot: (solid) => {
     const [w, d] = halves(solid);
     const front = solid.form === "Box" ? w : solid.radius ?? w;
