@@ -5,7 +5,7 @@ Without it, grounding would try a service that puts any object in any place with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from somrs.entish import Attribute, Comparison, Name, Number, Relation, Text, Truth, Variable
@@ -21,6 +21,9 @@ _ANY_KIND: Kinds = frozenset()
 Subgoal = tuple[bool, str, tuple[Argument | Kinds, ...]]
 """Facts that have to hold (True) or must not hold (False)."""
 
+MOST_DEMANDS = 30_000
+"""The number of demands from which on they do not name objects any more: it takes some seconds to find as many."""
+
 
 @dataclass(frozen=True, slots=True)
 class Demand:
@@ -32,13 +35,21 @@ class Demand:
 
 
 def demands(
-    goals: Sequence[Operator], world: World, *, narrow: bool = False, direct: bool = False, depth: int | None = None
+    goals: Sequence[Operator],
+    world: World,
+    *,
+    narrow: bool = False,
+    direct: bool = False,
+    depth: int | None = None,
+    most: int = MOST_DEMANDS,
 ) -> list[Demand]:
     """Every use of an operator that may help to reach the goal, the goal's operators first.
 
     With `narrow`, an `EXISTS_SUFFIX` fact that already holds is no subgoal, and of the facts that must not hold, only those that hold now
     are subgoals. With `direct`, a thing that is in any place is in no other place first: what holds already of a known object and any
     partner is no subgoal. With `depth`, chains of services are limited to that length. All can lose plans, but seldom do.
+
+    From `most` demands on, what helps is demanded for any objects.
     """
     collected_demands: dict[Demand, None] = dict.fromkeys(Demand(goal, (), ()) for goal in goals)
     seen_subgoals: set[Subgoal] = set()
@@ -48,15 +59,28 @@ def demands(
         subgoals = {
             subgoal: None
             for demand in new
-            for subgoal in (_narrow(_find_subgoals(demand), world) if narrow else _find_subgoals(demand))
+            for subgoal in (_narrow(_find_subgoals(demand, world), world) if narrow else _find_subgoals(demand, world))
             if not (direct and _has_partner(subgoal, world))
         }
         fresh = [subgoal for subgoal in subgoals if subgoal not in seen_subgoals]
         seen_subgoals.update(fresh)
-        new = [demand for subgoal in fresh for demand in _find_helpful(subgoal, world) if demand not in collected_demands]
-        new = list(dict.fromkeys(new))
-        collected_demands.update(dict.fromkeys(new))
+        helpful: dict[Demand, None] = {}
+        for subgoal in fresh:
+            if len(collected_demands) + len(helpful) >= most:
+                subgoal = _widened(subgoal)
+                if subgoal in seen_subgoals:
+                    continue
+                seen_subgoals.add(subgoal)
+            helpful.update((demand, None) for demand in _find_helpful(subgoal, world) if demand not in collected_demands)
+        new = list(helpful)
+        collected_demands.update(helpful)
     return _without_special(collected_demands, world, narrow)
+
+
+def _widened(subgoal: Subgoal) -> Subgoal:
+    """The subgoal for any objects. Numbers and texts stay: grounding would not find them."""
+    truth, predicate, arguments = subgoal
+    return truth, predicate, tuple(_ANY_KIND if isinstance(argument, str | frozenset) else argument for argument in arguments)
 
 
 def _without_special(candidates: Iterable[Demand], world: World, narrow: bool) -> list[Demand]:
@@ -103,7 +127,7 @@ def _find_helpful(subgoal: Subgoal, world: World) -> Iterator[Demand]:
     truth, predicate, arguments = subgoal
     for operator, pattern in world.repertoire.achievers.get((truth, predicate), ()):
         if operator.service is None or world.providers.get(operator.service.name):
-            demand = _match_operator(operator, pattern, arguments, world.is_eligible)
+            demand = _match_operator(operator, pattern, arguments, world)
             if demand is not None:
                 yield demand
 
@@ -143,7 +167,7 @@ def _has_partner(subgoal: Subgoal, world: World) -> bool:
     )
 
 
-def _find_subgoals(demand: Demand) -> Iterator[Subgoal]:
+def _find_subgoals(demand: Demand, world: World) -> Iterator[Subgoal]:
     values, kinds = dict(demand.values), dict(demand.kinds)
     for test in demand.operator.tests:
         match test.comparison:  # a value that passes the test is a candidate for an input of an achieving service
@@ -155,7 +179,7 @@ def _find_subgoals(demand: Demand) -> Iterator[Subgoal]:
     def argument(term: object) -> Argument | Kinds:
         match term:
             case Variable(name):
-                return values.get(name) or kinds.get(name, _ANY_KIND) | demand.operator.types.get(name, _ANY_KIND)
+                return values.get(name) or world.narrowest(kinds.get(name, _ANY_KIND) | demand.operator.types.get(name, _ANY_KIND))
             case str() | Name() | Number() | Text() | Truth():
                 return term
         return _ANY_KIND
@@ -171,33 +195,33 @@ def _find_subgoals(demand: Demand) -> Iterator[Subgoal]:
         yield False, predicate, tuple(map(argument, arguments))
 
 
-def _match_operator(
-    operator: Operator, pattern: Pattern, arguments: tuple[Argument | Kinds, ...], is_eligible: Callable[[Argument, Iterable[str]], bool]
-) -> Demand | None:
-    """The operator, bound so that the pattern of its effect matches the subgoal's arguments; None if they do not match."""
+def _match_operator(operator: Operator, pattern: Pattern, arguments: tuple[Argument | Kinds, ...], world: World) -> Demand | None:
+    """The operator, bound so that the pattern of its effect matches the subgoal's arguments; None if they do not match, or no object is of
+    the types that a variable then has."""
     values: dict[str, Argument] = {}
     kinds: dict[str, Kinds] = {}
     for pattern_term, argument in zip(pattern[1], arguments, strict=False):
         if isinstance(pattern_term, Variable):
             if not pattern_term.name or "." in pattern_term.name:
                 continue  # any partner; or the current value of an attribute, which the goal does not determine
+            types = operator.types.get(pattern_term.name, _ANY_KIND)
             if isinstance(argument, frozenset):
-                kinds[pattern_term.name] = kinds.get(pattern_term.name, _ANY_KIND) | argument - operator.types.get(
-                    pattern_term.name, _ANY_KIND
-                )
-            elif values.setdefault(pattern_term.name, argument) != argument or not is_eligible(
-                argument, operator.types.get(pattern_term.name, ())
-            ):
+                kinds[pattern_term.name] = kinds.get(pattern_term.name, types) | argument
+            elif values.setdefault(pattern_term.name, argument) != argument or not world.is_eligible(argument, types):
                 return None
         elif isinstance(argument, frozenset):
-            if isinstance(pattern_term, str) and not is_eligible(pattern_term, argument):
+            if isinstance(pattern_term, str) and not world.is_eligible(pattern_term, argument):
                 return None
         elif isinstance(pattern_term, str) and pattern_term != argument:
             return None
     for name, value in values.items():
-        if not is_eligible(value, kinds.pop(name, ())):
+        if not world.is_eligible(value, kinds.pop(name, ())):
             return None
-    return Demand(operator, tuple(sorted(values.items(), key=_name)), tuple(sorted((n, k) for n, k in kinds.items() if k)))
+    narrowest = {name: world.narrowest(required_kinds) for name, required_kinds in kinds.items()}
+    if not all(map(world.has_domain, narrowest.values())):
+        return None
+    new_kinds = ((name, required_kinds - operator.types.get(name, _ANY_KIND)) for name, required_kinds in narrowest.items())
+    return Demand(operator, tuple(sorted(values.items(), key=_name)), tuple(sorted((n, k) for n, k in new_kinds if k)))
 
 
 def _name(item: tuple[str, object]) -> str:

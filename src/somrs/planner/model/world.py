@@ -50,6 +50,8 @@ class World:
         self._average_price = sum(all_prices) / len(all_prices) if all_prices else 1.0
         self._subtype_cache: dict[tuple[str, str], bool] = {}
         self._settled: dict[tuple[Literal, tuple[tuple[str, Argument], ...]], bool] = {}
+        self._narrowest: dict[frozenset[str], frozenset[str]] = {}
+        self._domains: dict[frozenset[str], bool] = {}
         self._paths: dict[str, frozenset[str]] = {}
         self._favourable_values: dict[str, list[Argument]] = {}
         self._match_cache: dict[tuple[str, int, Argument] | str, list[tuple[Argument, ...]]] = {}
@@ -62,12 +64,13 @@ class World:
     def at(self, map: Map) -> World:
         """The same world with a later map. Static conditions stay as they are, and what is known of them is kept."""
         later = copy(self)
-        later.map, later._match_cache = map, {}
+        later.map, later._match_cache, later._domains = map, {}, {}
         return later
 
     def without(self, devices: Iterable[str]) -> World:
         """The same world, in which no step may involve the devices."""
         smaller = copy(self)
+        smaller._narrowest, smaller._domains = {}, {}
         smaller.excluded = self.excluded.union(devices)
         smaller._set_providers(
             {name: tuple(n for n in device_names if n not in smaller.excluded) for name, device_names in self.providers.items()}
@@ -125,6 +128,22 @@ class World:
         if key not in self._subtype_cache:
             self._subtype_cache[key] = self.ontology.is_subtype(type_name, ancestor)
         return self._subtype_cache[key]
+
+    def narrowest(self, types: frozenset[str]) -> frozenset[str]:
+        """The types without those that follow from others: an object that is a carbon atom is an atom."""
+        if types not in self._narrowest:
+            narrowest: list[str] = []
+            for name in sorted(types):
+                if not any(self.is_subtype(kept_name, name) for kept_name in narrowest):
+                    narrowest = [kept_name for kept_name in narrowest if not self.is_subtype(name, kept_name)] + [name]
+            self._narrowest[types] = frozenset(narrowest)
+        return self._narrowest[types]
+
+    def has_domain(self, types: frozenset[str]) -> bool:
+        """Whether there are eligible objects that are of all the types, or values."""
+        if types not in self._domains:
+            self._domains[types] = not types.isdisjoint(VALUES) or next(self.domain(types), None) is not None
+        return self._domains[types]
 
     def has_attribute(self, name: str, path: str) -> bool:
         """Whether the object's type has the attribute."""
