@@ -15,6 +15,8 @@ from somrs.space.distances import distances_from
 from somrs.space.leaves import HANDLE_LENGTH, inside
 from somrs.space.solids import Point, Solid
 
+NEAR = 0.12
+"""Distance from its way below which the hand has to pass above an obstacle, m."""
 CLEAR = 0.03
 """Vertical clearance when the hand or a held thing passes above an obstacle, m."""
 
@@ -82,14 +84,16 @@ def lift_over(robot: Robot, spot: Point, at_least: float = 0.0, container: Solid
     for thing in robot.scene.things():
         px, py, z, _ = robot.scene.pose(thing)
         solid = robot.scene.world.solids[thing]
-        if (container is not None) != (robot.scene.container_at(px, py, z) is not None):
-            continue  # a board or a leaf is between the thing and the arm
-        if robot.scene.hands.holder(thing) is None and np.hypot(line[:, 0] - px, line[:, 1] - py).min() < solid.extent + 0.13:
+        is_near = bool(np.hypot(line[:, 0] - px, line[:, 1] - py).min() < solid.extent + 0.13)
+        if not is_near or robot.scene.hands.holder(thing) is not None:
+            continue
+        if (container is not None) == (robot.scene.container_at(px, py, z) is not None):  # else a board or a leaf is between it and the arm
             top = max(top, z + solid.height)
-    for block in robot.scene.world.blocks():
+    (left, bottom), (right, end) = line.min(axis=0) - NEAR, line.max(axis=0) + NEAR
+    for block in robot.scene.world.blocks_near((left, bottom, right, end)):
         if container is not None and block.name.split("/")[0] == container.name:
             continue
-        if block.top < robot.solid.z + 1.4 and distances_from(block, line).min() < 0.12:
+        if block.top < robot.solid.z + 1.4 and distances_from(block, line).min() < NEAR:
             top = max(top, block.top)
     if container is not None:
         top = max(top, inside(container).z)

@@ -252,7 +252,8 @@ class KinematicScene(Scene):
                 touch = math.hypot(x - other_x, y - other_y) < radii[name] + radii[other_name]
                 if name < other_name and touch and abs(z - other_z) < self.world.solids[name].height:
                     yield name, other_name
-            for block in self.world.blocks():
+            reach = radii[name]
+            for block in self.world.blocks_near((x - reach, y - reach, x + reach, y + reach)):
                 if block.z < z + self.world.solids[name].height and block.top > z + STEP_UP and block.distance(x, y) < radii[name]:
                     yield name, block.name
 

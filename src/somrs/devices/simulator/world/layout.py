@@ -5,6 +5,8 @@ There is no scene file: only objects on the map are in the world (paper, "Simula
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 from somrs.errors import SimulationError
@@ -14,6 +16,14 @@ from somrs.space.leaves import leaf_obstacles, leaves_of
 from somrs.space.solids import Role, Solid, solid_of
 
 _STATICS = (Role.WALL, Role.DOOR, Role.SUPPORT, Role.STATIC)
+_MOVING = (Role.THING, Role.ROBOT)
+SQUARE = 4.0
+"""Size of the squares by which solids near a place are found, m."""
+MOST_SQUARES = 400
+"""Largest number of squares for a solid; a larger one counts as near everything."""
+
+Box = tuple[float, float, float, float]
+"""A rectangle on the map: left, bottom, right, top."""
 
 
 class Layout:
@@ -23,6 +33,9 @@ class Layout:
         self.ontology = ontology
         self.solids: dict[str, Solid] = {}
         self.positions: dict[str, float] = {}
+        self._squares: dict[tuple[int, int], dict[str, int]] | None = None
+        """The numbers of the solids that stand still, by their names, by the squares in which they may be; None if not known."""
+        self._large: dict[str, int] = {}
 
     def fill(self, map: Map) -> None:
         """Add the objects of a map. Raises SimulationError if none of them takes up space."""
@@ -34,15 +47,36 @@ class Layout:
     def by_role(self, *roles: Role) -> list[Solid]:
         return [solid for solid in self.solids.values() if solid.role in roles]
 
-    def blocks(self) -> list[Solid]:
-        """The static obstacles, with the leaves of open containers, and without open doors."""
-        solids = [solid for solid in self.by_role(*_STATICS) if not (solid.role is Role.DOOR and solid.open)]
-        return [*solids, *self.leaf_obstacles()]
+    def standing_near(self, box: Box) -> list[Solid]:
+        """The solids that stand still, with their leaves, and may reach into a rectangle, in the order in which they were added."""
+        if self._squares is None:
+            self._squares = self._find_squares()
+        numbers = dict(self._large)
+        for square in squares(box):
+            numbers |= self._squares.get(square, {})
+        return [self.solids[name] for name in sorted(numbers, key=numbers.__getitem__)]
 
-    def leaf_obstacles(self) -> list[Solid]:
-        """The leaves of containers that are not shut."""
-        containers = (solid for solid in self.by_role(Role.SUPPORT) if solid.container)
-        return [leaf for solid in containers for leaf in leaf_obstacles(solid, self.positions)]
+    def _find_squares(self) -> dict[tuple[int, int], dict[str, int]]:
+        found_squares: dict[tuple[int, int], dict[str, int]] = {}
+        self._large = {}
+        for number, solid in enumerate(self.solids.values()):
+            if solid.role in _MOVING:
+                continue
+            span = solid.extent + (solid.depth if solid.container else 0.0)  # the leaves of a container open in front of it
+            if (2 * span / SQUARE + 1) ** 2 > MOST_SQUARES:
+                self._large[solid.name] = number
+                continue
+            for square in squares((solid.x - span, solid.y - span, solid.x + span, solid.y + span)):
+                found_squares.setdefault(square, {})[solid.name] = number
+        return found_squares
+
+    def blocks_near(self, box: Box) -> list[Solid]:
+        """The static obstacles that may reach into a rectangle, with the leaves of open containers, and without open doors."""
+        solids = self.standing_near(box)
+        leaves = [
+            leaf for solid in solids if solid.role is Role.SUPPORT and solid.container for leaf in leaf_obstacles(solid, self.positions)
+        ]
+        return [*(solid for solid in solids if solid.role in _STATICS and not (solid.role is Role.DOOR and solid.open)), *leaves]
 
     def add(self, object: Object) -> Solid | None:
         """Add an object. Returns None if it takes up no space. Raises SimulationError if it exists already."""
@@ -52,6 +86,8 @@ class Layout:
         if object.name in self.solids:
             raise SimulationError(f"{object.name} is in the simulated world already; remove it first")
         self.solids[solid.name] = solid
+        if solid.role not in _MOVING:
+            self._squares = None
         return solid
 
     def set_weight(self, thing: str, weight: float) -> None:
@@ -61,6 +97,14 @@ class Layout:
     def remove(self, name: str) -> Solid:
         """Remove an object, and return it."""
         solid = self.solids.pop(name)
+        if solid.role not in _MOVING:
+            self._squares = None
         for leaf in leaves_of(solid):
             self.positions.pop(leaf.name, None)
         return solid
+
+
+def squares(box: Box) -> Iterator[tuple[int, int]]:
+    """The squares that a rectangle meets."""
+    left, bottom, right, top = (math.floor(value / SQUARE) for value in box)
+    return ((column, row) for column in range(left, right + 1) for row in range(bottom, top + 1))

@@ -30,6 +30,8 @@ RESTING = 1.0
 """Seconds without motion after which nothing moves again by itself: an object that tips over slowly has fallen by then."""
 
 
+_SUPPORTS = (Role.FLOOR, Role.SUPPORT, Role.STATIC)
+
 Place = tuple[float, float, float]
 
 
@@ -115,7 +117,7 @@ class Scene(ABC):
 
     def container_at(self, x: float, y: float, z: float) -> Solid | None:
         """The container in which a point is."""
-        return next((solid for solid in self.world.by_role(Role.SUPPORT) if solid.container and _is_inside(solid, x, y, z)), None)
+        return next((solid for solid in self.world.standing_near((x, y, x, y)) if solid.container and _is_inside(solid, x, y, z)), None)
 
     # Poses and contacts
 
@@ -210,7 +212,8 @@ class Scene(ABC):
         if carrier is not None and abs(carrier.top - z) > 0.05:
             return None
         if carrier is not None and carrier.role is Role.FLOOR and self._is_thing(name):
-            marks = (mark for mark in self.world.by_role(Role.MARK) if abs(mark.z - z) < 0.1 and mark.distance(x, y) <= 0)
+            places = self.world.standing_near((x, y, x, y))
+            marks = (mark for mark in places if mark.role is Role.MARK and abs(mark.z - z) < 0.1 and mark.distance(x, y) <= 0)
             return min(marks, key=lambda mark: math.hypot(mark.x - x, mark.y - y), default=carrier).name
         return None if carrier is None else carrier.name
 
@@ -220,18 +223,15 @@ class Scene(ABC):
         if not len(points):
             return distances
         (left, bottom), (right, top) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
-        for block in self.world.blocks():
-            span = block.extent + FAR
-            near = left - span < block.x < right + span and bottom - span < block.y < top + span
-            if near and block.z < high and block.top > low and block.name not in skip:
+        for block in self.world.blocks_near((left - FAR, bottom - FAR, right + FAR, top + FAR)):
+            if block.z < high and block.top > low and block.name not in skip:
                 distances = np.minimum(distances, distances_from(block, points))
         return distances
 
     def support_below(self, x: float, y: float, z: float, name: str = "") -> Solid | None:
         """The highest support, obstacle or floor under a point."""
-        candidates = (
-            s for s in self.world.by_role(Role.FLOOR, Role.SUPPORT, Role.STATIC) if s.name != name and s.top <= z and s.distance(x, y) <= 0
-        )
+        standing = (solid for solid in self.world.standing_near((x, y, x, y)) if solid.role in _SUPPORTS and solid.name != name)
+        candidates = (solid for solid in standing if solid.top <= z and solid.distance(x, y) <= 0)
         return max(candidates, key=lambda s: s.top, default=None)
 
 
