@@ -19,7 +19,7 @@ from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology
 from somrs.space.dimensions import dimensions_of
 from somrs.space.distances import distances_from
-from somrs.space.reachability import Ground
+from somrs.space.reachability import Ground, outline_of
 from somrs.space.solids import Point, Role, Solid, solid_of
 
 STANDING = (Role.WALL, Role.SUPPORT, Role.STATIC)
@@ -239,16 +239,7 @@ def _spot(object: Object) -> _Spot | None:
 
 def _outline(solid: Solid) -> npt.NDArray[np.float64]:
     """Points on the outline of a solid, and its middle."""
-    match solid.form:
-        case "Box":
-            width, depth = solid.width / 2, solid.depth / 2
-            corners: Sequence[Point] = [(-width, -depth), (width, -depth), (width, depth), (-width, depth)]
-        case "Polygon":
-            corners = solid.outline
-        case _:
-            turns = [i * math.tau / 24 for i in range(24)]
-            corners = [(solid.radius * math.cos(turn), solid.radius * math.sin(turn)) for turn in turns]
-    on_map = [solid.world(*corner) for corner in corners]
+    on_map = outline_of(solid)
     edges = [_along(start, end) for start, end in zip(on_map, [*on_map[1:], on_map[0]], strict=True)]
     return np.concatenate([*edges, [(solid.x, solid.y)]])
 

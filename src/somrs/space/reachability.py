@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from somrs.space.clearance import CELL, Grid, clearances
@@ -28,7 +29,13 @@ class Ground:
         fine = Grid.enclosing(floors or standing, margin=0.5)
         size = max(COARSE, CELL * math.sqrt(fine.rows * fine.columns / _MOST_CELLS))
         self.grid = replace(fine, rows=math.ceil(fine.rows * CELL / size), columns=math.ceil(fine.columns * CELL / size), size=size)
-        field = clearances(self.grid, standing, floors, passages)
+        field = clearances(self.grid, standing, [], [])
+        if floors:
+            ground = np.zeros(field.shape, dtype=bool)
+            for solid in (*floors, *(_enlarged(passage, 2 * size) for passage in passages)):
+                _fill(self.grid, solid, ground)
+            ground = ndimage.binary_closing(ground, np.ones((3, 3)))  # floors may be drawn a little apart
+            field = np.minimum(field, (ndimage.distance_transform_edt(ground) - 0.5) * size)
         # Half a cell less: a way that is just wide enough may have no cell in its middle.
         self.labels, self.count = ndimage.label(field >= radius - size / 2, structure=np.ones((3, 3)))
 
@@ -54,3 +61,37 @@ class Ground:
         """The region with the most of the points."""
         counts = Counter(region for point in points if (region := self.region(point)) is not None)
         return {counts.most_common(1)[0][0]} if counts else set()
+
+
+def _fill(grid: Grid, solid: Solid, ground: NDArray[np.bool_]) -> None:
+    """Mark the cells whose centres are in the outline of a solid: row by row, from each edge that the row crosses to the next one."""
+    corners = np.array(outline_of(solid))
+    ends = np.roll(corners, -1, axis=0)
+    low, high = (grid.clipped((0.0, float(y)))[0] for y in (corners[:, 1].min(), corners[:, 1].max()))
+    for row in range(low, high + 1):
+        y = grid.centre((row, 0))[1]
+        crossing = (corners[:, 1] > y) != (ends[:, 1] > y)
+        start, end = corners[crossing], ends[crossing]
+        xs = np.sort(start[:, 0] + (y - start[:, 1]) / (end[:, 1] - start[:, 1]) * (end[:, 0] - start[:, 0]))
+        columns = np.clip(np.ceil((xs - grid.x) / grid.size - 0.5), 0, grid.columns).astype(int).tolist()
+        for first, last in zip(columns[::2], columns[1::2], strict=True):
+            ground[row, first:last] = True
+
+
+def _enlarged(solid: Solid, margin: float) -> Solid:
+    """The map may have no floor under a passage, and floors that end at the wall that it is in."""
+    return replace(solid, width=solid.width + 2 * margin, depth=solid.depth + 2 * margin, radius=solid.radius + margin)
+
+
+def outline_of(solid: Solid) -> Sequence[Point]:
+    """The corners of the outline on the map; of a cylinder, those of a polygon."""
+    match solid.form:
+        case "Box":
+            width, depth = solid.width / 2, solid.depth / 2
+            corners: Sequence[Point] = [(-width, -depth), (width, -depth), (width, depth), (-width, depth)]
+        case "Polygon":
+            corners = solid.outline
+        case _:
+            turns = [i * math.tau / 24 for i in range(24)]
+            corners = [(solid.radius * math.cos(turn), solid.radius * math.sin(turn)) for turn in turns]
+    return [solid.world(*corner) for corner in corners]

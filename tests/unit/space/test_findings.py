@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from somrs.ontology.files.loading import load, load_text
 from somrs.space.findings import Finding, find_mistakes
 from somrs.space.reachability import Ground
-from somrs.space.solids import Role, Solid
+from somrs.space.solids import Point, Role, Solid
 from tests.support.paths import ROOT
 
 HALL = """\
@@ -149,3 +149,34 @@ def test_regions_are_those_of_a_plain_flood(drawn: list[tuple[float, float, floa
     assert ground.count == len(set(reached.values()))
     assert ground.region((100.0, 100.0)) is None
     assert math.isclose(grid.size, 0.1)
+
+
+corners = st.lists(st.tuples(tenths, tenths), min_size=3, max_size=7, unique=True)
+
+
+@given(corners)
+def test_floor_of_any_outline_is_ground_where_its_distance_says_so(drawn: list[Point]) -> None:
+    """Also floors that cross themselves: what is inside is defined by the even-odd rule."""
+    floor = Solid(name="F", type="Floor", role=Role.FLOOR, x=0, y=0, z=0, yaw=0, form="Polygon", outline=tuple(drawn), height=0.1)
+    assume(max(x for x, _ in drawn) > min(x for x, _ in drawn) and max(y for _, y in drawn) > min(y for _, y in drawn))
+    ground = Ground([], [floor], [], 0.1)
+    grid = ground.grid
+    for row in range(0, grid.rows, 3):
+        for column in range(0, grid.columns, 3):
+            distance = floor.distance(*grid.centre((row, column)))
+            if abs(distance) > 4 * grid.size:
+                assert bool(ground.labels[row, column]) == (distance < 0), grid.centre((row, column))
+
+
+def test_floors_a_little_apart_are_one_ground() -> None:
+    floors = [box("A", Role.FLOOR, 2, 2, 4, 4), box("B", Role.FLOOR, 6.08, 2, 4, 4)]
+    ground = Ground([], floors, [], 0.3)
+    assert ground.region((1, 2)) == ground.region((7, 2)) is not None
+
+
+def test_door_is_a_way_between_floors_that_end_at_its_wall() -> None:
+    floors = [box("A", Role.FLOOR, 2, 2, 4, 4), box("B", Role.FLOOR, 6.3, 2, 4, 4)]
+    door = box("D", Role.DOOR, 4.15, 2, 0.3, 1.2)
+    assert Ground([], floors, [], 0.3).region((1, 2)) != Ground([], floors, [], 0.3).region((7, 2))
+    ground = Ground([], floors, [door], 0.3)
+    assert ground.region((1, 2)) == ground.region((7, 2)) is not None
