@@ -15,7 +15,7 @@ from somrs.ontology.files.loading import load
 from somrs.ontology.files.site import dump_site
 
 if TYPE_CHECKING:
-    from somrs.sites import Importer
+    from somrs.sites import Importer, Site
     from somrs.sites.pddl import ImportedProblem
 
 _PDDL = ".pddl"
@@ -87,21 +87,22 @@ def _target_of(source: Path) -> Path:
     return Path(source.name.split(".")[0] + ".map.yaml")
 
 
-def write_import(reader: Importer, source: Path, target: Path) -> None:
+def write_import(reader: Importer, source: Path, target: Path) -> Site:
     """Import `source` as it is by default, and write it to `target`."""
     from somrs.sites import ImportOptions
 
     site = reader(source, ImportOptions())
     target.write_text(dump_site(site.ontology, site.map), encoding="utf-8")
+    return site
 
 
 def import_sources(site: Sequence[Path], data: Path) -> list[Path]:
-    """The map and ontology files of a site. Buildings and planning problems are first imported to the data folder."""
+    """The map and ontology files of a site. Buildings and planning problems are first imported to the data folder, with a report."""
     files: list[Path] = []
     for file in site:
         if (reader := importer(file)) is not None:
             files.append(data / _target_of(file))
-            write_import(reader, file, files[-1])
+            terminal.console().print(import_report.report(write_import(reader, file, files[-1]), details=False))
         elif file.suffix != _PDDL:
             files.append(file)
     if stated := [file for file in site if file.suffix == _PDDL]:

@@ -18,10 +18,15 @@ COUNTED = (
     "Storey", "Wall", "Door", "Lift", "Lane", "Waypoint", "Station", "Support", "Obstacle", "Graspable", "MobileRobot",
 )  # fmt: skip
 """The types whose objects are counted; an object counts for the first one that it is of."""
-_LINES = 14
-"""How many kinds of notes fit on a screen."""
-_NAMED = 3
-_WORDS = {"Support": "tables and shelves", "Waypoint": "waypoints and places", "Graspable": "thing", "MobileRobot": "robot"}
+_LINES = 12
+"""How many kinds of notes fit on a screen, with the contents and what is said below them."""
+_NAMED = 2
+_WORDS = {
+    "Support": ("table or shelf", "tables and shelves"),
+    "Waypoint": ("waypoint or place", "waypoints and places"),
+    "Graspable": ("thing", "things"),
+    "MobileRobot": ("robot", "robots"),
+}
 _TITLES = {1: "left out", 2: "assumed", 3: "moved", 4: "note"}
 
 
@@ -31,6 +36,7 @@ def report(site: Site, *, details: bool) -> Group:
     shown_notes = site.notes if details else site.notes[:_LINES]
     if shown_notes:
         parts.append(_table(shown_notes, details=details))
+    parts += [Text(advice) for advice in dict.fromkeys(note.advice for note in shown_notes) if advice]
     if hidden := len(site.notes) - len(shown_notes):
         parts.append(Text(f"and {hidden} more kinds of notes: --details"))
     return Group(*parts)
@@ -44,8 +50,8 @@ def _contents(site: Site) -> str:
 
 
 def _words(type: str, count: int) -> str:
-    word = _WORDS.get(type, type.lower())
-    return word if count == 1 or word.endswith("s") else f"{word}s"
+    one, many = _WORDS.get(type, (type.lower(), f"{type.lower()}s"))
+    return one if count == 1 else many
 
 
 def _table(notes: tuple[Note, ...], *, details: bool) -> Table:

@@ -38,6 +38,9 @@ class Robot(Struct, frozen=True, forbid_unknown_fields=True):
     weight: float | None = None
 
 
+ADVICE = "State what models stand for, and their sizes, in a file: --sizes FILE"
+"""What to do about models that the table does not have."""
+
 UNKNOWN = Furniture(type="Obstacle", size=(0.5, 0.5, 0.5))
 UNKNOWN_ROBOT = Robot(type="Vehicle")
 

@@ -26,6 +26,8 @@ class Note:
     rank: Rank
     text: str
     subjects: tuple[str, ...]
+    advice: str = ""
+    """What to do about it, if that is not said by the text; several kinds may have the same advice."""
 
     def __str__(self) -> str:
         return f"{', '.join(self.subjects)}: {self.text}"
@@ -35,12 +37,14 @@ class Note:
 class NoteCollector:
     """Collects remarks by rank and text."""
 
-    _subjects: dict[tuple[Rank, str], list[str]] = field(default_factory=dict)
+    _subjects: dict[tuple[Rank, str, str], list[str]] = field(default_factory=dict)
 
-    def add(self, rank: Rank, subject: str, text: str) -> None:
-        self._subjects.setdefault((rank, text), []).append(subject)
+    def add(self, rank: Rank, subject: str, text: str, advice: str = "") -> None:
+        self._subjects.setdefault((rank, text, advice), []).append(subject)
 
     def notes(self) -> tuple[Note, ...]:
         """One note for each kind: those that matter most first, then those about most subjects."""
-        notes = [Note(rank=rank, text=text, subjects=tuple(subjects)) for (rank, text), subjects in self._subjects.items()]
+        notes = [
+            Note(rank=rank, text=text, subjects=tuple(subjects), advice=advice) for (rank, text, advice), subjects in self._subjects.items()
+        ]
         return tuple(sorted(notes, key=lambda note: (note.rank, -len(note.subjects))))

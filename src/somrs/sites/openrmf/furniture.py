@@ -12,7 +12,7 @@ from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact
 from somrs.ontology.types import ObjectType, Value
 from somrs.sites.draft import Draft, box_shape, identifier, pose
-from somrs.sites.models import UNKNOWN, Furniture, ModelTable
+from somrs.sites.models import ADVICE, UNKNOWN, Furniture, ModelTable
 from somrs.sites.notes import Rank
 from somrs.sites.openrmf.document import Document
 from somrs.sites.openrmf.levels import Level
@@ -58,11 +58,9 @@ def _add_furniture(draft: Draft, level: Level, kind: str, model: dict[str, Any],
     point = level.point(model["x"], model["y"])
     name = draft.numbered(identifier(kind))
     if by_word is not None:
-        draft.notes.add(Rank.ASSUMED, name, f"{kind}: the size is that of a typical {by_word[0]}; state it with --sizes FILE")
+        draft.notes.add(Rank.ASSUMED, name, f"{kind}: the size is that of a typical {by_word[0]}", ADVICE)
     elif entry is UNKNOWN:
-        draft.notes.add(
-            Rank.ASSUMED, name, f"{kind}: the size is not known; an obstacle of {width} m represents it; state it with --sizes FILE"
-        )
+        draft.notes.add(Rank.ASSUMED, name, f"{kind}: the size is not known; an obstacle of {width} m represents it", ADVICE)
     box = cleared(Box(*point, width, depth, level.heading(model.get("yaw", 0.0))), level.walls)
     if box is None:
         draft.notes.add(Rank.LEFT_OUT, name, "overlaps walls and cannot be moved clear of them; move it in the traffic editor")

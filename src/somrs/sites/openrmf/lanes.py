@@ -9,7 +9,7 @@ from typing import Any
 from somrs.ontology.files.loading import upper
 from somrs.ontology.types import Value
 from somrs.sites.draft import Draft, identifier, pose
-from somrs.sites.models import UNKNOWN_ROBOT, ModelTable
+from somrs.sites.models import ADVICE, UNKNOWN_ROBOT, ModelTable
 from somrs.sites.notes import Rank
 from somrs.sites.openrmf.document import Document, parameter, text_of, whole_number
 from somrs.sites.openrmf.levels import Level
@@ -145,8 +145,8 @@ def _add_robot(draft: Draft, level: Level, index: int, label: str, model: str, t
     name = draft.fresh(identifier(label))
     entry = table.robots.get(model, UNKNOWN_ROBOT)
     if entry is UNKNOWN_ROBOT:
-        text = f"{model or 'a robot without a type'}: it is not known what this robot can do; it only drives; state it with --sizes FILE"
-        draft.notes.add(Rank.ASSUMED, name, text)
+        text = f"{model or 'a robot without a type'}: it is not known what this robot can do; it only drives"
+        draft.notes.add(Rank.ASSUMED, name, text, ADVICE)
     x, y = (float(draft.objects[level.waypoints[index]].values[path]) for path in ("PositionX", "PositionY"))
     heading, graph = _first_lane(level, index)
     values = pose(Box(x, y, 0, 0, heading), level.elevation)
