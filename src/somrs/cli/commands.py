@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from somrs.cli.geometry import geometry_problems, printed
 from somrs.client import terminal
@@ -21,6 +23,9 @@ from somrs.protocol.messages.directory import Discover
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.people import person_name
 from somrs.service_manager.sdk.values import python_value
+
+if TYPE_CHECKING:
+    from somrs.deployment.system import System
 
 DEMO_SITE = Path(str(resources.files("somrs.demo") / "data" / "scenario-1.yaml"))
 """The site of `somrs up` when the user gives none."""
@@ -98,7 +103,7 @@ async def run_system(
 ) -> None:
     """Run a system until it is asked to stop."""
     from somrs.cli.import_commands import import_sources
-    from somrs.deployment.programs import load_site, until_stopped
+    from somrs.deployment.programs import load_site
     from somrs.deployment.system import System, check_unused, discard
 
     console = terminal.console()
@@ -108,6 +113,16 @@ async def run_system(
     if fresh:
         load_site(files)  # so that a mistake in it deletes nothing
         discard(data, keep=files)
+
+    def report(text: str) -> None:
+        """Say it in the log of the system, and on the terminal if there is one."""
+        folder = data / "logs"
+        folder.mkdir(exist_ok=True)
+        with (folder / "system.log").open("a", encoding="utf-8") as log:
+            log.write(f"{datetime.now().isoformat(timespec='seconds')} {text}\n")
+        with contextlib.suppress(OSError):  # the terminal is gone
+            console.print(text)
+
     system = System(
         files, data, speed=speed, world=world, host=host, windows=True, launcher=launcher, devices_per_process=devices_per_process
     )
@@ -123,13 +138,30 @@ async def run_system(
         console.print(f"The API: {system.addresses.api}")
         if system.addresses.gui is not None:
             console.print(f"In the browser: {system.addresses.gui}")
-        supervisor = asyncio.create_task(system.keep_running(lambda text: console.print(text)))
-        await until_stopped()
-        supervisor.cancel()
-        await asyncio.wait([supervisor])
+        await _supervise(system, report)
+    except Exception as error:
+        report(f"the system stops: {type(error).__name__}: {error}")
+        raise
     finally:
-        with console.status("stopping ..."):
-            await system.stop()
+        with contextlib.suppress(OSError):  # the terminal is gone
+            console.print("stopping ...")
+        await system.stop()
+
+
+async def _supervise(system: System, report: Callable[[str], None]) -> None:
+    """Keep the programs of a system running until it is asked to stop. `report` receives what happens, and why it stops."""
+    from somrs.deployment.programs import stop_signal
+
+    supervisor, stopped = asyncio.create_task(system.keep_running(report)), asyncio.create_task(stop_signal())
+    try:
+        await asyncio.wait([supervisor, stopped], return_when=asyncio.FIRST_COMPLETED)
+        if supervisor.done():
+            supervisor.result()
+        report(f"the system stops: it received {stopped.result()}")
+    finally:
+        supervisor.cancel()
+        stopped.cancel()
+        await asyncio.wait([supervisor, stopped])
 
 
 async def services(type: str | None, effect: str | None, attributes: Sequence[str], data: Path, *, json: bool) -> None:

@@ -6,8 +6,8 @@ Each program prints one line of JSON when it is ready. It ends at SIGTERM or SIG
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import gc
+import logging
 import os
 import signal
 import sys
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 MAP_TIME = 60.0
 """Seconds for which the simulator waits for the map when it starts."""
+
+log = logging.getLogger(__name__)
 
 PARENT_CHECK = 1.0
 """Seconds between two checks that the parent process is still alive."""
@@ -60,20 +62,31 @@ class Ready(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 async def until_stopped(name: str = "", address: str = "", problems: tuple[str, ...] = ()) -> None:
-    """Wait until SIGTERM, SIGINT, or the end of the parent process.
+    """Wait until SIGTERM, SIGINT, or the end of the parent process, which is logged.
 
     With `name`, print the ready line once the signal handlers are set: from then on the program ends in order.
     """
-    loop = asyncio.get_running_loop()
-    stopped = asyncio.Event()
-    for signal_number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(signal_number, stopped.set)
+    stopped = asyncio.ensure_future(stop_signal())
+    await asyncio.sleep(0)  # until the signals are handled
     parent = os.getppid()
     if name:
         say_ready(name, address, problems)
-    while not stopped.is_set() and os.getppid() == parent:
-        with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(stopped.wait(), PARENT_CHECK)
+    while not stopped.done() and os.getppid() == parent:
+        await asyncio.wait([stopped], timeout=PARENT_CHECK)
+    if not stopped.done():
+        stopped.cancel()
+        log.warning("%s ends, because the process that started it has ended", name or "this program")
+
+
+async def stop_signal() -> str:
+    """Wait until this process is asked to stop, and return the name of the signal: SIGTERM, SIGINT, or SIGHUP, which comes when the
+    terminal closes and which `nohup` ignores."""
+    loop = asyncio.get_running_loop()
+    received: asyncio.Queue[str] = asyncio.Queue()
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            loop.add_signal_handler(number, received.put_nowait, number.name)
+    return await received.get()
 
 
 def say_ready(name: str, address: str, problems: tuple[str, ...] = ()) -> None:
