@@ -64,7 +64,8 @@ def depot() -> dict[str, Any]:
                 "doors": [
                     [0, 1, {"name": text("gate"), "type": text("double_hinged"), "motion_degrees": [3, 90], "motion_direction": [2, -1],
                             "plugin": text("normal")}],
-                    [1, 2, {"name": text("null"), "type": text("telescope")}],
+                    [1, 2, {"name": text("null"), "type": text("telescope"), "plugin": text("none")}],
+                    [3, 2, {"name": text("hatch"), "type": text("hinged"), "motion_axis": text("end"), "motion_degrees": [3, -90]}],
                 ],
                 "lanes": [
                     [4, 5, {"bidirectional": flag(), "graph_idx": [2, 1], "speed_limit": number(0.5), "mutex": text("alley")}],
@@ -159,11 +160,18 @@ def test_dispenser_without_a_model_is_a_station_at_its_vertex() -> None:
     assert site.map.has_fact("interactsAt", ("dispenser_1", "store"))
 
 
-def test_doors_have_their_kind(site: Site) -> None:
-    assert site.map.objects["gate"].values["DoorKind"] == "DoubleHinged"
-    assert site.map.objects["gate"].values["SwingAngle"] == pytest.approx(-math.pi / 2, abs=1e-3)
+def test_doors_have_their_kind_and_swing(site: Site) -> None:
+    gate, hatch = site.map.objects["gate"].values, site.map.objects["hatch"].values
+    assert (gate["DoorKind"], hatch["DoorKind"]) == ("DoubleHinged", "Hinged")
+    assert gate["SwingAngle"] == pytest.approx(math.pi / 2, abs=1e-3), "direction -1: counter-clockwise"
+    assert hatch["SwingAngle"] == pytest.approx(-math.pi / 2, abs=1e-3), "by default, clockwise"
+    assert math.cos(float(hatch["RotationZ"])) == pytest.approx(-1), "its hinge is at the end, in the east"
     assert site.map.objects["Door002"].values["DoorKind"] == "Telescope"
-    assert (site.map.objects["gate"].type, site.map.objects["Door002"].type) == ("PoweredDoor", "Door"), "only one has a drive"
+
+
+def test_doors_with_a_drive_stand_open_and_others_are_shut(site: Site) -> None:
+    doors = {name: (site.map.objects[name].type, site.map.objects[name].values["Open"]) for name in ("gate", "hatch", "Door002")}
+    assert doors == {"gate": ("PoweredDoor", True), "hatch": ("PoweredDoor", True), "Door002": ("Door", False)}
 
 
 def test_lift_has_its_cabin_storeys_and_doors(site: Site) -> None:
@@ -216,6 +224,13 @@ def test_parameters_that_are_not_known_are_told() -> None:
     building = depot()
     building["levels"]["L1"]["lanes"][0][2]["tilt"] = number(1)
     assert any("tilt" in str(note) for note in imported(building).notes)
+
+
+def test_mistake_in_a_door_is_told_with_its_line() -> None:
+    building = depot()
+    building["levels"]["L1"]["doors"][2][2]["motion_degrees"] = text("wide")
+    with pytest.raises(ModelError, match="door 3 of L1: cannot be read: could not convert string to float: 'wide'"):
+        imported(building)
 
 
 JUNK = st.recursive(

@@ -37,7 +37,8 @@ def add_fabric(document: Document, draft: Draft, level: Level) -> None:
     gaps: list[tuple[Point, Point]] = []
     for index, start, end, parameters in edges(document, level, "doors"):
         gaps.append((start, end))
-        _add_door(draft, level, index, start, end, parameters)
+        with document.reading(f"door {index + 1} of {level.name}", ("levels", level.name, "doors", index)):
+            _add_door(draft, level, index, start, end, parameters)
     for _, edge_start, edge_end, _ in edges(document, level, "walls"):
         pieces = [(edge_start, edge_end)]
         for gap in gaps:
@@ -65,16 +66,23 @@ def edges(document: Document, level: Level, kind: str) -> Iterator[tuple[int, Po
 def _add_door(draft: Draft, level: Level, index: int, start: Point, end: Point, parameters: dict[str, Any]) -> None:
     stated_name = text_of(parameters, "name")
     name = identifier(stated_name if stated_name not in ("", "null") else f"Door{index + 1:03}")  # the editor's default is "null"
-    values: dict[str, Value] = {"Open": True}
+    has_drive = (text_of(parameters, "plugin") or "normal") != "none"  # "normal" is the editor's default
+    values: dict[str, Value] = {"Open": has_drive}
+    type_name = "PoweredDoor" if has_drive else "Door"
     kind = _DOOR_KINDS.get(text_of(parameters, "type"))
     if kind is not None:
         values["DoorKind"] = kind
     elif text_of(parameters, "type"):
         draft.notes.add(Rank.ASSUMED, name, f"{text_of(parameters, 'type')} is no known type of door; it has no DoorKind")
     if kind in ("Hinged", "DoubleHinged"):
-        degrees = float(parameter(parameters, "motion_degrees", 90.0))
-        values["SwingAngle"] = round(math.radians(degrees) * (1 if float(parameter(parameters, "motion_direction", 1)) >= 0 else -1), 4)
-    type_name = "PoweredDoor" if text_of(parameters, "plugin") == "normal" else "Door"  # the plugin opens the door on request
+        # Clockwise for the direction 1, from the hinge at the start or the end, as the editor draws it (level.cpp, draw_door).
+        clockwise = float(parameter(parameters, "motion_direction", 1)) >= 0
+        swing = math.radians(abs(float(parameter(parameters, "motion_degrees", 90.0))))
+        values["SwingAngle"] = round(-swing if clockwise else swing, 4)
+        if text_of(parameters, "motion_axis") == "end":
+            start, end = end, start
+    if float(parameter(parameters, "right_left_ratio", 1.0)) != 1.0:
+        draft.notes.add(Rank.LEFT_OUT, name, "its leaves have different widths, and are equally wide on the map")
     _add_wall_like(draft, level, draft.fresh(name), type_name, start, end, _DOOR_HEIGHT, values)
 
 
