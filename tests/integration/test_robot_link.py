@@ -62,6 +62,7 @@ from somrs.devices.simulator.link.link import OperatorLink, RobotLink
 from somrs.devices.simulator.server.connections import MOST_STATES
 from somrs.devices.simulator.server.pictures import Pictures
 from somrs.devices.simulator.server.server import Server
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.devices.simulator.world.physics import PhysicsScene
 from somrs.errors import RemoteError, SimulationError, UsageError, WireError
 from somrs.ontology.objects import Object
@@ -168,9 +169,9 @@ def test_a_robot_carries_a_jar_and_says_where_it_is_all_the_time() -> None:
     run(test())
 
 
-def test_a_command_that_cannot_be_carried_out_says_why() -> None:
+def test_a_command_that_cannot_be_carried_out_says_why(world: WorldKind) -> None:
     async def test() -> None:
-        async with simulator() as server, RobotLink(server.host, server.port, "Robot1") as robot:
+        async with simulator(world=world) as server, RobotLink(server.host, server.port, "Robot1") as robot:
             for command, reason in (
                 (Grip(object="Nothing"), "unknown-object"),
                 (PutDown(), "not-holding"),
@@ -290,10 +291,10 @@ def test_robots_and_operators_may_say_only_what_is_theirs() -> None:
     run(test())
 
 
-def test_a_drive_that_dies_under_way_leaves_the_jar_on_the_floor_and_says_where() -> None:
+def test_a_drive_that_dies_under_way_leaves_the_jar_on_the_floor_and_says_where(world: WorldKind) -> None:
     async def test() -> None:
         async with (
-            simulator() as server,
+            simulator(world=world) as server,
             RobotLink(server.host, server.port, "Robot1") as robot,
             OperatorLink(server.host, server.port) as operator,
         ):
@@ -553,10 +554,10 @@ async def wait_until(condition: Callable[[], object]) -> None:
             await asyncio.sleep(0.01)
 
 
-def test_who_follows_poses_knows_where_everything_is() -> None:
+def test_who_follows_poses_knows_where_everything_is(world: WorldKind) -> None:
     async def test() -> None:
         async with (
-            simulator(speed=20) as server,
+            simulator(speed=20, world=world) as server,
             following(server) as (operator, followed),
             RobotLink(server.host, server.port, "Robot1") as robot,
         ):
@@ -670,9 +671,9 @@ def test_a_fault_is_said_to_who_follows() -> None:
     run(test())
 
 
-def test_what_comes_and_goes_makes_another_set_of_movers() -> None:
+def test_what_comes_and_goes_makes_another_set_of_movers(world: WorldKind) -> None:
     async def test() -> None:
-        async with simulator() as server, following(server) as (operator, followed):
+        async with simulator(world=world) as server, following(server) as (operator, followed):
             server.simulation.add(Object(name="Jar2", type="Jar", values={"PositionX": 1.15, "PositionY": 4.2, "PositionZ": 0.7}))
             await operator.idle()
             await wait_until(lambda: "Jar2" in followed.poses)
@@ -779,9 +780,9 @@ def test_a_robot_with_a_dead_drive_is_in_the_way_of_others() -> None:
     run(test())
 
 
-def test_a_picture_is_a_png_or_there_is_a_clear_word() -> None:
+def test_a_picture_is_a_png_or_there_is_a_clear_word(world: WorldKind) -> None:
     async def test() -> None:
-        async with simulator() as server, OperatorLink(server.host, server.port) as operator:
+        async with simulator(world=world) as server, OperatorLink(server.host, server.port) as operator:
             message = ""
             try:
                 png = await operator.picture("Jar1")
@@ -922,12 +923,12 @@ def test_the_program_says_what_is_wrong(tmp_path: Path, text: str, arguments: li
     assert expected_text in ended.stderr
 
 
-def test_who_follows_poses_sees_leaves_move() -> None:
+def test_who_follows_poses_sees_leaves_move(world: WorldKind) -> None:
     async def test() -> None:
         shape = "Shape: {Form: Box, Width: 0.5, Depth: 1, Height: 0.9}"
         cupboard = f"  Cupboard1: {{type: Cupboard, at: [3, 5.5, 0], turned: -90 deg, {shape}}}\n"
         async with (
-            simulator(speed=20, text=SITE.replace("  Jar1:", f"{cupboard}  Jar1:")) as server,
+            simulator(speed=20, text=SITE.replace("  Jar1:", f"{cupboard}  Jar1:"), world=world) as server,
             following(server) as (operator, followed),
             RobotLink(server.host, server.port, "Robot1") as robot,
         ):

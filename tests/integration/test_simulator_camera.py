@@ -10,6 +10,7 @@ from PIL import Image
 
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.camera import Camera, close_up, opengl, overview, region
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SimulationError
 from tests.support.simulator_room import ONTOLOGY, room, thing
 
@@ -22,8 +23,8 @@ def gl() -> str:
         pytest.skip(str(error))
 
 
-def test_pictures_show_the_room(gl: str) -> None:
-    simulation = Simulation(room(), ONTOLOGY)
+def test_pictures_show_the_room(gl: str, world: WorldKind) -> None:
+    simulation = Simulation(room(), ONTOLOGY, world)
     camera = Camera(simulation.scene, 400, 300)
     views = (overview(simulation.scene), region(simulation.scene, 6.5, 1.5, 1.5), close_up(simulation.scene, "Robot1"))
     pictures = [np.asarray(Image.open(io.BytesIO(camera.picture(view)))) for view in views]

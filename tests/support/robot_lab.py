@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 
 from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.entish.formula import variables
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import LoadedModel, load_text, upper
@@ -73,10 +74,10 @@ async def run_work(device: Device, work: Quote | Perform | Halt | Undo, reposito
 
 
 @asynccontextmanager
-async def simulator(speed: float | None = None, text: str = SITE) -> AsyncIterator[Server]:
+async def simulator(speed: float | None = None, text: str = SITE, world: WorldKind = WorldKind.PHYSICS) -> AsyncIterator[Server]:
     """Serve the site at a free port."""
     loaded, map = site(text)
-    server = Server(Simulation(map, loaded.ontology), speed=speed)
+    server = Server(Simulation(map, loaded.ontology, world), speed=speed)
     await server.start()
     try:
         yield server
