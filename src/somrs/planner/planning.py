@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from somrs.entish import Formula
 from somrs.entish.formula import alternatives, conjunction, conjuncts, count_alternatives, names
@@ -46,8 +47,8 @@ when there is no plan. Raises SomrsError when it finds neither."""
 
 FLEET = 8
 """The number of interchangeable devices up to which the search considers each of them."""
-QUICK_EFFORT = 500_000
-"""The number of facts to match with conditions, when a task is grounded, before a lookahead is tried: about a second."""
+QUICK_EFFORT = 1_250_000
+"""The effort, when a task is grounded, before a lookahead is tried: some seconds."""
 SIMILAR, LIKELY_SHARE = 1.2, 0.5
 """If there are more relevant actions than this many times the likely ones, or the likely ones differ only by fewer objects, the engines
 search the likely ones first, for at most this share of their time."""
@@ -80,6 +81,8 @@ class _Engines:
     improver: Improver | None
     limit: float
     effort: int = SEARCH_EFFORT
+    is_overdue: Callable[[], bool] = lambda: False
+    """Whether the time for planning is over."""
 
 
 def plan_quickly(problem: Problem) -> Plan | NoPlan | None:
@@ -121,6 +124,7 @@ def plan(
     limit: float = LIMIT,
     numeric: NumericEngine | None = None,
     improver: Improver | None = None,
+    is_overdue: Callable[[], bool] = lambda: False,
 ) -> Plan | NoPlan:
     """A plan that makes the goal true on the map, or why there is none. Prefers the rest of the previous plan if it is as short.
 
@@ -134,7 +138,9 @@ def plan(
         expanded = expand_quantifiers(uses.problem)
     except Inexpressible as inexpressible:
         return _report_inexpressible(inexpressible)
-    return uses.translate(_plan_or_assume(expanded, _Engines(engine, numeric, improver, limit), ask_to_know=uses.ask_to_know))
+    return uses.translate(
+        _plan_or_assume(expanded, _Engines(engine, numeric, improver, limit, is_overdue=is_overdue), ask_to_know=uses.ask_to_know)
+    )
 
 
 def _plan_or_assume(problem: Problem, engines: _Engines, *, ask_to_know: bool) -> Plan | NoPlan:
@@ -148,17 +154,20 @@ def _plan_or_assume(problem: Problem, engines: _Engines, *, ask_to_know: bool) -
                 if isinstance(result, NoPlan) or best(reading, [result, assumed]) is assumed:
                     return assumed
                 break
-    return result if isinstance(result, NoPlan) else with_alternatives(problem, result, _plan_briefly)
+    return result if isinstance(result, NoPlan) else with_alternatives(problem, result, partial(_plan_briefly, engines.is_overdue))
 
 
-def _plan_briefly(problem: Problem) -> Plan | NoPlan:
+def _plan_briefly(is_overdue: Callable[[], bool], problem: Problem) -> Plan | NoPlan:
     """A plan that a brief search finds: others than the first one are not to take longer than it."""
-    return _plan_or_assume(problem, _Engines(None, None, None, LIMIT, SEARCH_EFFORT // BRIEF), ask_to_know=False)
+    if is_overdue():
+        return NoPlan(explanation="the time for planning is over", undecided=True)
+    engines = _Engines(None, None, None, LIMIT, SEARCH_EFFORT // BRIEF, is_overdue)
+    return _plan_or_assume(problem, engines, ask_to_know=False)
 
 
 def _plan(problem: Problem, engines: _Engines) -> Plan | NoPlan:
     try:
-        return _search_plan(problem, *_compile_problem(problem), engines)
+        return _search_plan(problem, *_compile_problem(problem, engines.is_overdue), engines)
     except Inexpressible as inexpressible:
         return _report_inexpressible(inexpressible)
     except (TooLarge, CountingFailed) as large:
@@ -204,8 +213,8 @@ def _holds_beyond_doubt(branch: Formula, problem: Problem) -> bool:
     return problem.excluded.isdisjoint(names(branch)) and formula_holds(branch, problem.map, problem.ontology)
 
 
-def _compile_problem(problem: Problem) -> tuple[World, list[Operator]]:
-    world = World(problem)
+def _compile_problem(problem: Problem, is_overdue: Callable[[], bool] = lambda: False) -> tuple[World, list[Operator]]:
+    world = World(problem, is_overdue=is_overdue)
     return world, list(goal_operators(problem.goal, world.vocabulary))
 
 
@@ -309,7 +318,7 @@ def _improve_plan(problem: Problem, first_plan: Plan, task: Task, engines: _Engi
 
 def _plan_with_counters(problem: Problem, engines: _Engines) -> Plan | NoPlan:
     """Plan with counters beside the facts, for numbers that may take too many values to have a fact each."""
-    world = World(problem, counting=True)
+    world = World(problem, counting=True, is_overdue=engines.is_overdue)
     goals = list(goal_operators(problem.goal, world.vocabulary))
     for narrow in (True, False):
         grounding = Grounding(world, demands(goals, world, narrow=narrow), narrow=narrow)

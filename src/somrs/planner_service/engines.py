@@ -106,7 +106,10 @@ def plan_in_process(problem: object, limit: float = LIMIT) -> Plan | NoPlan:
         """Look for a plan for so long, or in what is left of the time."""
         return solve(task, max(min(seconds, limit - (time.monotonic() - started_at)), seconds * LEAST_SHARE))
 
-    return plan(problem, solve_in_time if entrants() else None, limit, tyr if is_tyr_installed() else None, improve)
+    def is_overdue() -> bool:
+        return time.monotonic() - started_at > limit
+
+    return plan(problem, solve_in_time if entrants() else None, limit, tyr if is_tyr_installed() else None, improve, is_overdue)
 
 
 def solve(task: str, seconds: float) -> list[str] | None:

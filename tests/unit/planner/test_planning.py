@@ -57,6 +57,27 @@ def test_the_door_is_opened_before_the_robot_drives_through() -> None:
     assert names(make_sound_plan(make_problem("Robot1 isInside RoomB", DRIVE, OPEN))) == ["DriveTo(To: RoomB) by Robot1"]
 
 
+MIX = ServiceType(
+    name="Mix",
+    inputs=tuple(Parameter(name=name, type="Graspable") for name in "ABCD"),
+    precondition="?A.Clean = TRUE",
+    effect="?A isOn ?B AND ?C isOn ?D",
+)
+
+
+def test_planning_ends_when_its_time_is_over_and_says_so() -> None:
+    """Ten thousand uses of one service are not listed any more then; a small task is still planned."""
+    many = Map((*MAP.objects.values(), *(Object(name=f"Vessel{n}", type="Jar") for n in range(12))), FACTS)
+    goal = "Vessel0 isOn Vessel1 AND Vessel1 isOn Vessel2 AND Vessel2 isOn Vessel3 AND Shelf1 isOn Vessel0"
+    result = plan(make_problem(goal, MIX, WASH, TRANSFER, map=many), is_overdue=lambda: True)
+    assert isinstance(result, NoPlan)
+    assert result.undecided
+    assert result.explanation == (
+        "this is too large to be searched: there are more ways to use services than could be listed in time, Mix among them"
+    )
+    assert isinstance(plan(make_problem("Jar001.Clean = TRUE", WASH, TRANSFER), is_overdue=lambda: True), Plan)
+
+
 def test_an_input_can_be_a_value() -> None:
     result = make_sound_plan(make_problem('Jar001.Label = "fragile"', TRANSFER, WASH, LABEL))
     assert names(result)[-1] == 'PrintLabel(Jar: Jar001, Text: "fragile")'

@@ -17,7 +17,9 @@ from somrs.planner.model.vocabulary import GOAL, Argument, Fact, Pattern
 from somrs.planner.model.world import Binding, World
 
 EFFORT = 10_000_000
-"""The default maximum number of facts to match with conditions, and of facts that actions mention: about twenty seconds."""
+"""The default maximum of effort (`Joins`): half a minute, and about a gigabyte of actions."""
+ACTION_EFFORT = 10
+"""The effort for an action, beside that for its facts: its memory is limited, too."""
 
 
 class Grounding:
@@ -89,7 +91,7 @@ class Grounding:
         if action is None:
             return
         self.actions.append(action)
-        self.joins.spend(len(action.preconditions) + len(action.add_effects), operator)
+        self.joins.spend(ACTION_EFFORT + len(action.preconditions) + len(action.add_effects), operator)
         if self._max_actions is not None and len(self.actions) > self._max_actions:
             raise TooLarge(f"there are more than {self._max_actions} ways to use services, the last one of them {operator_name(operator)}")
         self._waiting += added_facts(action, self.world)

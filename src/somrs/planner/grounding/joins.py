@@ -21,6 +21,9 @@ others of their types."""
 STANDING_LIMIT = 500
 """The maximum number of objects in an argument place to examine, to find those."""
 
+EFFORT_BETWEEN_LOOKS = 10_000
+"""The effort between two looks at the time: some hundredths of a second."""
+
 Condition = Pattern | Literal | Test
 """A fact that services change, a static condition, or a comparison of values that services change."""
 
@@ -30,7 +33,8 @@ class TooLarge(Exception):
 
 
 class Joins:
-    """Finds bindings. Its methods raise TooLarge when more facts than `effort` were matched with conditions."""
+    """Finds bindings. Its methods raise TooLarge when more than `effort` is spent: 1 for each fact that is matched with a condition, and
+    for each set of conditions that is looked at."""
 
     def __init__(self, world: World, facts: Facts, *, narrow: bool, effort: int) -> None:
         self.world, self.facts, self.narrow = world, facts, narrow
@@ -40,12 +44,17 @@ class Joins:
         """Whether objects were left out, because only likely ones are tried (`narrow`)."""
         self.effort = effort
         """The effort that is left."""
+        self._next_look = effort - EFFORT_BETWEEN_LOOKS
 
     def spend(self, effort: int, operator: Operator) -> None:
-        """Count effort. Raises TooLarge at the limit."""
+        """Count effort. Raises TooLarge at the limit, and when the time for planning is over."""
         self.effort -= effort
         if self.effort < 0:
             raise TooLarge(f"there are too many ways to use services, {operator_name(operator)} among them")
+        if self.effort < self._next_look:
+            self._next_look = self.effort - EFFORT_BETWEEN_LOOKS
+            if self.world.is_overdue():
+                raise TooLarge(f"there are more ways to use services than could be listed in time, {operator_name(operator)} among them")
 
     def orders(self, predicate: str, arguments: tuple[Argument, ...]) -> tuple[tuple[Argument, ...], ...]:
         """The arguments in each order in which the fact can be stated."""
@@ -53,6 +62,7 @@ class Joins:
 
     def complete(self, demand: Demand, conditions: list[Condition], binding: Binding) -> Iterator[Binding]:
         """The bindings that meet the conditions; the condition with the fewest matches comes next."""
+        self.spend(1, demand.operator)
         open_conditions: list[Condition] = []
         for condition in conditions:
             ready = self.ready(demand.operator, condition, binding)

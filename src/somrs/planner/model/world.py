@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 
 from somrs.entish import Formula, Name, Number, Term, Text, Truth, Variable
@@ -29,7 +29,8 @@ VALUES: Mapping[str, tuple[type, ...]] = {"number": (Number,), "text": (Text, Na
 class World:
     """The map and ontology of one problem, with caches of query results."""
 
-    def __init__(self, problem: Problem, counting: bool = False) -> None:
+    def __init__(self, problem: Problem, counting: bool = False, is_overdue: Callable[[], bool] = lambda: False) -> None:
+        """`is_overdue`: whether the time for planning is over."""
         self.map: Map = problem.map
         self.ontology: Ontology = problem.ontology
         self.reading = problem.reading
@@ -37,6 +38,7 @@ class World:
         self._service_types = tuple(available.service_type for available in problem.services)
         self.repertoire = repertoire(problem.ontology, self._service_types, counting, problem.reading)
         self.vocabulary = self.repertoire.vocabulary
+        self.is_overdue = is_overdue
         self.excluded, self.hurry, self.fruitless = problem.excluded, problem.hurry, problem.fruitless
         self._set_providers(
             {

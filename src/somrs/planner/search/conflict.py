@@ -18,8 +18,8 @@ from somrs.planner.search.search import TooHard, search
 
 EFFORT = 200_000
 """The maximum number of moves and effects to examine for one set of goal parts: about a tenth of a second."""
-FACTS = 100_000
-"""The maximum number of facts to match for one set of goal parts."""
+FACTS = 250_000
+"""The maximum of effort for the grounding of one set of goal parts."""
 TRIES = 60
 """The maximum number of sets of goal parts to try for one explanation; then it is no longer made more precise."""
 

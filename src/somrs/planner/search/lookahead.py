@@ -53,8 +53,8 @@ EFFORT = 200_000
 """The maximum number of facts to match with conditions in all explorations together: one to three seconds."""
 EARNED_EFFORT = 20_000
 """The effort that is added for each part of the goal when it is first reached: many parts may take long, a dead end may not."""
-FACTS = 20_000
-"""The maximum number of facts to match when one action is bound."""
+FACTS = 40_000
+"""The maximum of effort when one action is bound."""
 
 
 class _GivenUp(Exception):

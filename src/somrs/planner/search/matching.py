@@ -17,8 +17,8 @@ from somrs.planner.search.steps import build_plan
 
 CHAINS = (1, 2)
 """The lengths of the chains to try. Each service of a chain achieves a precondition of the next; each goal part has its own chain."""
-FACTS = 2_000
-"""The maximum number of facts to match: a few milliseconds."""
+FACTS = 4_000
+"""The maximum of effort for a grounding: about ten milliseconds."""
 EFFORT = 10_000
 """The maximum number of moves and effects that the search examines."""
 
