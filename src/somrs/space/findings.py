@@ -29,6 +29,8 @@ TOLERANCE = 0.02
 """How far objects may overlap, m: drawings are not more exact."""
 _LEVEL_DISTANCE = 0.3
 """The largest difference between the height of an object and of the floor that it stands on, m."""
+_NARROW = 0.05
+"""By how much a lane may be too narrow, m: drawn lanes are not in the middle of doors."""
 _STEP = 0.05
 """Distance between the points at which outlines and lanes are sampled, m; walls are thicker."""
 _SMALLEST_SITE, _LARGEST_SITE = 1.0, 20_000.0
@@ -188,21 +190,39 @@ class _Site:
                 yield lane, start, end
 
     def blocked_lanes(self) -> Iterator[Finding]:
-        solids = self.standing
-        centres, extents = np.array([(s.x, s.y) for s in solids]).reshape(-1, 2), np.array([s.extent for s in solids])
+        """Lanes that lead through something, or so near to it that no robot of their graph gets through."""
+        centres, extents = np.array([(s.x, s.y) for s in self.standing]).reshape(-1, 2), np.array([s.extent for s in self.standing])
+        radii = self._radii()
         for lane, start, end in sorted(self._lanes()):
+            radius = radii.get(self._graph(lane), 0.0)
             points = _along(start.point, end.point)
-            near = np.nonzero(_distances_from_segment(centres, start.point, end.point) < extents)[0]
-            blocking = [
-                solid.name
-                for solid in (solids[index] for index in near.tolist())
+            near = np.nonzero(_distances_from_segment(centres, start.point, end.point) < extents + radius)[0]
+            distances = {
+                solid.name: float(distances_from(solid, points).min())
+                for solid in (self.standing[index] for index in near.tolist())
                 if solid.z < start.z + ROBOT_HEIGHT and solid.top > start.z + 2 * TOLERANCE
-                if float(distances_from(solid, points).min()) < -TOLERANCE
-            ]
-            if blocking:
-                ends = f"from {start.name} to {end.name}"
+            }
+            ends = f"from {start.name} to {end.name}"
+            if blocking := [name for name, distance in distances.items() if distance < -TOLERANCE]:
                 message = f"{ends}, it leads through {_some(blocking)}; move a waypoint or what stands there"
                 yield Finding(subject=lane, rule="lane-blocked", message=message)
+            elif distances and (distance := min(distances.values())) < radius - _NARROW:
+                nearest = min(distances, key=lambda name: distances[name])
+                text = f"{ends}, {nearest} is {_length(max(distance, 0.0))} from it, and the robots of its graph need {_length(radius)}"
+                yield Finding(subject=lane, rule="lane-narrow", message=f"{text}; move a waypoint or what stands there")
+
+    def _graph(self, name: str) -> str | None:
+        graph = self.map.objects[name].values.get("NavigationGraph")
+        return None if graph is None else str(graph)
+
+    def _radii(self) -> dict[str | None, float]:
+        """The radius of the smallest robot of each graph, and of all, for lanes of no graph."""
+        radii: dict[str | None, float] = {None: self.robot_radius}
+        for robot in self.robots:
+            graph, radius = self._graph(robot.name), dimensions_of(robot).radius
+            if graph is not None:
+                radii[graph] = min(radius, radii.get(graph, radius))
+        return radii
 
     # Places that cannot be reached
 

@@ -78,6 +78,15 @@ def test_mistake_is_found_and_named(old: str, new: str, subject: str, rule: str,
     assert words in found.get((subject, rule), ""), found
 
 
+def test_lane_for_larger_robots_is_too_narrow() -> None:
+    wiper = "Wiper: {type: CleaningRobot, at: [3.5, 4.6, 0], NavigationGraph: wipers, Shape: {Form: Cylinder, Radius: 0.7, Height: 1}}"
+    text = HALL.replace("  Robot1:", f"  {wiper}\n  Robot1:").replace("Lane2: {type: Lane}", "Lane2: {type: Lane, NavigationGraph: wipers}")
+    (finding,) = mistakes(text)
+    assert (finding.subject, finding.rule) == ("Lane2", "lane-narrow")
+    assert "is 0.60 m from it, and the robots of its graph need 0.70 m" in finding.message
+    assert mistakes(text.replace("NavigationGraph: wipers}", "NavigationGraph: others}")) == []
+
+
 def test_only_the_mistake_is_found() -> None:
     assert [f.subject for f in mistakes(HALL.replace("at: [1, 5, 0]", "at: [1, 5.9, 0]"))] == ["Shelf1"]
     assert {f.subject for f in mistakes(HALL.replace(SHUT, "Gate: {type: Wall, at: [6, 3, 0], turned: 1.5708,"))} == {"Far", "Lane2"}
