@@ -44,6 +44,7 @@ from somrs.devices.simulator.link.lines import (
 from somrs.devices.simulator.server.connections import Connection, ConnectionClosing, Connections
 from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.faults import Schedule
+from somrs.devices.simulator.server.pace import Pace
 from somrs.devices.simulator.server.pictures import Pictures
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.errors import SimulationError, UsageError, WireError
@@ -117,7 +118,7 @@ class Server:
             await self._nap(HEARTBEAT / 2)
 
     async def _run_at(self, speed: float) -> None:
-        start_time, origin = time.monotonic(), self.simulation.time
+        start_time, origin, pace = time.monotonic(), self.simulation.time, Pace(speed)
         while True:
             lag = (time.monotonic() - start_time) * speed + origin - self.simulation.time
             if resting := lag > 0 and self.simulation.rest(self.simulation.time + lag):
@@ -126,6 +127,7 @@ class Server:
                 if lag > MAX_LAG * speed:
                     start_time, origin = time.monotonic(), self.simulation.time
                 self._step_for(SLICE, until_time=self.simulation.time + lag)
+            self._warn_if_slow(pace)
             self._connections.tell_states()
             if self._connections.any_waits_for_rest and not self.simulation.busy:
                 self._connections.tell_poses(time.monotonic(), at_rest=True)
@@ -134,6 +136,17 @@ class Server:
                 await self._nap(NAP)
             else:
                 await asyncio.sleep(max(TICK, (self.simulation.time - origin) / speed - (time.monotonic() - start_time)))
+
+    def _warn_if_slow(self, pace: Pace) -> None:
+        slow_speed = pace.measure(time.monotonic(), self.simulation.time)
+        if slow_speed is not None:
+            log.warning(
+                "the simulation of %d robots runs at %.2f of real time, not at %g: this machine is too slow for it; "
+                "a lower --speed can be met, and --world kinematic needs less time than physics",
+                len(self.simulation.robots),
+                slow_speed,
+                pace.speed,
+            )
 
     async def _nap(self, seconds: float) -> None:
         """Wait for a line from a client, but at most for `seconds`, because the map may change, too."""
