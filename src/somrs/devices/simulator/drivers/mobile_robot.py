@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Awaitable, Callable, Iterable
 
-from somrs.devices.simulator.battery import CHARGING
+from somrs.devices.simulator.battery import charging_time
 from somrs.devices.simulator.drivers.looking import describe_things, point_at
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice, number_of
 from somrs.devices.simulator.link.commands import CommandDone, ObjectState, RobotState
@@ -59,7 +59,7 @@ async def _charging_price(device: MobileRobot, task: Task) -> float | str:
 async def _charging_time(device: MobileRobot, task: Task) -> float:
     way, _ = await device.way_to_charger(task)
     charge = (await device.check_working()).charge
-    return round(await device.driving_time(task, way) + (100.0 - (charge if charge is not None else 100.0)) / CHARGING, 1)
+    return round(await device.driving_time(task, way) + (charging_time(charge) if charge is not None else 0.0), 1)
 
 
 async def _looking_price(device: MobileRobot, task: Task) -> float | str:

@@ -10,7 +10,7 @@ import math
 from collections import defaultdict
 from collections.abc import Generator, Iterator
 
-from somrs.devices.simulator.battery import CONSUMPTION
+from somrs.devices.simulator.battery import PER_ARM_SECOND, PER_METRE, PER_RADIAN, Battery
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
 from somrs.devices.simulator.world.joints import Joints
@@ -72,8 +72,7 @@ class Robot:
         self.arm_claim: Capsule | None = None
         self.weighed: dict[str, float] = {}
         """The weights that the arm has measured during the current command, kg, by the names of the things."""
-        self.charge = min(max(solid.charge, 0.0), 100.0)
-        """Charge of the battery, percent."""
+        self.battery = Battery(solid.charge, scene.time)
         self.asking_robot: Robot | None = None
         """A robot that has asked this robot to make way."""
         self.speed, self._turning, self.heading = 0.0, 0.0, (1.0, 0.0)
@@ -113,8 +112,9 @@ class Robot:
     def state(self) -> RobotState:
         x, y, yaw = self.pose()
         faults = tuple(sorted(self.faults))
+        self.battery.pass_time(self.scene.time)  # no period has ended while everything rested
         return RobotState(
-            time=self.scene.time, x=x, y=y, yaw=yaw, holding=self.holding, activity=self.activity, faults=faults, charge=self.charge
+            time=self.scene.time, x=x, y=y, yaw=yaw, holding=self.holding, activity=self.activity, faults=faults, charge=self.battery.charge
         )
 
     # The base
@@ -126,7 +126,8 @@ class Robot:
         """Drive the base. Without a call of `move` in this period, it stops."""
         if not self._moved:
             self.speed = self._turning = 0.0
-        self.charge = max(0.0, self.charge - CONSUMPTION * self.speed * self.period)
+        self.battery.pass_time(self.scene.time)
+        self.battery.use((PER_METRE * self.speed + PER_RADIAN * abs(self._turning)) * self.period)
         self.joints.drive("x", self.speed * self.heading[0])
         self.joints.drive("y", self.speed * self.heading[1])
         self.joints.drive("yaw", self._turning)
@@ -205,6 +206,8 @@ class Robot:
             self.need_gripper()
         current = self._targets[joint]
         self._targets[joint] = current + max(-step, min(step, target - current))
+        if self._targets[joint] != current:
+            self.battery.use(PER_ARM_SECOND * self.period)
         self.joints.drive(joint, self._targets[joint])
         return abs(target - self._targets[joint]) < 1e-9
 
@@ -237,7 +240,7 @@ class Robot:
     def need_drive(self) -> None:
         if Fault.DRIVE in self.faults:
             raise GivenUp("drive-dead", f"the drive of {self.name} is dead")
-        if self.charge <= 0:
+        if self.battery.charge <= 0:
             raise GivenUp("battery-empty", f"the battery of {self.name} is empty")
 
     @property

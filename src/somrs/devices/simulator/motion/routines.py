@@ -106,8 +106,10 @@ def _charge(robot: Robot, scene: Scene) -> Routine:
     marks = scene.world.by_role(Role.MARK)
     if not any(mark.charger and abs(mark.z - robot.solid.z) < 0.1 and mark.distance(x, y) <= 0 for mark in marks):
         raise GivenUp("not-possible", f"{robot.name} does not stand at a charger")
-    while robot.charge < 100.0:
-        robot.charge = min(100.0, robot.charge + CHARGING * robot.period)
+    while True:
+        robot.battery.add(CHARGING * robot.period)
+        if robot.battery.charge == 100.0:
+            return
         yield
 
 
