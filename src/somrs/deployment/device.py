@@ -26,6 +26,7 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.observations import Observation, observed_at
+from somrs.protocol.messages.people import client_address
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
 from somrs.runtime.wire import retry_unanswered
@@ -36,6 +37,7 @@ from somrs.service_manager.sdk.device import Device
 from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
 from somrs.service_manager.sdk.service_runner import carry_out
+from somrs.service_manager.sdk.tasks import TaskSubmitter
 from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)
@@ -44,7 +46,7 @@ JOIN_TIME = 60.0
 """Seconds after which `DeviceRunner.start` raises when the device has not joined."""
 
 MAP_TIME = 60.0
-"""Seconds for which a device repeats a request that the Repository does not answer."""
+"""Seconds for which a device repeats a request that the Repository or the Task Manager does not answer."""
 
 LEAVE_TIME = 5.0
 """Seconds that a device has to become idle when its program stops."""
@@ -113,6 +115,7 @@ class DeviceRunner:
         self.device.profile()  # reports an invalid class before anything is connected
         self._runtime = runtime = await self._listen()
         self.device.map = MapReader(self._ask)
+        self.device.tasks = TaskSubmitter(lambda body: self._request(body, self._addresses.task_manager, client_address(self.device.name)))
         self.device.observer = self._observed
         self.device.publisher = self._services_changed
         await self.device.open()
@@ -211,11 +214,15 @@ class DeviceRunner:
 
         What a device reports holds now, and not when the Repository is there again.
         """
+        assert self._runtime is not None, "devices send requests after they listen"
+        if isinstance(body, UpdateMap):
+            body = structs.replace(body, observation=observed_at(body.observation, self._runtime.clock.now()))
+        return await self._request(body, self._addresses.repository)
+
+    async def _request(self, body: Body, recipient: str, sender: str = ANONYMOUS) -> Body:
         runtime = self._runtime
         assert runtime is not None, "devices send requests after they listen"
-        if isinstance(body, UpdateMap):
-            body = structs.replace(body, observation=observed_at(body.observation, runtime.clock.now()))
-        header = Header(sender=ANONYMOUS, recipient=self._addresses.repository, message_id=uuid.uuid4().urn)
+        header = Header(sender=sender, recipient=recipient, message_id=uuid.uuid4().urn)
         question = Message(header=header, body=body)
         return (await retry_unanswered(lambda: runtime.request(question), MAP_TIME)).body
 

@@ -25,7 +25,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
         )
     ),
     Section.RELATIONS: frozenset(
-        ("isPartOf", "isOn", "isIn", "isHeldBy", "isAt", "startsAt", "endsAt", "interactsAt", "stopsAt", "leadsInto")
+        ("isPartOf", "isOn", "isIn", "isHeldBy", "isAt", "isBookedFor", "startsAt", "endsAt", "interactsAt", "stopsAt", "leadsInto")
     ),
     Section.FUNCTIONS: frozenset(("distance",)),
     Section.TYPES: frozenset(

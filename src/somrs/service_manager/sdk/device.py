@@ -29,14 +29,16 @@ from msgspec import Struct
 
 from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
-from somrs.errors import DeviceError
+from somrs.errors import DeviceError, RemoteError
 from somrs.ontology.service_kinds import kind_problems
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Definition, ObjectType, Value
+from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.knowledge import UpdateMap, by_kind
 from somrs.protocol.messages.observations import Observation, Reception
 from somrs.service_manager.sdk.map_reader import Ask, MapReader
 from somrs.service_manager.sdk.orders import Advance, Capability, Order, Profile
+from somrs.service_manager.sdk.tasks import TaskSubmitter
 from somrs.service_manager.sdk.values import fill_in, money, python_value, seconds
 
 Situation = str | Formula | None
@@ -195,6 +197,10 @@ def _ignore_observation(situation: str | None, observation: Observation) -> None
     """Do nothing: no program runs the device."""
 
 
+async def _no_task_manager(body: Body) -> Body:
+    raise RemoteError("no program runs the device, so that it cannot submit tasks")
+
+
 def _publish_nothing() -> None:
     """Do nothing: no program runs the device."""
 
@@ -214,6 +220,8 @@ class Device:
     """Static attributes of its services, such as OperationRange, by which clients can discover them."""
     map: MapReader
     """Reads the Repository's map; available from `open` on."""
+    tasks: TaskSubmitter = TaskSubmitter(_no_task_manager)
+    """Submits tasks to the Task Manager; the program that runs the device sets it."""
     data: Path = Path(".somrs")
     """The data folder of the running system, where a device may store data; it may not exist yet."""
     capacity: int = 1

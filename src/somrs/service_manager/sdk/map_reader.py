@@ -37,10 +37,15 @@ class MapReader:
 
     async def query(self, formula: str | Formula, limit: int = 100) -> list[dict[str, Value]]:
         """Return all solutions of the formula, up to `limit`: a value, or the name of an object, for each variable."""
+        rows = await self.rows(formula, limit)
+        return [{name: python_value(text) for name, text in row.bindings.items()} for row in rows.rows]
+
+    async def rows(self, formula: str | Formula, limit: int = 100) -> Rows:
+        """Return the solutions as Entish, with the version of the map in which they hold."""
         rows = await self._answer(QueryMap(formula=str(formula), limit=limit, situation=self._situation))
         if not isinstance(rows, Rows):
             raise RemoteError(f"the Repository answered QueryMap with {type(rows).__name__}")
-        return [{name: python_value(text) for name, text in row.bindings.items()} for row in rows.rows]
+        return rows
 
     async def holds(self, formula: str | Formula) -> bool:
         return bool(await self.query(formula, limit=1))
@@ -57,6 +62,10 @@ class MapReader:
                     return service_type
             after, more = page.next, page.more
         return None
+
+    async def update(self, update: UpdateMap) -> bool:
+        """Change the map unless it changed after the `expected_version`. Returns whether the Repository made the update."""
+        return isinstance(await self._answer(update), Updated)
 
     async def report(self, update: UpdateMap) -> Reception:
         """Change the map, and return what became of the report. Raises RemoteError when the Repository rejects it."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
 
 from somrs.devices.simulator.battery import charging_time
+from somrs.devices.simulator.drivers.charging import ChargingRobot, Spot, least_charge
 from somrs.devices.simulator.drivers.looking import describe_things, point_at
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice, number_of
 from somrs.devices.simulator.link.commands import CommandDone, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Formula, Name, Relation, conjuncts
@@ -25,23 +25,14 @@ ARRIVED = 0.1
 """A robot stands at a place if its middle is at most this far outside of the place's circle, m."""
 
 
-class Spot:
-    """A named place on the map: its name, its middle and its radius in metres."""
-
-    def __init__(self, name: str, x: float, y: float, radius: float) -> None:
-        self.name, self.x, self.y, self.radius = name, x, y, radius
-
-    def distance(self, x: float, y: float) -> float:
-        """Distance of a point from the place's circle, m; negative inside it."""
-        return math.dist((self.x, self.y), (x, y)) - self.radius
-
-
 async def _able(device: MobileRobot, task: Task) -> None:
     await device.check_able(task)
 
 
 async def _able_to_charge(device: MobileRobot, task: Task) -> None:
-    await device.check_working()
+    state = await device.check_working()
+    if state.charge == 0:
+        raise Refusal(f"the battery of {device.name} is empty, so that somebody has to bring it to a charger", not_now=True)
 
 
 async def _price(device: MobileRobot, task: Task) -> float | str:
@@ -70,14 +61,19 @@ async def _looking_time(device: MobileRobot, task: Task) -> float:
     return round(LOOKING_TIME + await device.driving_time(task, await device.way_to_view(task)), 1)
 
 
-class MobileRobot(SimulatedDevice):
+class MobileRobot(ChargingRobot):
     """A mobile robot in the simulator."""
 
     async def check_able(self, task: Task) -> RobotState:
         """Return the robot's state. Raises Refusal when it cannot work, also because its battery is almost empty."""
         state = await self.check_working()
-        if state.charge is not None and state.charge < LOWEST_CHARGE:
-            raise Refusal(f"the battery of {self.name} is at {state.charge:.0f} %; it has to be charged first")
+        charge = await self.available_charge(task, state)
+        if charge is not None and charge < LOWEST_CHARGE:
+            raise Refusal(
+                f"the battery of {self.name} is at {charge:.0f} %; it has to be charged first",
+                not_now=True,
+                condition=f"{self.name}.Charge >= {least_charge(LOWEST_CHARGE)}",
+            )
         return state
 
     # Driving to a place
@@ -85,7 +81,7 @@ class MobileRobot(SimulatedDevice):
     async def way_to_place(self, task: Task) -> tuple[float, Spot]:
         """The place that the task names, and the driving distance to it in metres. Raises Refusal when there is no path."""
         name = str(task.inputs["Place"])
-        spot = next((spot for spot in await self._named_places(task, "Place") if spot.name == name), None)
+        spot = next((spot for spot in await self.named_places(task, "Place") if spot.name == name), None)
         if spot is None:
             raise Refusal(f"the map does not say where {name} is")
         (way,) = await self._distances(task, spot)
@@ -108,11 +104,19 @@ class MobileRobot(SimulatedDevice):
     @move_to.compensation
     async def move_back(self, task: Task, situation: Formula) -> Situation:
         """Drive back to the place where the robot was."""
-        spots = {spot.name: spot for spot in await self._named_places(task, "Place")}
+        spots = {spot.name: spot for spot in await self.named_places(task, "Place")}
         earlier_place = next((name for name in places_of(self.name, situation) if name in spots), None)
         if earlier_place is None:
             raise ServiceFailed(f"{situation} does not say at which place {self.name} was")
         return await self._driven_to(task, spots[earlier_place])
+
+    async def _driving(self, task: Task, drive: Coroutine[object, object, CommandDone], begin: float, end: float, note: str) -> CommandDone:
+        try:
+            self.check_start(task)
+        except ServiceFailed:
+            drive.close()
+            raise
+        return await super()._driving(task, drive, begin, end, note)
 
     async def _driven_to(self, task: Task, spot: Spot) -> str:
         note = f"drives to {spot.name}"
@@ -122,26 +126,36 @@ class MobileRobot(SimulatedDevice):
 
     async def way_to_charger(self, task: Task) -> tuple[float, Spot]:
         """The nearest charger that is free, and the driving distance to it in metres. Raises Refusal if there is none."""
-        chargers = await self._named_places(task, "Charger")
-        robots = [spot for spot in await self._named_places(task, "MobileRobot") if spot.name != self.name]
-        free = [charger for charger in chargers if not any(charger.distance(robot.x, robot.y) <= 0 for robot in robots)]
-        if not free:
-            raise Refusal("there is no charger on the map" if not chargers else "all chargers are in use")
-        ways = [(await self._distances(task, charger))[0] for charger in free]
+        return (await self._ways_to_chargers(task, (await self.free_chargers(task))[0]))[0]
+
+    async def _ways_to_chargers(self, task: Task, free: Sequence[Spot]) -> list[tuple[float, Spot]]:
+        """The free chargers, the nearest first, and the driving distances to them in metres. Raises Refusal if there is no path to any."""
+        ways = [(await self._distances(task, charger, charging=True))[0] for charger in free]
         reachable = [(way, charger) for way, charger in zip(ways, free, strict=True) if way is not None]
         if not reachable:
             raise Refusal(f"{self.name} finds no path to {' or '.join(charger.name for charger in free)}")
-        return min(reachable, key=lambda option: option[0])
+        return sorted(reachable, key=lambda option: option[0])
 
     @service("ChargeBattery", price=_charging_price, duration=_charging_time, able=_able_to_charge, inputs=())
     async def charge(self, task: Task) -> Situation:
+        charger = await self._reserved_charger(task)
         try:
-            _, charger = await self.way_to_charger(task)
+            await self._driven_to(task, charger)
+            note = f"charges at {charger.name}"
+            return await self._commanded(task, lambda: self._driving(task, self._link.charge(), 0.2, 1.0, note))
+        finally:
+            self._release(charger.name)
+
+    async def _reserved_charger(self, task: Task) -> Spot:
+        """The nearest free charger, which is reserved for this robot now. Raises ServiceFailed."""
+        try:
+            free, version = await self.free_chargers(task)
+            for _, charger in await self._ways_to_chargers(task, free):
+                if await self.reserve_charger(charger.name, version):
+                    return charger
         except Refusal as refusal:
-            raise ServiceFailed(str(refusal)) from None
-        await self._driven_to(task, charger)
-        note = f"charges at {charger.name}"
-        return await self._commanded(task, lambda: self._driving(task, self._link.charge(), 0.2, 1.0, note))
+            raise ServiceFailed(str(refusal), tried=False) from None
+        raise ServiceFailed("other robots have just reserved all chargers", tried=False)
 
     @charge.stopping
     async def stop_charging(self, task: Task) -> Situation:
@@ -193,19 +207,14 @@ class MobileRobot(SimulatedDevice):
             raise Refusal(f"{self.name} finds no path to {place}")
         return way
 
-    # The map
+    async def _distances(self, task: Task, stop: Spot | str, *, charging: bool = False) -> tuple[float | None, ...]:
+        """The driving distance to a place or an object, m; None if there is no path. Raises Refusal.
 
-    async def _named_places(self, task: Task, kind: str) -> list[Spot]:
-        """The objects of a type with a position; their radius is 0 if the map states none."""
-        position = "?It.PositionX = ?X AND ?It.PositionY = ?Y"
-        rows = await task.map.query(f"?It: {kind} = ?It AND {position}")
-        radii = {str(row["It"]): number_of(row["Radius"]) for row in await task.map.query(f"?It: {kind}.Shape.Radius = ?Radius")}
-        return [Spot(str(row["It"]), number_of(row["X"]), number_of(row["Y"]), radii.get(str(row["It"]), 0.0)) for row in rows]
-
-    async def _distances(self, task: Task, stop: Spot | str) -> tuple[float | None, ...]:
-        """The driving distance to a place or an object, m; None if there is no path. Raises Refusal."""
+        `charging`: the charge may just do, because the robot charges there.
+        """
+        place = (stop.x, stop.y) if isinstance(stop, Spot) else stop
         try:
-            legs = await self.legs_through(task, (stop.x, stop.y) if isinstance(stop, Spot) else stop)
+            legs = await (self.legs_to_charger(task, place) if charging else self.legs_through(task, place))
             return legs.lengths if not legs.shut else (None,)
         except (RemoteError, UsageError) as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
@@ -232,7 +241,7 @@ class MobileRobot(SimulatedDevice):
 
     async def whereabouts(self, task: Task, state: RobotState) -> list[str]:
         """The robot's pose, the charge of its battery, and the place at which it stands, as parts of a formula."""
-        places = [place for place in await self._named_places(task, "Place") if place.distance(state.x, state.y) <= ARRIVED]
+        places = [place for place in await self.named_places(task, "Place") if place.distance(state.x, state.y) <= ARRIVED]
         if not places:
             return [*self._own_pose(state), *await self.left_places(task, state)]
         nearest = min(places, key=lambda place: math.dist((place.x, place.y), (state.x, state.y)))
@@ -241,7 +250,7 @@ class MobileRobot(SimulatedDevice):
     async def left_places(self, task: Task, state: RobotState) -> list[str]:
         """That the robot is no longer at the place where it is according to the map, as parts of a formula; none if it is there."""
         rows = await task.map.query(f"{self.name} isAt ?Place")
-        places = {place.name: place for place in await self._named_places(task, "Place")} if rows else {}
+        places = {place.name: place for place in await self.named_places(task, "Place")} if rows else {}
         return [
             f"NOT {self.name} isAt {name}"
             for name in (str(row["Place"]) for row in rows)

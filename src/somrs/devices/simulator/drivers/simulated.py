@@ -63,7 +63,7 @@ class SimulatedDevice(Device):
         self._working = 0
         self._reported_pose: Pose | None = None
         self._known_broken = await self.map.holds(f"{self.name}.Working = FALSE")
-        self._link = RobotLink(host, int(port), self.name, silence=self.silence, on_state=self._notice_fault)
+        self._link = RobotLink(host, int(port), self.name, silence=self.silence, on_state=self._notice_state)
         await self._link.connect()
         try:
             await self._link.status()
@@ -85,7 +85,7 @@ class SimulatedDevice(Device):
         is_idle = self._link.connected and not self._link.silent and not self._working
         return state if is_idle and state is not None and state.activity is None else None
 
-    def _notice_fault(self, state: RobotState) -> None:
+    def _notice_state(self, state: RobotState) -> None:
         """Report a disabling fault at once."""
         if not self._known_broken and _DISABLING.keys() & set(state.faults):
             self.observed(self._out_of_order())
@@ -157,10 +157,14 @@ class SimulatedDevice(Device):
         finally:
             self._working -= 1
 
+    async def find_legs(self, task: Task, *stops: str | tuple[float, float]) -> Legs:
+        """The way through the stops in the situation in which the service is to start."""
+        situation = str(task.situation) if task.situation is not None else None
+        return await self.retry_when_link_lost(lambda: self._link.legs(*stops, situation=situation))
+
     async def legs_through(self, task: Task, *stops: str | tuple[float, float]) -> Legs:
         """The way through the stops in the situation in which the service is to start. Demands that the doors on it are open throughout."""
-        situation = str(task.situation) if task.situation is not None else None
-        legs = await self.retry_when_link_lost(lambda: self._link.legs(*stops, situation=situation))
+        legs = await self.find_legs(task, *stops)
         for door in (*legs.shut, *legs.open):
             task.demand(f"{door}.Open = TRUE", throughout=True)
         return legs

@@ -1,0 +1,1 @@
+"""Fleets with few chargers, busy for a long simulated time."""
