@@ -23,6 +23,8 @@ from somrs.space.reachability import Ground, outline_of
 from somrs.space.solids import Point, Role, Solid, solid_of
 
 STANDING = (Role.WALL, Role.SUPPORT, Role.STATIC)
+_PASSABLE = ("Lift", "Pedestrian")
+"""Types of what stands there, and yet is not in the way: robots drive into lifts, and people walk on."""
 ROBOT_RADIUS, ROBOT_HEIGHT = 0.25, 1.85
 """The size of a robot where the map has none, m."""
 TOLERANCE = 0.02
@@ -77,8 +79,9 @@ class _Site:
         self.robots = [solid for solid in solids if solid.role is Role.ROBOT]
         self.passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
         in_lifts = {fact.arguments[0] for fact in map.facts("isIn") if ontology.is_subtype(map.objects[fact.arguments[1]].type, "Lift")}
-        self.lifts = {solid.name for solid in solids if ontology.is_subtype(solid.type, "Lift")}
-        self.standing = [solid for solid in solids if solid.role in STANDING and solid.name not in self.lifts]
+        self.standing = [
+            solid for solid in solids if solid.role in STANDING and not any(ontology.is_subtype(solid.type, type) for type in _PASSABLE)
+        ]
         self.places = [spot for spot in self._spots("Place") if spot.name not in in_lifts]
         self.waypoints = [spot for spot in self._spots("Waypoint") if spot.name not in in_lifts]
         self.robot_radius = min((dimensions_of(robot).radius for robot in self.robots), default=ROBOT_RADIUS)

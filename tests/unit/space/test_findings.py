@@ -112,6 +112,10 @@ def test_lift_is_no_obstacle_to_the_lane_into_it() -> None:
     assert mistakes(text) == []
 
 
+def test_people_walk_on() -> None:
+    assert mistakes(HALL.replace("  Robot1:", "  Pedestrian1: {type: Pedestrian, at: [7, 3, 0]}\n  Robot1:")) == []
+
+
 @pytest.mark.parametrize("site", sorted((ROOT / "src/somrs/demo/data").glob("*.yaml")), ids=lambda path: path.stem)
 def test_sites_of_the_demonstration_have_none(site: object) -> None:
     loaded = load([str(site)])
