@@ -36,6 +36,8 @@ _NARROW = 0.05
 _STEP = 0.05
 """Distance between the points at which outlines and lanes are sampled, m; walls are thicker."""
 _SMALLEST_SITE, _LARGEST_SITE = 1.0, 20_000.0
+_FARTHEST = 100_000.0
+"""How far from the origin of its map an object may be, m: a building is not, and computations would become inexact."""
 _SHORTEST_LANE = 0.05
 _DOOR_WIDTHS = (0.4, 12.0)
 
@@ -74,6 +76,7 @@ class _Site:
         self.map, self.ontology = map, ontology
         self.unbuildable: list[Finding] = []
         solids = [solid for object in map.objects.values() if (solid := self._solid(object)) is not None]
+        self.solids = solids
         self.floors = [solid for solid in solids if solid.role is Role.FLOOR]
         self.walls = [solid for solid in solids if solid.role is Role.WALL]
         self.robots = [solid for solid in solids if solid.role is Role.ROBOT]
@@ -126,6 +129,13 @@ class _Site:
                 text = f"all that is there lies within {_length(extent)}: the coordinates cannot be metres"
                 yield Finding(subject=root, rule="not-metres", message=f"{text}; convert degrees, pixels or millimetres")
                 return
+        for name, point, extent in (
+            *((s.name, (s.x, s.y), s.extent) for s in self.solids),
+            *((s.name, s.point, 0.0) for s in self.waypoints),
+        ):
+            if not (extent <= _LARGEST_SITE and math.hypot(*point) <= _FARTHEST):
+                text = f"it reaches {_length(math.hypot(*point) + extent)} from the map's origin"
+                yield Finding(subject=name, rule="not-metres", message=f"{text}; move the origin near, or correct its position or size")
         lengths = [math.dist(start.point, end.point) for _, start, end in self._lanes()]
         if len(lengths) > 3 and statistics.median(lengths) < _SHORTEST_LANE:
             text = f"half of the lanes are shorter than {_length(_SHORTEST_LANE)}: the coordinates cannot be metres; convert them"
@@ -255,7 +265,7 @@ class _Site:
 
 def _spot(object: Object) -> _Spot | None:
     x, y, z = (object.values.get(path) for path in ("PositionX", "PositionY", "PositionZ"))
-    if not isinstance(x, float | int) or not isinstance(y, float | int):
+    if not isinstance(x, float | int) or not isinstance(y, float | int) or not math.isfinite(x + y):
         return None
     return _Spot(object.name, object.type, (float(x), float(y)), float(z) if isinstance(z, float | int) else 0.0)
 

@@ -250,6 +250,6 @@ def _outline(name: str, text: str) -> tuple[Point, ...]:
         corners = tuple((float(x), float(y)) for x, y in (corner.split(",") for corner in text.split()))
     except ValueError:
         corners = ()
-    if len(corners) < 3:
+    if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
         raise SimulationError(f'{name}: Shape.Outline must be three or more corners such as "0,0 4,0 4,3", not "{text}"')
     return corners

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from somrs.ontology.files.loading import load, load_text
+from somrs.ontology.objects import ValueSet
 from somrs.space.findings import Finding, find_mistakes
 from somrs.space.reachability import Ground
 from somrs.space.solids import Point, Role, Solid
@@ -121,6 +122,25 @@ def test_sites_of_the_demonstration_have_none(site: object) -> None:
     loaded = load([str(site)])
     assert loaded.map is not None
     assert find_mistakes(loaded.map, loaded.ontology) == []
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_any_numbers_have_findings_or_none(data: st.DataObject) -> None:
+    """A map of a floor, a wall, a robot, a place and a lane, with any positions and sizes."""
+    numbers = st.sampled_from([0.0, -1.0, 0.001, 1e3, 1e7, -1e12, 1e300]) | st.floats(-20, 20)
+    outlines = st.sampled_from(["0,0 4,0 4,3", "0,0 0,0 0,0", "nan,0 1,1 2,2", "inf,0 1,1 2,2", "0,0 1e200,0 0,1e200", "0,0 4,4 0,4 4,0"])
+    loaded = load_text(HALL)
+    assert loaded.map is not None
+    site_map = loaded.map
+    for name in data.draw(st.lists(st.sampled_from(["Floor1", "South", "Robot1", "Far", "Turn", "Shelf1", "Gate"]), max_size=4)):
+        path = data.draw(st.sampled_from(["PositionX", "PositionY", "PositionZ", "Shape.Width", "Shape.Depth", "Shape.Height"]))
+        site_map = site_map.changed([ValueSet(name, path, data.draw(numbers))])
+    if data.draw(st.booleans()):
+        site_map = site_map.changed([ValueSet("Floor1", "Shape.Form", "Polygon"), ValueSet("Floor1", "Shape.Outline", data.draw(outlines))])
+    for finding in find_mistakes(site_map, loaded.ontology):
+        assert finding.subject in site_map.objects
+        assert finding.message
 
 
 # What is reachable, against the definition
