@@ -143,3 +143,25 @@ def test_the_charge_goes_to_the_map_in_steps() -> None:
             assert charges == sorted(charges)
 
     run(test())
+
+
+def test_a_robot_whose_battery_runs_empty_on_the_way_says_so_and_has_to_be_brought_to_a_charger() -> None:
+    table = "  Table1: {type: Platform, at: [6, 1, 0], Shape: {Form: Box, Width: 0.5, Depth: 0.5, Height: 0.3}}"
+    jar = f"{table}\n  Jar1: {{type: Jar, at: [6, 1, 0.3]}}\n"
+
+    async def test() -> None:
+        text = site(0.02, facts=f"{jar}facts:\n  - Jar1 isOn Table1")
+        async with charging_robot(text) as (harness, _, reports):
+            with pytest.raises(ServiceFailed, match="the battery of Robot1 is empty") as caught:
+                await harness.perform("TransferObject", Object="Jar1", Destination="Table1")
+            assert "Robot1.Charge = 0" in str(caught.value.situation)
+            assert "isHeldBy" not in str(caught.value.situation), "another robot can take the jar"
+            assert reports in ([], [str(parse("Robot1.Charge = 0"))])
+            with pytest.raises(Refusal, match="it has to be charged first") as refused:
+                await harness.quote("MoveTo", Place="Entrance")
+            assert refused.value.not_now
+            with pytest.raises(Refusal, match="somebody has to bring it to a charger") as stuck:
+                await harness.quote("ChargeBattery")
+            assert stuck.value.not_now
+
+    run(test())

@@ -22,6 +22,8 @@ def main() -> int:
     parser.add_argument("--hours", type=float, default=168.0, help="simulated hours of each run; a week by default")
     parser.add_argument("--robots", type=int, default=10)
     parser.add_argument("--chargers", type=int, default=3)
+    parser.add_argument("--lowest", type=int, default=25, help="the lowest charge at the beginning, percent")
+    parser.add_argument("--highest", type=int, default=95, help="the highest charge at the beginning, percent")
     parser.add_argument("--speed", default="max", help="simulated seconds per second, or `max`")
     parser.add_argument("--out", type=Path, default=Path("out/energy-runs"), help="the folder of the systems' data")
     chosen = parser.parse_args()
@@ -29,7 +31,7 @@ def main() -> int:
     for seed in range(chosen.seed_base, chosen.seed_base + chosen.runs):
         folder = chosen.out / str(seed)
         shutil.rmtree(folder, ignore_errors=True)
-        fleet = Fleet(seed=seed, robots=chosen.robots, chargers=chosen.chargers)
+        fleet = Fleet(seed=seed, robots=chosen.robots, chargers=chosen.chargers, lowest_charge=chosen.lowest, highest_charge=chosen.highest)
         result = asyncio.run(EnergyRun(fleet, chosen.hours, folder, speed=chosen.speed, carried_at_once=chosen.robots // 2).play())
         ends = ", ".join(f"{count} {outcome}" for outcome, count in result.outcomes.items())
         console.print(
