@@ -105,6 +105,38 @@ def test_a_robot_at_work_shows_its_step_and_then_what_it_has_done(system: Runnin
     assert fleet(system)[name]["load"] > 0
 
 
+def test_everything_is_stopped_on_one_page_and_released_on_another(system: RunningSystem, window: OpenPage) -> None:
+    fleet_page, tasks_page = window(f"{system.url}/fleet"), window(f"{system.url}/tasks", "390", dark=True)
+    fleet_page.get_by_role("button", name="Stop all devices").click()
+    expect(device(fleet_page, "Robot1").get_by_text("Stopped", exact=True)).to_be_visible()
+    take_screenshot(fleet_page, "fleet-stopped")
+    release = tasks_page.get_by_role("button", name=re.compile("Release"))
+    expect(release).to_be_visible()
+    assert fits(tasks_page)
+    take_screenshot(tasks_page, "tasks-stopped-390")
+    release.click()
+    expect(device(fleet_page, "Robot1").get_by_text("Stopped", exact=True)).to_have_count(0)
+    expect(release).to_be_hidden()
+
+
+def test_a_robot_is_taken_out_of_service_and_sent_to_a_place_from_its_card(system: RunningSystem, window: OpenPage) -> None:
+    page = window(f"{system.url}/fleet")
+    menu = device(page, "Robot2").get_by_role("button", name="Orders to Robot2")
+    menu.click()
+    page.get_by_role("menuitem", name="Take out of service").click()
+    expect(device(page, "Robot2").get_by_text("Out of service", exact=True)).to_be_visible()
+    menu.click()
+    page.get_by_role("menuitem", name="Back into service").click()
+    expect(device(page, "Robot2").get_by_text("Out of service", exact=True)).to_have_count(0)
+    menu.click()
+    page.get_by_role("menuitem", name="Go to …").click()
+    dialog = page.get_by_role("dialog", name="Where Robot2 goes")
+    dialog.get_by_role("combobox", name="Place").click()
+    page.get_by_role("option").first.click()
+    page.wait_for_url(re.compile("/tasks/"))
+    expect(page.get_by_text("Robot2 isAt").first).to_be_visible()
+
+
 def test_a_fault_is_made_and_mended_by_keyboard_and_both_windows_see_it(system: RunningSystem, window: OpenPage) -> None:
     first_page, second_page = window(f"{system.url}/fleet"), window(f"{system.url}/fleet", "820", dark=True)
     expect(device(second_page, "Robot2")).to_be_visible()

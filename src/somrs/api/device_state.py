@@ -19,6 +19,10 @@ class DeviceState(StrEnum):
     """It has a contract for a step that has not begun."""
     NOT_WORKING = "not-working"
     """It has a fault, whether or not it has work."""
+    STOPPED = "stopped"
+    """An operator has stopped it."""
+    OUT_OF_SERVICE = "out-of-service"
+    """An operator has taken it out of service: it finishes its work, and gets no more."""
     NOTHING_ON_OFFER = "nothing-on-offer"
     """It is on the map, and has no service on offer."""
     DEPARTED = "gone"
@@ -30,6 +34,8 @@ LABELS: Mapping[DeviceState, str] = {
     DeviceState.BUSY: "Busy",
     DeviceState.BOOKED: "Booked",
     DeviceState.NOT_WORKING: "Not working",
+    DeviceState.STOPPED: "Stopped",
+    DeviceState.OUT_OF_SERVICE: "Out of service",
     DeviceState.NOTHING_ON_OFFER: "Nothing on offer",
     DeviceState.DEPARTED: "Gone",
 }
@@ -52,14 +58,20 @@ def is_working(on_map: bool, faults: Collection[Fault] | None) -> bool:
     return not faults if faults is not None else on_map
 
 
-def state_of(*, on_map: bool, offers: bool, working: bool, busy: bool, booked: bool) -> DeviceState:
+def state_of(
+    *, on_map: bool, offers: bool, working: bool, busy: bool, booked: bool, paused: bool = False, in_service: bool = True
+) -> DeviceState:
     """The state of a device. `busy`: it executes a step; `booked`: it has a contract for a step that has not begun."""
     if not on_map and not offers:
         return DeviceState.DEPARTED
     if not working:
         return DeviceState.NOT_WORKING
+    if paused:
+        return DeviceState.STOPPED
     if not offers:
         return DeviceState.NOTHING_ON_OFFER
     if busy:
         return DeviceState.BUSY
+    if not in_service:
+        return DeviceState.OUT_OF_SERVICE
     return DeviceState.BOOKED if booked else DeviceState.READY

@@ -20,7 +20,7 @@ from somrs.client.task_history import TaskHistory
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import SomrsError
 from somrs.ontology.services import ServiceKind
-from somrs.ontology.types import WORKING, Value
+from somrs.ontology.types import IN_SERVICE, PAUSED, WORKING, Value
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.directory import Discover, Offer, PresenceChange
 from somrs.protocol.messages.frp import State
@@ -102,6 +102,10 @@ class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     label: str | None = None
     working: bool = True
     """Whether it is free of known faults."""
+    paused: bool = False
+    """Whether an operator has stopped it."""
+    in_service: bool = True
+    """Whether it gets new work."""
     position: tuple[float, ...] | None = None
     place: str | None = None
     """The storey on which it is."""
@@ -194,7 +198,11 @@ class FleetService:
                 working=working,
                 busy=any(assignment.state in BUSY for assignment in assignments),
                 booked=bool(assignments),
+                paused=value_of(name, PAUSED, map, ontology) is True,
+                in_service=value_of(name, IN_SERVICE, map, ontology) is not False,
             ),
+            paused=value_of(name, PAUSED, map, ontology) is True,
+            in_service=value_of(name, IN_SERVICE, map, ontology) is not False,
             position=self._position(name),
             place=self._place(name),
             holding=tuple(arguments[0] for arguments in map.facts_with(_HELD_BY, 1, name)),

@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import get_type_hints
 
+from somrs.api.control import ControlService
 from somrs.api.fleet import FleetService
 from somrs.api.formulas import FormulaService
 from somrs.api.map import MapService
@@ -40,6 +41,7 @@ class Api:
     map: MapService
     tasks: TaskService
     fleet: FleetService
+    control: ControlService
     formulas: FormulaService
     orders: OrderService
     people: PeopleService

@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from somrs.api.context import Context
+from somrs.api.control import ControlService
 from somrs.api.fleet import FleetService
 from somrs.api.formulas import FormulaService
 from somrs.api.listener import Listener
@@ -40,6 +41,7 @@ class ApiService:
         self.map = MapService(context)
         self.tasks = TaskService(context)
         self.fleet = FleetService(context)
+        self.control = ControlService(context)
         self.formulas = FormulaService(context)
         self.orders = orders
         self.people = PeopleService(context)

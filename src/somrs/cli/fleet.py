@@ -24,6 +24,8 @@ SIGNS = {
     DeviceState.BUSY: ("▶", "green"),
     DeviceState.BOOKED: ("▷", "green"),
     DeviceState.NOT_WORKING: ("✘", "red"),
+    DeviceState.STOPPED: ("✋", "red"),
+    DeviceState.OUT_OF_SERVICE: ("", "dim"),
     DeviceState.NOTHING_ON_OFFER: ("", "yellow"),
     DeviceState.DEPARTED: ("", "dim"),
 }

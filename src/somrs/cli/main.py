@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 from typer.main import get_command
 
+from somrs.cli.control import control_app
 from somrs.cli.ontology import DEFAULT_AUTHOR, Author, BeforeOption, Dry, Limit, ontology_app, undo
 from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, Formula, HostOption, Json, WorldOption, awaited, fail, guarded
 from somrs.cli.orders import orders_app, templates_app
@@ -31,6 +32,7 @@ map_app = typer.Typer(help="Query and change the map in the Repository.", no_arg
 app.add_typer(map_app, name="map")
 app.add_typer(ontology_app, name="ontology")
 app.add_typer(tasks_app)
+app.add_typer(control_app)
 app.add_typer(templates_app, name="templates")
 app.add_typer(orders_app, name="orders")
 app.add_typer(run_app, name="run")

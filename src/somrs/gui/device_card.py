@@ -11,6 +11,7 @@ from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
 from somrs.api.fleet import BUSY, Assignment, DeviceView, Presence, ServiceView
 from somrs.devices.simulator.link.commands import Fault
 from somrs.gui.components.rebuilt import RebuiltElement
+from somrs.gui.device_orders import DeviceOrders
 from somrs.gui.icons import Badge, Gauge, Sign, format_time, join_names
 
 ICONS = {
@@ -36,6 +37,8 @@ SIGNS = {
     DeviceState.BUSY: ("play_circle", "busy"),
     DeviceState.BOOKED: ("event", "busy"),
     DeviceState.NOT_WORKING: ("error", "bad"),
+    DeviceState.STOPPED: ("front_hand", "bad"),
+    DeviceState.OUT_OF_SERVICE: ("do_not_disturb_on", "plain"),
     DeviceState.NOTHING_ON_OFFER: ("cloud_off", "busy"),
     DeviceState.DEPARTED: ("logout", "plain"),
 }
@@ -67,8 +70,8 @@ def state(device: DeviceView) -> Sign:
 class DeviceCard:
     """The card is updated in place, so that an open menu and the focus stay."""
 
-    def __init__(self, device: DeviceView, break_or_mend: Break) -> None:
-        self._break = break_or_mend
+    def __init__(self, device: DeviceView, break_or_mend: Break, orders: DeviceOrders) -> None:
+        self._break, self._orders = break_or_mend, orders
         self.device = device
         with ui.element("article").classes("somrs-device").props(f'aria-label="{device.name}"') as self.element:
             with ui.element("header").classes("somrs-device-head"):
@@ -77,6 +80,7 @@ class DeviceCard:
                     self._name = ui.label().classes("somrs-device-title").props('role="heading" aria-level="2"')
                     self._place_label = ui.label().classes("somrs-soft")
                 self._state = Badge(state(device))
+                self._order_menu = RebuiltElement()
                 self._menu = RebuiltElement()
             self._note = ui.label().classes("somrs-device-note")
             self._faults = RebuiltElement().classes("somrs-device-faults")
@@ -97,6 +101,11 @@ class DeviceCard:
         self.element.classes(**{"add" if device.presence is Presence.DEPARTED else "remove": "somrs-device-gone"})
         self._note.set_text(_note(device))
         self._note.visible = bool(self._note.text)
+        if device.presence is Presence.DEPARTED:
+            self._order_menu.clear()
+        else:
+            order_key = (device.paused, device.in_service, tuple(service.type for service in device.services))
+            self._order_menu.show(order_key, self._build_orders)
         faults = device.simulated.faults if device.simulated is not None else None
         if faults is not None:
             self._menu.show(faults, lambda: self._build_menu(faults))
@@ -116,6 +125,25 @@ class DeviceCard:
         self._charge.element.visible = device.charge is not None
         charge = device.charge or 0.0
         self._charge.show_share(charge / 100, f"{charge:.0f} %", "bad" if charge < 15 else "good")
+
+    def _build_orders(self) -> None:
+        device, orders = self.device, self._orders
+        offered = {service.type for service in device.services}
+        with ui.button(icon="more_vert").props(f'flat round dense aria-label="Orders to {device.name}"').classes("somrs-turn"), ui.menu():
+            self._order("play_arrow", "Go on", orders.release) if device.paused else self._order("front_hand", "Stop", orders.stop)
+            if "MoveTo" in offered:
+                self._order("place", "Go to …", orders.go)
+            if "ChargeBattery" in offered:
+                self._order("battery_charging_full", "Charge", orders.charge)
+            if device.in_service:
+                self._order("do_not_disturb_on", "Take out of service", orders.retire)
+            else:
+                self._order("check_circle", "Back into service", orders.reinstate)
+
+    def _order(self, icon: str, label: str, act: Callable[[str], Awaitable[None]]) -> None:
+        with ui.menu_item(on_click=lambda: act(self.device.name)):
+            ui.icon(icon).classes("somrs-menu-icon").props('aria-hidden="true"')
+            ui.label(label)
 
     def _build_menu(self, faults: tuple[Fault, ...]) -> None:
         with ui.button(icon="bolt").props(f'flat round dense aria-label="Faults of {self.device.name}"') as button:

@@ -11,9 +11,9 @@ from typing import Literal, ParamSpec, Protocol, TypeVar
 from nicegui import app, ui
 
 from somrs.api.remote import LiveApi
-from somrs.client.client import client_name
 from somrs.errors import SomrsError
 from somrs.gui.address import AddressBanner
+from somrs.gui.stop_control import StopControl
 from somrs.gui.unavailable_banner import ApiUnavailableBanner
 
 P = ParamSpec("P")
@@ -73,6 +73,7 @@ def page(title: str, path: str, api: LiveApi, parameters: Collection[str] = (), 
         else:
             ui.label("SO-MRS").classes("somrs-home")
             ui.space()
+        StopControl(api)
         button = ui.button().props("flat round dense").classes("somrs-turn")
         button.props(f"icon={_icon(dark.value)} aria-label='Colour theme'").tooltip("Colour theme: light, dark, or as in the system")
         button.on_click(lambda: _switch_theme(dark, button))
@@ -117,11 +118,6 @@ def _switch_theme(dark: ui.dark_mode, button: ui.button) -> None:
     dark.value = {None: False, False: True, True: None}[dark.value]
     app.storage.user["dark"] = dark.value
     button.props(f"icon={_icon(dark.value)}")
-
-
-def author() -> str:
-    """The user's name as histories record it: the one entered in this browser, or the user of this machine. `person_name` formats it."""
-    return str(app.storage.user.get("author") or client_name())
 
 
 def notify(text: str, *, bad: bool = False) -> None:

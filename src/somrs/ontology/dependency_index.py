@@ -21,7 +21,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
             "OperationRange", "FieldOfView", "Accuracy", "Payload", "Speed", "Price", "Charge", "Supporting",
             "ExternalId", "DoorKind", "SwingAngle", "NavigationGraph", "Bidirectional", "SpeedLimit", "Travel", "Mutex", "LaneWidth",
             "HoldingPoint", "ParkingSpot", "PassthroughPoint", "CleaningZone", "DockName", "Latitude", "Longitude",
-            "Offers", "StepTime", "AnswerTime", "Unknown", "Working",
+            "Offers", "StepTime", "AnswerTime", "Unknown", "Working", "Paused", "InService",
         )
     ),
     Section.RELATIONS: frozenset(

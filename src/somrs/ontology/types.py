@@ -23,6 +23,12 @@ UNKNOWN = "Unknown"
 WORKING = "Working"
 """The attribute that is FALSE for a device that is out of order (upper ontology)."""
 
+PAUSED = "Paused"
+"""The attribute that is TRUE for a device that must not move, because an operator has stopped it (upper ontology)."""
+
+IN_SERVICE = "InService"
+"""The attribute that is FALSE for a device that an operator has taken out of service (upper ontology)."""
+
 DEVICE = "Device"
 ABSTRACT = "AbstractObject"
 PART_OF = "isPartOf"

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from somrs.entish.formula import Arithmetic, Attribute, Call, Constant, Name, Number, Term, Text, Truth, Variable
 from somrs.ontology.objects import Map
-from somrs.ontology.types import AttributeType, Kind, Ontology, Value
+from somrs.ontology.types import IN_SERVICE, PAUSED, AttributeType, Kind, Ontology, Value
 from somrs.ontology.units import convert_unit
 
 DIGITS = 12
@@ -31,6 +31,11 @@ def evaluate(term: Term, map: Map, ontology: Ontology) -> Value | None:
     if measured is None:
         return None
     return measured.constant.name if isinstance(measured.constant, Name) else measured.constant.value
+
+
+def takes_work(device: str, map: Map, ontology: Ontology) -> bool:
+    """Whether an operator lets the device begin work: it is in service, and not stopped."""
+    return value_of(device, PAUSED, map, ontology) is not True and value_of(device, IN_SERVICE, map, ontology) is not False
 
 
 def value_of(object_name: str, path: str, map: Map, ontology: Ontology) -> Value | None:

@@ -21,7 +21,8 @@ from somrs.kernel.component import (
     TimerFired,
 )
 from somrs.kernel.replica import ReplicaUpdate
-from somrs.ontology.objects import objects_of
+from somrs.ontology.objects import ValueSet, objects_of
+from somrs.ontology.types import IN_SERVICE, PAUSED
 from somrs.protocol.messages import directory, frp, previews, records, submission, task_news
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
@@ -324,6 +325,11 @@ class TaskManager:
             changed_objects = {name for change in news.changes for name in objects_of(change)}
             for task in state.running:
                 yield from self._transaction(task).objects_changed(changed_objects, now)
+        allowed = {PAUSED: (False, None), IN_SERVICE: (True, None)}
+        sets = [change for change in news.changes if isinstance(change, ValueSet)]
+        if freed := {change.object for change in sets if change.value in allowed.get(change.path, ())}:
+            for task in state.running:
+                yield from self._transaction(task).devices_freed(freed, now)
 
     # What transactions share
 

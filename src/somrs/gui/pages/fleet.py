@@ -12,6 +12,7 @@ from somrs.client.refusals import ErrorReport, error_report
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import SomrsError
 from somrs.gui.device_card import LEAVING, DeviceCard
+from somrs.gui.device_orders import DeviceOrders
 from somrs.gui.icons import format_time, join_names
 from somrs.gui.news import follow
 from somrs.gui.people_panel import PeoplePanel
@@ -36,7 +37,7 @@ class _Fleet:
     """The page's content, updated in place."""
 
     def __init__(self, api: LiveApi) -> None:
-        self._api = api
+        self._api, self._orders = api, DeviceOrders(api)
         self._cards: dict[str, DeviceCard] = {}
         self._log: tuple[PresenceChange, ...] | None = None
         with ui.element("div").classes("somrs-fleet"):
@@ -91,7 +92,7 @@ class _Fleet:
                     card.show_device(device)
                 continue
             with self._devices:
-                card = self._cards[device.name] = DeviceCard(device, guarded(self._break))
+                card = self._cards[device.name] = DeviceCard(device, guarded(self._break), self._orders)
             if index != len(self._cards) - 1:
                 card.element.move(target_index=index)
         if devices.log != self._log:

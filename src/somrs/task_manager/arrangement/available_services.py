@@ -14,6 +14,7 @@ from somrs.ontology.agreement import disagreements
 from somrs.ontology.services import ServiceType
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import WORKING
+from somrs.ontology.values import takes_work
 from somrs.planner.model.plan import Step
 from somrs.planner.model.problem import LostService
 from somrs.protocol.messages.directory import Offer
@@ -74,8 +75,14 @@ class AvailableServices:
         return frozenset(name for name, type in known.items() if name in current and disagreements(type, current[name]))
 
     @property
+    def _offers(self) -> tuple[Offer, ...]:
+        """The offers of devices that may begin work."""
+        map, ontology = self._replica.map, self._replica.ontology
+        return tuple(offer for offer in self._state.offers if takes_work(offer.provider, map, ontology))
+
+    @property
     def usable(self) -> list[Offer]:
-        return [offer for offer in self._state.offers if offer.service not in self.broken]
+        return [offer for offer in self._offers if offer.service not in self.broken]
 
     @property
     def excluded_services(self) -> list[LostService]:
@@ -105,7 +112,7 @@ class AvailableServices:
         """The offers of services that can be asked for the step."""
         fruitless = self._state.fruitless
         mute = {offer.service for offer in self._state.offers if fruitless and (offer.provider, run.step.use) in fruitless}
-        return able_offers(run.step, self._state.offers, self._service_types, {*run.excluded, *self.broken, *mute})
+        return able_offers(run.step, self._offers, self._service_types, {*run.excluded, *self.broken, *mute})
 
     @property
     def fruitless(self) -> frozenset[tuple[str, str]]:
@@ -140,7 +147,7 @@ class AvailableServices:
 
     def offers_for(self, step: Step) -> list[Offer]:
         """The offers of services that can do the step, without those that are broken."""
-        return able_offers(step, self._state.offers, self._service_types, self.broken)
+        return able_offers(step, self._offers, self._service_types, self.broken)
 
     def failed(self, service: str, reason: str) -> None:
         """Exclude a service that reported a failure; `readmit_failed` may readmit it."""

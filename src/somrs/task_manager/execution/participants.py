@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 
 from msgspec import Struct, field, structs
 
 from somrs.kernel.component import Effect, Effects, EffectsReturning, Send, SetTimer
+from somrs.ontology.types import PAUSED
+from somrs.ontology.values import value_of
 from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.frp.session import CoordinatorBody, ReceiveResult, participant_id
 from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDING_STATES, WORKING
@@ -292,6 +294,9 @@ class Participants:
         member = self._members.find_member(participant)
         if member is None or not (member.state in WORKING or member.halting):
             return None
+        if value_of(member.offer.provider, PAUSED, self._context.replica.map, self._context.replica.ontology) is True:
+            yield SetTimer(self._overdue(member), now + self._silence_time)
+            return None
         if member.state is State.COMPENSATING:
             self._log_event(events.ServiceOverdue(service=member.offer.service, undoing=True), now)
             yield from self.force_end(member, now)
@@ -306,6 +311,12 @@ class Participants:
             return None
         yield from self.give_up_member(member)
         return member
+
+    def resumed(self, devices: Collection[str], now: float) -> Effects:
+        """Give the work of devices that had been stopped its whole time again."""
+        for member in self._members.working:
+            if member.offer.provider in devices and not member.halting:
+                yield from self._watch(member, now)
 
     def force_end(self, member: Member, now: float) -> Effects:
         """Send End to a participant that does not finish its compensation. `overdue` returns it when it must have stopped."""

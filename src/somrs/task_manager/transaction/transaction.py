@@ -164,6 +164,12 @@ class Transaction:
         if self.state.goal.retry_at is not None and not objects.isdisjoint(self._scope.services.excluded_providers):
             yield from RetryWait(self.state.goal, self._scope).hasten(now)
 
+    def devices_freed(self, devices: AbstractSet[str], now: float) -> Effects:
+        """Handle devices that an operator lets work again: the time in which they stood still does not count, and a task that waits tries
+        again."""
+        yield from self._scope.participants.resumed(devices, now)
+        yield from RetryWait(self.state.goal, self._scope).hasten(now)
+
     def objects_renamed(self, names: Mapping[str, str], now: float) -> Effects:
         """Handle new names of objects: goals speak of them, and plans with the old names are made anew."""
         state = self.state

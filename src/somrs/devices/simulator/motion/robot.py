@@ -66,6 +66,8 @@ class Robot:
         self.name = solid.name
         self.size: Dimensions = dimensions_of(solid)
         self.faults: set[Fault] = set()
+        self.paused = False
+        """Whether an operator has stopped it."""
         self.activity: str | None = None
         self.plan: list[Point] = []
         """The remaining path while it drives."""
@@ -99,8 +101,8 @@ class Robot:
 
     @property
     def mobile(self) -> bool:
-        """Whether its drive works."""
-        return not self.faults & {Fault.DRIVE, Fault.SILENT, Fault.LINK}
+        """Whether its drive works, and may."""
+        return not self.paused and not self.faults & {Fault.DRIVE, Fault.SILENT, Fault.LINK}
 
     @property
     def stands(self) -> bool:

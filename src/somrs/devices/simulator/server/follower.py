@@ -22,6 +22,7 @@ from somrs.kernel.component import Effect, Input, Started
 from somrs.kernel.replica import Replica
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Change, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
+from somrs.ontology.types import PAUSED
 from somrs.space.solids import Role, solid_of
 
 SAME_PLACE = 0.1
@@ -52,6 +53,8 @@ class Follower:
         map_before, self._map = self._map, self.replica.map
         if self.simulation is None and self.replica.ready:
             self.simulation = Simulation(self.replica.map, self.replica.ontology, self._kind)
+            for name, object in self.replica.map.objects.items():
+                self.simulation.set_paused(name, object.values.get(PAUSED) is True)
             self.read.set()
         elif self.simulation is not None:
             if news.ontology_changed:
@@ -75,12 +78,15 @@ class Follower:
                     simulation.rename(thing, object)
                 case ObjectAdded(object):
                     simulation.add(object)
+                    simulation.set_paused(object.name, object.values.get(PAUSED) is True)
                 case ObjectRemoved(name) if renamed and renamed[0].name == name:
                     pass  # the next addition is the renamed object
                 case ObjectRemoved(name):
                     self._remove(simulation, name, merged.get(name))
                 case ValueSet(name, "Open") if (door := self.replica.map.objects.get(name)) is not None:
                     simulation.renew(door)
+                case ValueSet(name, path, value) if path == PAUSED:
+                    simulation.set_paused(name, value is True)
                 case ValueSet(name, "Supporting") if (support := self.replica.map.objects.get(name)) is not None:
                     simulation.set_carrying(support)
 

@@ -48,7 +48,10 @@ class RobotWork:
     @property
     def busy(self) -> bool:
         """Whether a robot has work that it can do."""
-        return any(not self._is_dead(name) for name in self._work)
+        return any(self._can_work(name) for name in self._work)
+
+    def _can_work(self, robot: str) -> bool:
+        return not (self._is_dead(robot) or self._robots[robot].paused)
 
     def _is_dead(self, robot: str) -> bool:
         return bool(self._robots[robot].faults & {Fault.SILENT, Fault.LINK})
@@ -83,7 +86,7 @@ class RobotWork:
     def advance(self) -> None:
         """Continue all work by one control period."""
         for name in list(self._work):
-            if name in self._work and not self._is_dead(name):
+            if name in self._work and self._can_work(name):
                 self._advance(self._robots[name], self._work[name])
 
     def make_way(self, robot: Robot) -> None:

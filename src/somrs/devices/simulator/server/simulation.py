@@ -43,6 +43,8 @@ class Simulation:
         self._navigators = self._new_navigators()
         self.robots = Fleet()
         self.stationary: dict[str, StationaryDevice] = {}
+        self._paused: set[str] = set()
+        """The devices that stand still and that an operator has stopped."""
         """The cameras, scales and powered doors."""
         self.linked: Mapping[str, Linked] = ChainMap[str, Any](self.stationary, self.robots)
         """Everything with a robot link."""
@@ -64,7 +66,7 @@ class Simulation:
     @property
     def busy(self) -> bool:
         """Whether anything moves, or work is pending."""
-        working = self._work.busy or any(drive.busy for drive in self._drives)
+        working = self._work.busy or any(drive.busy for drive in self._drives if drive.solid.name not in self._paused)
         return working or any(robot.asking_robot is not None for robot in self.robots.values()) or not self._at_rest()
 
     @property
@@ -95,7 +97,7 @@ class Simulation:
             self._work.make_way(robot)
             robot.end_period()
         for drive in self._drives:
-            if drive.step():
+            if drive.solid.name not in self._paused and drive.step():
                 self._note_leaves(drive.solid.name)
         self._shut_doors()
         pulled = set(self.scene.hands.pulled.values())
@@ -267,6 +269,15 @@ class Simulation:
         solid, role = self.scene.world.solids.get(object.name), role_of(object, self._ontology)
         if solid is not None and {solid.role, role} == {Role.SUPPORT, Role.STATIC}:
             self.scene.world.solids[object.name] = replace(solid, role=role)
+
+    def set_paused(self, device: str, paused: bool) -> None:
+        """Stop a device where it is, or let it go on. Its command waits meanwhile; other objects are ignored."""
+        if device in self.robots:
+            self.robots[device].paused = paused
+        elif device in self.stationary and paused:
+            self._paused.add(device)
+        else:
+            self._paused.discard(device)
 
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
         """Move a thing to another pose without a robot. Raises UsageError."""

@@ -9,6 +9,7 @@ from typing import Any
 from nicegui import ui
 
 from somrs.errors import SomrsError, UsageError
+from somrs.gui.author import author
 from somrs.gui.components.rebuilt import RebuiltElement
 from somrs.gui.icons import OUTCOMES, Badge, Sign, format_time
 from somrs.gui.news import follow
@@ -17,7 +18,7 @@ from somrs.gui.pages.define.draft import DAILY, INTERVAL, ONE_TIME, Repeat, numb
 from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.task_text import task_path
 from somrs.gui.panel import panel
-from somrs.gui.shell import author, guarded, notify
+from somrs.gui.shell import guarded, notify
 from somrs.protocol.messages.orders import Daily, Every, Filled, Once, OrderSaved, Run, RunState, Schedule, StandingOrder
 from somrs.scheduling.recurrence import in_words
 

@@ -11,10 +11,11 @@ from nicegui import ui
 from somrs.api.remote import LiveApi
 from somrs.client.refusals import Refused
 from somrs.errors import InputError, SomrsError
+from somrs.gui.author import author
 from somrs.gui.pages.map.change_text import format_value
 from somrs.gui.pages.map.fields import Field, Raw, Spot
 from somrs.gui.pages.map.object_drafts import ObjectDrafts
-from somrs.gui.shell import author, notify
+from somrs.gui.shell import notify
 from somrs.ontology.objects import Change, Object, ValueSet
 from somrs.ontology.types import Kind, Ontology, Value
 from somrs.protocol.messages.knowledge import BrokenRule, UpdateMap

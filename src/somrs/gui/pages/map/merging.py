@@ -9,9 +9,10 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from somrs.api.remote import LiveApi
+from somrs.gui.author import author
 from somrs.gui.pages.map.change_text import describe_changes
 from somrs.gui.pages.map.moves import X, Y, Z
-from somrs.gui.shell import author, guarded, notify
+from somrs.gui.shell import guarded, notify
 from somrs.ontology.objects import Map
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.protocol.messages.knowledge import MergeObject

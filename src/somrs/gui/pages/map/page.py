@@ -16,6 +16,7 @@ from somrs.client.refusals import Refused
 from somrs.entish.parse import nearest
 from somrs.errors import SomrsError
 from somrs.gui.address import AddressBanner
+from somrs.gui.author import author
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.news import follow
 from somrs.gui.pages.map.add_panel import AddPanel
@@ -29,7 +30,7 @@ from somrs.gui.pages.map.removal import remove
 from somrs.gui.pages.map.search_panel import SearchPanel
 from somrs.gui.pages.map.sheet import Sheet, SheetActions
 from somrs.gui.pages.map.version_slider import VersionSlider
-from somrs.gui.shell import author, guarded, notify, page
+from somrs.gui.shell import guarded, notify, page
 from somrs.ontology.objects import Change
 from somrs.protocol.messages.knowledge import UpdateMap
 

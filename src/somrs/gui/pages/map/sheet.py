@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
+from somrs.gui.author import author
 from somrs.gui.pages.map.change_text import format_time
 from somrs.gui.pages.map.entries import list_note, show_events
 from somrs.gui.pages.map.form import ObjectForm
 from somrs.gui.pages.map.merging import MergeDialog
 from somrs.gui.pages.map.object_drafts import ObjectDrafts
 from somrs.gui.pages.map.relations import Relations
-from somrs.gui.shell import author, guarded, notify
+from somrs.gui.shell import guarded, notify
 from somrs.ontology.objects import Change, objects_of
 from somrs.protocol.messages.knowledge import Event, History, RenameObject
 from somrs.protocol.messages.people import person_name

@@ -10,12 +10,13 @@ from nicegui import ui
 
 from somrs.api.remote import LiveApi
 from somrs.errors import InputError
+from somrs.gui.author import author
 from somrs.gui.pages.ontology.changes import definition_changes, summary
 from somrs.gui.pages.ontology.consequences import confirm_change
 from somrs.gui.pages.ontology.elements import TextTag, in_page_context, titled_dialog
 from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.pages.ontology.sections import SERVICES, TYPES, Section
-from somrs.gui.shell import author, guarded, notify
+from somrs.gui.shell import guarded, notify
 from somrs.ontology.naming import DefinitionKey, Renaming
 from somrs.ontology.naming import Section as Naming
 from somrs.ontology.services import ServiceType

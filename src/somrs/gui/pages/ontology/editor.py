@@ -11,6 +11,7 @@ from nicegui import ui
 from somrs.api.ontology import Consequences
 from somrs.api.remote import LiveApi
 from somrs.errors import RemoteError, SomrsError
+from somrs.gui.author import author
 from somrs.gui.components.draft_storage import DraftStorage
 from somrs.gui.pages.ontology import forms
 from somrs.gui.pages.ontology.changes import FIELDS, differences
@@ -20,7 +21,6 @@ from somrs.gui.pages.ontology.elements import TextTag, in_page_context
 from somrs.gui.pages.ontology.fields import Fields
 from somrs.gui.pages.ontology.form_parser import Mistakes, definition_of, form_path
 from somrs.gui.pages.ontology.ontology_view import OntologyView
-from somrs.gui.shell import author
 from somrs.ontology.naming import Renaming
 from somrs.ontology.naming import Section as Naming
 from somrs.ontology.types import Definition

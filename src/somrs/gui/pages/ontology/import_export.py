@@ -10,9 +10,10 @@ from somrs.api.ontology import ImportOntology, ImportResult
 from somrs.api.owl import OwlImportResult
 from somrs.api.remote import LiveApi
 from somrs.errors import ModelError, Problem, SomrsError
+from somrs.gui.author import author
 from somrs.gui.pages.ontology.consequences import show_consequences
 from somrs.gui.pages.ontology.elements import TextTag, cell, note, row, table, titled_dialog
-from somrs.gui.shell import author, notify
+from somrs.gui.shell import notify
 
 _MOST_BYTES = 20_000_000
 

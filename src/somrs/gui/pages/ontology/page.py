@@ -16,6 +16,7 @@ from somrs.api.ontology import Consequences
 from somrs.api.remote import LiveApi
 from somrs.client.hub import News
 from somrs.errors import SomrsError
+from somrs.gui.author import author
 from somrs.gui.components.draft_storage import DraftStorage
 from somrs.gui.components.rebuilt import RebuiltElement
 from somrs.gui.news import follow
@@ -29,7 +30,7 @@ from somrs.gui.pages.ontology.import_export import Import, export_menu
 from somrs.gui.pages.ontology.index import Index, IndexCallbacks
 from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, SECTION, SECTIONS, SERVICES, TYPES, Section
-from somrs.gui.shell import author, guarded, notify, page
+from somrs.gui.shell import guarded, notify, page
 from somrs.ontology.objects import ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Define

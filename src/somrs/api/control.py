@@ -1,0 +1,127 @@
+"""What an operator tells devices directly: stop and go on, out of service and back, go there, charge.
+
+That a device is stopped or out of service is a value of its object on the map. So the history has who did it and when, it survives
+restarts, and all who follow the map act on it: the simulator holds its robots, the Task Manager gives the device no work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+
+from somrs.api.context import Context
+from somrs.client.client import PATIENCE
+from somrs.client.operations import operation
+from somrs.client.refusals import NotFound
+from somrs.entish.parse import nearest
+from somrs.errors import UsageError
+from somrs.ontology.objects import Change, ValueSet
+from somrs.ontology.types import IN_SERVICE, PAUSED
+from somrs.ontology.values import value_of
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.submission import Submit, Submitted
+
+
+class Stopping(msgspec.Struct, frozen=True, kw_only=True):
+    """Which devices an operator has stopped. `all`: whether there are devices, and all are stopped."""
+
+    stopped: tuple[str, ...]
+    all: bool
+
+
+class ControlService:
+    def __init__(self, context: Context) -> None:
+        self._context = context
+
+    @operation("GET", "/control/stop")
+    async def stopping(self) -> Stopping:
+        """Which devices an operator has stopped."""
+        names = [*self._devices(PAUSED)]
+        stopped = tuple(name for name in names if self._is_stopped(name))
+        return Stopping(stopped=stopped, all=bool(names) and len(stopped) == len(names))
+
+    @operation("POST", "/control/stop")
+    async def stop(self, device: str | None = None, storey: str | None = None, by: str = "") -> Stopping:
+        """Stop a device, all devices of a storey, or without either all devices. They stand still, and keep their work.
+
+        Devices of the simulator stop by themselves. A device of another make stops if its program follows `Paused` on the map.
+        """
+        return await self._set(self._selected(PAUSED, device, storey), PAUSED, True, by)
+
+    @operation("POST", "/control/release")
+    async def release(self, device: str | None = None, storey: str | None = None, by: str = "") -> Stopping:
+        """Let a device, all devices of a storey, or all devices go on after a stop."""
+        return await self._set(self._selected(PAUSED, device, storey), PAUSED, False, by)
+
+    @operation("POST", "/control/service/{device}")
+    async def service(self, device: str, active: bool = True, by: str = "") -> None:
+        """Take a device out of service (`active=false`), or back. Out of service, it finishes the work that it has, and gets no more."""
+        await self._set(self._selected(IN_SERVICE, device, None), IN_SERVICE, active, by)
+
+    @operation("POST", "/control/go/{device}")
+    async def go(self, device: str, place: str, by: str | None = None) -> Submitted:
+        """Send a device to a place: a task for `DEVICE isAt PLACE`."""
+        self._known(device)
+        self._known(place)
+        return await self._submit(f"{device} isAt {place}", by)
+
+    @operation("POST", "/control/charge/{device}")
+    async def charge(self, device: str, by: str | None = None) -> Submitted:
+        """Let a device charge its battery: a task for `DEVICE.Charge = 100`."""
+        self._known(device)
+        return await self._submit(f"{device}.Charge = 100", by)
+
+    async def _submit(self, effect: str, author: str | None) -> Submitted:
+        return Submitted(task=await self._context.client.submit(Submit(effect=effect), patience=PATIENCE, author=author))
+
+    async def _set(self, names: list[str], attribute: str, value: bool, author: str) -> Stopping:
+        """Set the attribute of all devices at once, without regard to what others change meanwhile."""
+        map, ontology = self._context.map, self._context.ontology
+        changes: list[Change] = [
+            ValueSet(name, attribute, value) for name in names if value_of(name, attribute, map, ontology) is not value
+        ]
+        if changes:
+            await self._context.client.report(UpdateMap(changes=tuple(changes), author=author))
+        stopped = {name for name in self._devices(PAUSED) if self._is_stopped(name)}
+        if attribute == PAUSED:  # the map of this program may not have it yet
+            stopped = stopped | {*names} if value else stopped - {*names}
+        return Stopping(stopped=tuple(sorted(stopped)), all=bool(stopped) and stopped >= {*self._devices(PAUSED)})
+
+    def _is_stopped(self, name: str) -> bool:
+        return value_of(name, PAUSED, self._context.map, self._context.ontology) is True
+
+    def _devices(self, attribute: str) -> Iterator[str]:
+        """The devices that have the attribute, by name."""
+        map, ontology = self._context.map, self._context.ontology
+        types = {type for type in ontology.types if ontology.is_device(type) and attribute in ontology.attributes_of(type)}
+        yield from sorted(name for name, object in map.objects.items() if object.type in types)
+
+    def _selected(self, attribute: str, device: str | None, storey: str | None) -> list[str]:
+        names = [*self._devices(attribute)]
+        if not names:
+            raise UsageError(f"no device on the map has the attribute {attribute}; add the attribute to the type Device of this site")
+        if device is not None and storey is not None:
+            raise UsageError("a device or a storey is stopped, and not both; leave one of them out")
+        if device is not None:
+            if device not in names:
+                raise NotFound(f"there is no device {device} on the map; {nearest(device, names) or 'GET /fleet lists the devices'}")
+            return [device]
+        if storey is not None:
+            self._known(storey)
+            return [name for name in names if storey in self._wholes(name)]
+        return names
+
+    def _wholes(self, name: str) -> set[str]:
+        """What the object is part of, directly or indirectly."""
+        wholes: set[str] = set()
+        whole = self._context.map.whole(name)
+        while whole is not None and whole not in wholes:
+            wholes.add(whole)
+            whole = self._context.map.whole(whole)
+        return wholes
+
+    def _known(self, name: str) -> None:
+        if name not in self._context.map.objects:
+            hint = nearest(name, self._context.map.objects) or "GET /map lists the objects"
+            raise NotFound(f"there is no {name} on the map; {hint}")

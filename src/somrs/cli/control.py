@@ -1,0 +1,72 @@
+"""The commands by which an operator tells devices directly: stop and go on, out of service and back, go there, charge."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import typer
+
+from somrs.cli.ontology import DEFAULT_AUTHOR, Author
+from somrs.cli.options import DEFAULT_FOLDER, Data, awaited
+
+if TYPE_CHECKING:
+    from somrs.api.remote import Api
+
+control_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+
+Result = TypeVar("Result")
+DeviceName = Annotated[str, typer.Argument(help="The device.")]
+AnyDevice = Annotated[str | None, typer.Argument(help="The device; by default, all devices.", show_default=False)]
+StoreyOption = Annotated[str | None, typer.Option(help="Only the devices of this storey.", show_default=False)]
+
+
+async def _with_api(data: Path, call: Callable[[Api], Awaitable[Result]]) -> Result:
+    from somrs.api.remote import api_of
+    from somrs.client.client import Addresses
+
+    async with api_of(Addresses.read(data)) as api:
+        return await call(api)
+
+
+def _print_stopped(names: tuple[str, ...]) -> None:
+    print(f"stopped: {', '.join(names)}" if names else "no device is stopped")
+
+
+@control_app.command()
+def stop(device: AnyDevice = None, storey: StoreyOption = None, author: Author = DEFAULT_AUTHOR, data: Data = DEFAULT_FOLDER) -> None:
+    """Stop devices at once. They stand still and keep their work, until `somrs release`."""
+    _print_stopped(awaited(_with_api(data, lambda api: api.control.stop(device=device, storey=storey, by=author))).stopped)
+
+
+@control_app.command()
+def release(device: AnyDevice = None, storey: StoreyOption = None, author: Author = DEFAULT_AUTHOR, data: Data = DEFAULT_FOLDER) -> None:
+    """Let stopped devices go on."""
+    _print_stopped(awaited(_with_api(data, lambda api: api.control.release(device=device, storey=storey, by=author))).stopped)
+
+
+@control_app.command(name="out-of-service")
+def out_of_service(
+    device: DeviceName,
+    back: Annotated[bool, typer.Option("--back", help="Take it back into service.")] = False,
+    author: Author = DEFAULT_AUTHOR,
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Take a device out of service, or back. It finishes the work that it has, and gets no more."""
+    awaited(_with_api(data, lambda api: api.control.service(device, active=back, by=author)))
+    print(f"{device} is {'in service' if back else 'out of service'}")
+
+
+@control_app.command()
+def go(
+    device: DeviceName, place: Annotated[str, typer.Argument(help="The place, an object of the map.")], data: Data = DEFAULT_FOLDER
+) -> None:
+    """Send a device to a place, as a task."""
+    print(awaited(_with_api(data, lambda api: api.control.go(device, place=place))).task)
+
+
+@control_app.command()
+def charge(device: DeviceName, data: Data = DEFAULT_FOLDER) -> None:
+    """Let a device charge its battery, as a task."""
+    print(awaited(_with_api(data, lambda api: api.control.charge(device))).task)
