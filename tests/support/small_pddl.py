@@ -111,7 +111,48 @@ SPRING = """
   (:metric minimize (total-cost)))
 """
 
-PROBLEMS = {"yard": (YARD, SWAP), "beacons": (BEACONS, COAST), "courier": (courier.DOMAIN, courier.PROBLEM), "garden": (GARDEN, SPRING)}
+AIRFIELD = """
+; More effects under conditions than can be combined, but facts that never change decide about most of them.
+(define (domain airfield)
+  (:requirements :adl :action-costs :multi-agent)
+  (:types plane stand size)
+  (:constants small - size)
+  (:predicates (is ?p - plane ?z - size) (joined ?a ?b - stand) (near ?z - size ?a ?b - stand) (at ?p - plane ?s - stand)
+    (blocked ?s - stand ?p - plane) (watched ?s - stand) (open) (wet ?s - stand))
+  (:functions (total-cost))
+  (:action taxi :agent ?p - plane :parameters (?z - size ?a ?b - stand)
+    :precondition (and (is ?p ?z) (at ?p ?a) (joined ?a ?b) (not (= ?a ?b))
+      (forall (?o - plane) (imply (not (= ?o ?p)) (not (blocked ?b ?o)))))
+    :effect (and (at ?p ?b) (not (at ?p ?a)) (increase (total-cost) 1)
+      (forall (?s - stand) (when (and (near ?z ?a ?s) (not (near ?z ?b ?s))) (not (blocked ?s ?p))))
+      (forall (?s - stand) (when (near ?z ?b ?s) (blocked ?s ?p)))
+      (forall (?s - stand) (when (or (joined ?b ?s) (watched ?s)) (wet ?s)))
+      (when (and (watched ?b) (open)) (and (not (open)) (increase (total-cost) 2)))
+      (when (not (watched ?b)) (open))))
+  (:action sprinkle :agent ?p - plane :parameters (?s - stand)
+    :effect (and (wet ?s) (forall (?o - stand) (when (joined ?s ?o) (when (at ?p ?o) (wet ?o))))
+      (forall (?o - stand) (when (near small ?o ?s) (not (wet ?o)))))))
+"""
+
+MORNING = """
+(define (problem morning) (:domain airfield)
+  (:objects s1 s2 s3 s4 - stand kite jumbo - plane large - size)
+  (:init (is kite small) (is jumbo large) (joined s1 s2) (joined s2 s3) (joined s3 s4) (joined s4 s1) (joined s2 s1) (joined s3 s3)
+    (near small s1 s1) (near small s2 s2) (near small s3 s3) (near small s4 s4)
+    (near large s1 s1) (near large s2 s2) (near large s2 s1) (near large s3 s3) (near large s3 s2) (near large s4 s4)
+    (at kite s1) (blocked s1 kite) (at jumbo s3) (blocked s3 jumbo) (blocked s2 jumbo) (watched s4) (open)
+    (= (total-cost) 0))
+  (:goal (and (at kite s3) (at jumbo s1) (wet s2)))
+  (:metric minimize (total-cost)))
+"""
+
+PROBLEMS = {
+    "yard": (YARD, SWAP),
+    "beacons": (BEACONS, COAST),
+    "courier": (courier.DOMAIN, courier.PROBLEM),
+    "garden": (GARDEN, SPRING),
+    "airfield": (AIRFIELD, MORNING),
+}
 
 
 def small(name: str) -> Problem:

@@ -11,7 +11,7 @@ import pytest
 
 from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.entish import Name
-from somrs.entish.formula import variables
+from somrs.entish.formula import conjuncts, variables
 from somrs.entish.parse import parse
 from somrs.errors import ModelError, UsageError
 from somrs.ontology.conformance import violations
@@ -131,6 +131,41 @@ def test_other_problems_mean_what_pddl_defines(name: str, tmp_path: Path) -> Non
 def test_an_effect_that_changes_nothing_where_its_condition_fails_has_none(tmp_path: Path) -> None:
     imported = read(*written(tmp_path, *PROBLEMS["garden"]))
     assert [service.name for service in imported.services if service.name.startswith("flood")] == ["flood"]
+
+
+def test_facts_that_never_change_decide_about_conditions_of_effects(tmp_path: Path) -> None:
+    """With more than six conditional effects, an action becomes a service type for each way from stand to stand, and size of a plane."""
+    imported = read(*written(tmp_path, *PROBLEMS["airfield"]))
+    services = {service.name: service for service in imported.services if service.name.startswith("taxi")}
+    assert len(services) == 2 * (5 + 1), "there are five ways, and one of them is watched, so that it matters whether the airfield is open"
+    service = services["taxi-case1-z-is-large-a-is-s3-b-is-s4"]
+    assert service.inputs == ()
+    effect = {str(part).replace(": plane", "") for part in conjuncts(parse(service.effect))}
+    assert effect == {
+        "?Provider at s4",
+        "s4 blocked ?Provider",
+        "wet(s4)",
+        "wet(s1)",
+        "NOT ?Provider at s3",
+        "NOT s2 blocked ?Provider",
+        "NOT s3 blocked ?Provider",
+    }
+
+
+LAMPS = """
+(define (domain town) (:requirements :adl :multi-agent) (:types lamp worker)
+  (:predicates (wired ?a ?b ?c - lamp) (lit ?l - lamp))
+  (:action push :agent ?w - worker :parameters (?a ?b - lamp)
+    :effect (and (lit ?a) (forall (?l - lamp) (when (wired ?a ?b ?l) (lit ?l))))))
+"""
+
+
+def test_too_many_choices_are_refused(tmp_path: Path) -> None:
+    lamps = " ".join(f"lamp{n}" for n in range(32))
+    wires = " ".join(f"(wired lamp{n} lamp{n} lamp{n})" for n in range(32))
+    problem = f"(define (problem p) (:domain town) (:objects ann - worker {lamps} - lamp) (:init {wires}) (:goal (lit lamp0)))"
+    message = "domain.pddl:5: push: its conditional effects depend on more than 1000 choices of objects; make one action for each case"
+    assert message in read_error(tmp_path, LAMPS, problem)
 
 
 @pytest.mark.skipif(not BENCHMARKS.is_dir(), reason=f"there are no published problems in {BENCHMARKS}")

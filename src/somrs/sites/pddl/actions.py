@@ -19,11 +19,13 @@ from somrs.sites.pddl.effects import EffectReader, Effects, Setting
 from somrs.sites.pddl.formulas import FormulaReader, SymbolTable
 from somrs.sites.pddl.kinds import Sorts
 from somrs.sites.pddl.names import Names
+from somrs.sites.pddl.resolution import MOST_CHOICES, TooManyChoices, Variant, resolve
 from somrs.sites.pddl.syntax import Action, Typed
 from somrs.sites.pddl.text import Mistakes
 
 MOST_CONDITIONS = 6
-"""The maximum number of conditional effects of an action, each of which doubles the number of service types for it."""
+"""The maximum number of conditional effects of an action, each of which doubles the number of service types for it. Of more, facts that no
+action changes have to decide (`resolution.py`)."""
 
 Equalities = Mapping[str, Term]
 """Variables with the terms that they are equal to."""
@@ -70,17 +72,17 @@ class Actions:
         self.services = Names()
 
     def make_offers(self) -> Iterator[Offer]:
-        read: dict[str, tuple[Formula | None, Effects, dict[str, tuple[Variable, Sorts]]]] = {}
+        read: dict[str, tuple[list[Variant], dict[str, tuple[Variable, Sorts]]]] = {}
         for name, action in self.symbols.domain.actions.items():
             mistakes = self.symbols.domain.mistakes
             scope = self._scope(action, mistakes)
             reader = FormulaReader(self.symbols, mistakes, action.word.written, scope)
             precondition = reader.condition(action.precondition) if action.precondition is not None else None
             effects = EffectReader(reader).effects(action.effect) if action.effect is not None else Effects()
-            self._check_conditions(action, effects)
-            read[name] = precondition, effects, scope
-        for name, (precondition, effects, scope) in read.items():
-            yield from self._offers(self.symbols.domain.actions[name], precondition, effects, scope)
+            read[name] = self._variants(action, precondition, effects, scope), scope
+        for name, (variants, scope) in read.items():
+            for variant in variants:
+                yield from self._offers(self.symbols.domain.actions[name], variant, scope)
 
     def _scope(self, action: Action, mistakes: Mistakes) -> dict[str, tuple[Variable, Sorts]]:
         names = Names([PROVIDER])
@@ -99,19 +101,17 @@ class Actions:
                 scope[thing.name] = Variable(names.add(thing.name, thing.written)), sorts
         return scope
 
-    def _offers(
-        self, action: Action, precondition: Formula | None, effects: Effects, scope: Mapping[str, tuple[Variable, Sorts]]
-    ) -> Iterator[Offer]:
+    def _offers(self, action: Action, variant: Variant, scope: Mapping[str, tuple[Variable, Sorts]]) -> Iterator[Offer]:
         declared = {scope[thing.name][0].name: thing for thing in (*([action.agent] if action.agent else []), *action.parameters)}
-        for number, (conditions, case_effects) in enumerate(effects.cases(), 1):
-            parts = (part for formula in (precondition, *conditions) if formula is not None for part in conjuncts(formula))
+        for number, (conditions, case_effects) in enumerate(variant.effects.cases(), 1):
+            parts = (part for formula in conditions for part in conjuncts(formula))
             whole = _Case(
-                precondition=tuple(dict.fromkeys(parts)),
+                precondition=tuple(dict.fromkeys((*variant.precondition, *parts))),
                 adds=tuple(dict.fromkeys(case_effects.adds)),
                 deletes=tuple(dict.fromkeys(case_effects.deletes)),
                 values=tuple(case_effects.values.values()),
                 sorts={variable.name: sorts for variable, sorts in scope.values()},
-                equalities={},
+                equalities=variant.choice,
                 conditions=conditions,
                 number=number if conditions else 0,
             )
@@ -120,14 +120,28 @@ class Actions:
                 if case.adds or case.deletes or case.values:
                     yield self._offer(action, case, cost, scope, declared)
 
-    def _check_conditions(self, action: Action, effects: Effects) -> None:
-        if (count := effects.count_conditions()) > MOST_CONDITIONS:
-            message = (
-                f"{count} conditional effects are too many, because each combination becomes a service type; "
-                f"at most {MOST_CONDITIONS} are supported; make one action for each case"
-            )
-            self.symbols.domain.mistakes.unsupported(action.effect or action.word, action.word.written, message)
-            effects.conditional.clear()
+    def _variants(
+        self, action: Action, precondition: Formula | None, effects: Effects, scope: Mapping[str, tuple[Variable, Sorts]]
+    ) -> list[Variant]:
+        """The action as it is; with too many conditional effects, its variants in which facts decide about the conditions."""
+        as_is = Variant(choice={}, precondition=conjuncts(precondition) if precondition is not None else (), effects=effects)
+        if effects.count_conditions() <= MOST_CONDITIONS:
+            return [as_is]
+        try:
+            sorts = {variable.name: sorts for variable, sorts in scope.values()}
+            variants = [*resolve(precondition, effects, sorts, self.symbols, self.map)]
+        except TooManyChoices:
+            return self._refuse(action, f"its conditional effects depend on more than {MOST_CHOICES} choices of objects")
+        most = max((variant.effects.count_conditions() for variant in variants), default=0)
+        if most > MOST_CONDITIONS:
+            reason = f"{most} conditional effects are too many, because each combination becomes a service type"
+            return self._refuse(action, f"{reason}; at most {MOST_CONDITIONS} are supported")
+        return variants
+
+    def _refuse(self, action: Action, reason: str) -> list[Variant]:
+        message = f"{reason}; make one action for each case"
+        self.symbols.domain.mistakes.unsupported(action.effect or action.word, action.word.written, message)
+        return []
 
     def _offer(
         self, action: Action, case: _Case, cost: Term | None, scope: Mapping[str, tuple[Variable, Sorts]], declared: Mapping[str, Typed]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
-from somrs.entish import Attribute, Call, Comparison, Formula, Relation
+from somrs.entish import Attribute, Call, Comparison, Formula, Name, Relation
+from somrs.entish.formula import substitute, substitute_term
 from somrs.sites.pddl.formulas import FormulaReader
 from somrs.sites.pddl.sums import Sum, single_factor
 from somrs.sites.pddl.syntax import Domain, typed_names
@@ -72,8 +73,35 @@ class Effects:
         for conditions, effects in both.cases() if both is not None else ():
             yield (first.holds, *conditions), effects
 
+    def resolved(self, choice: Mapping[str, Name], settle: Callable[[Formula], Formula | bool]) -> Effects | None:
+        """The effects with these objects for variables, without the conditions that `settle` decides; None if they give an attribute two
+        values."""
+        result = Effects(adds=_substituted(self.adds, choice), deletes=_substituted(self.deletes, choice))
+        result.cost = self.cost.substituted(choice) if self.cost is not None else None
+        for setting in self.values.values():
+            target = substitute_term(setting.target, choice)
+            assert isinstance(target, Attribute)
+            if target in result.values:
+                return None
+            result.values[target] = Setting(target, setting.amount.substituted(choice), setting.adds)
+        for conditional in self.conditional:
+            effects = conditional.effects.resolved(choice, settle)
+            holds, fails = settle(substitute(conditional.holds, choice)), settle(substitute(conditional.fails, choice))
+            if holds is True:
+                joined = result.joined(effects) if effects is not None else None
+                if joined is None:
+                    return None
+                result = joined
+            elif effects is not None and not isinstance(holds, bool) and not isinstance(fails, bool):
+                result.conditional.append(ConditionalEffects(holds=holds, fails=fails, effects=effects))
+        return result
+
     def count_conditions(self) -> int:
         return sum(1 + conditional.effects.count_conditions() for conditional in self.conditional)
+
+
+def _substituted(atoms: Iterable[Relation], choice: Mapping[str, Name]) -> list[Relation]:
+    return [atom for atom in (substitute(atom, choice) for atom in atoms) if isinstance(atom, Relation)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
