@@ -82,6 +82,10 @@ class Fleet:
             await listeners.stop()
             await core.stop()
 
+    def addresses(self) -> dict[str, str]:
+        """The addresses in the Registry, by the devices' names."""
+        return {name: offer.address for name, provider in self.registry.state.providers.items() for offer in provider.offers.values()}
+
     def on_offer(self) -> set[str]:
         return set(self.registry.state.providers)
 
@@ -122,7 +126,8 @@ def test_a_device_whose_disk_fails_is_started_again_and_the_others_go_on(tmp_pat
             journal = next(journal for name, journal in opened if name == "Robot2")
             journal.disk.write(lambda db: db.execute("INSERT INTO no_such_table VALUES (1)"))
             await wait_until(lambda: [name for name, _ in opened].count("Robot2") == 2)
-            await wait_until(lambda: opened[-1][1].address == addresses[1] and fleet.on_offer() == {"Robot1", "Robot2"})
+            await wait_until(lambda: fleet.devices["Robot2"].starts == 2)
+            assert fleet.addresses() == dict(zip(fleet.devices, addresses, strict=True)), "it is at its address again"
             assert [name for name, _ in opened].count("Robot1") == 1
 
     asyncio.run(scenario())

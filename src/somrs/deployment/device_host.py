@@ -33,6 +33,7 @@ class Listeners:
     def __init__(self, address: str) -> None:
         self._address = address
         self._hosts: dict[int, Host] = {}
+        """By the ports at which they listen, and by those at which they could not."""
         self._lock = asyncio.Lock()
 
     async def find(self, port: int, name: str) -> Host:
@@ -41,11 +42,12 @@ class Listeners:
             if port == 0 and self._hosts:
                 return next(iter(self._hosts.values()))
             if port not in self._hosts:
-                self._hosts[port] = await listen(self._address, port, name)
-            return self._hosts[port]
+                host = await listen(self._address, port, name)
+                self._hosts |= {port: host, host.port: host} if port else {host.port: host}
+            return self._hosts[port] if port else next(iter(self._hosts.values()))
 
     async def stop(self) -> None:
-        await asyncio.gather(*(host.stop() for host in self._hosts.values()))
+        await asyncio.gather(*(host.stop() for host in {*self._hosts.values()}))
 
 
 class HostedDevice:
@@ -56,6 +58,8 @@ class HostedDevice:
         self._driver, self._data, self._addresses, self._listeners = driver, data, addresses, listeners
         self.first_start: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         """Its address, or why it did not start."""
+        self.starts = 0
+        """How often it has started."""
         self._last_failure = ""
 
     async def run(self) -> None:
@@ -91,6 +95,7 @@ class HostedDevice:
             try:
                 address = await runner.start()
                 self._last_failure = ""
+                self.starts += 1
                 if not self.first_start.done():
                     self.first_start.set_result(address)
                 await runner.wait_broken()

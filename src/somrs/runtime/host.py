@@ -44,6 +44,10 @@ class Host:
     def url(self) -> str:
         return self._server.url
 
+    @property
+    def port(self) -> int:
+        return self._server.port
+
     async def start(self) -> None:
         await self._server.start()
 
