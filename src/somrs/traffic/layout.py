@@ -10,6 +10,7 @@ between their own, stay at least s·√3/2 apart: the farthest that a lane comes
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -101,9 +102,14 @@ class _Storey:
     def _spread(self, points: Sequence[Point]) -> Points:
         """The points without those that are nearer to an earlier one than half of the spacing."""
         kept: list[Point] = []
+        size = self._spacing / 2
+        squares: defaultdict[tuple[int, int], list[Point]] = defaultdict(list)
         for point in points:
-            if all(abs(point[0] - x) + abs(point[1] - y) >= self._spacing / 2 for x, y in kept[: len(points)] if abs(point[0] - x) < 1):
+            column, row = math.floor(point[0] / size), math.floor(point[1] / size)
+            near = (kept_point for i in (-1, 0, 1) for j in (-1, 0, 1) for kept_point in squares.get((column + i, row + j), ()))
+            if all(abs(point[0] - x) + abs(point[1] - y) >= size for x, y in near):
                 kept.append(point)
+                squares[column, row].append(point)
         return np.array(kept, dtype=float).reshape(-1, 2)
 
     # Places for what the lattice leaves out

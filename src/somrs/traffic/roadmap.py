@@ -39,11 +39,12 @@ class Roadmap(Struct, frozen=True, kw_only=True):
     def check(self) -> None:
         """Raises UsageError for a roadmap that cannot be used."""
         names = [place.name for place in self.places]
-        if len(set(names)) < len(names):
+        known = set(names)
+        if len(known) < len(names):
             raise UsageError(f"{next(name for name in names if names.count(name) > 1)} is the name of two places")
         for lane in self.lanes:
             for end in (lane.start, lane.end):
-                if end not in set(names):
+                if end not in known:
                     raise UsageError(f"a lane leads from {lane.start} to {lane.end}, and there is no place {end}")
             if not lane.seconds > 0:
                 raise UsageError(f"the lane from {lane.start} to {lane.end} takes {lane.seconds} s; a lane takes more than 0 s")
