@@ -37,6 +37,7 @@ FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--disable-gpu-rasterization",
+    "--process-per-site",  # so that a page need not start a process, nor compile scripts: see `profiles`
     # Only the last list of features counts, so this contains the relevant part of Playwright's list. It also disables the pages that
     # Chromium makes for its address bar behind every window, which take more time than the pages under test.
     "--disable-features=AvoidUnnecessaryBeforeUnloadCheckSync,DestroyProfileOnBrowserClose,HttpsUpgrades,LensOverlay,MediaRouter,"
@@ -182,8 +183,18 @@ class ExternalRequest(AssertionError):
 
 @pytest.fixture(scope="session")
 def profiles(browser: Browser) -> list[BrowserContext]:
-    """The browser profiles so far, as many as tests needed at the same time. They are used again, as they have files in their caches."""
+    """The browser profiles so far, as many as tests needed at the same time. They are used again, as they have files in their caches, and
+    a process that has compiled the scripts of the pages."""
     return []
+
+
+def new_profile(browser: Browser) -> BrowserContext:
+    """Return a profile with an empty page that keeps its process, in which all pages of this machine run."""
+    profile = browser.new_context()
+    page = profile.new_page()
+    page.route("**", lambda route: route.fulfill(body="", content_type="text/html"))
+    page.goto("http://127.0.0.1/")
+    return profile
 
 
 FAILED = pytest.StashKey[bool]()
@@ -212,7 +223,7 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
 
     def open_page(url: str, size: str = "1280", *, dark: bool = False, may_reload: bool = False) -> Page:
         if len(pages) == len(profiles):
-            profiles.append(browser.new_context())
+            profiles.append(new_profile(browser))
         page = profiles[len(pages)].new_page()
         pages.append(page)
         page.set_default_timeout(1000 * PATIENCE)
