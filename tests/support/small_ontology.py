@@ -69,20 +69,19 @@ def _fact(relation: RelationType) -> st.SearchStrategy[Fact]:
 
 facts = st.one_of([_fact(relation) for relation in ONTOLOGY.relations.values()])
 
+# Made once: Hypothesis takes longer to make a strategy than to draw from it.
+_present_names = st.lists(object_names, unique=True, min_size=1)
+_types = st.sampled_from(["Object", "Thing", "Jar", "Shelf"])
+_values_of_object = st.fixed_dictionaries({}, optional=values)
+_fact_lists = st.lists(facts, max_size=10)
+
 
 @st.composite
 def maps(draw: st.DrawFn) -> Map:
     """Up to four objects and any facts between them, whether or not the relations' definitions allow them together."""
-    present = draw(st.lists(object_names, unique=True, min_size=1))
-    objects = [
-        Object(
-            name=name,
-            type=draw(st.sampled_from(["Object", "Thing", "Jar", "Shelf"])),
-            values=draw(st.fixed_dictionaries({}, optional=values)),
-        )
-        for name in present
-    ]
-    chosen_facts = [fact for fact in draw(st.lists(facts, max_size=10)) if set(fact.arguments) <= set(present)]
+    present = draw(_present_names)
+    objects = [Object(name=name, type=draw(_types), values=draw(_values_of_object)) for name in present]
+    chosen_facts = [fact for fact in draw(_fact_lists) if set(fact.arguments) <= set(present)]
     return Map(objects, chosen_facts)
 
 

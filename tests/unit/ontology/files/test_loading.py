@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import re
@@ -552,23 +553,34 @@ def test_map_is_read_back_as_written(map: Map) -> None:
 docs = st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=20)
 
 
-def conditions(variable: str, type_name: str, number_name: str, relation_name: str) -> st.SearchStrategy[str]:
-    """Formulas about `?variable`, an object of the type, with NOT before anything and quantifiers within quantifiers."""
+@functools.cache
+def conditions(variable: str) -> st.SearchStrategy[str]:
+    """Formulas about `?variable`, an object of the type, with NOT before anything and quantifiers within quantifiers.
+
+    They contain %(type)s, %(number)s and %(relation)s for names, so that the strategies are the same for all names: Hypothesis takes longer
+    to make them than to draw from them.
+    """
 
     def about(subject: str, depth: int) -> st.SearchStrategy[str]:
-        above = st.integers(0, 9).map(lambda limit: f"?{subject}.{number_name} > {limit}")
-        related = st.sampled_from([f"?{subject} {relation_name} ?{subject}", f"?{subject} {relation_name} ?Anything"])
+        above = st.integers(0, 9).map(lambda limit: f"?{subject}.%(number)s > {limit}")
+        related = st.sampled_from([f"?{subject} %(relation)s ?{subject}", f"?{subject} %(relation)s ?Anything"])
         atoms = above | related | above.map("NOT {}".format)
         if depth == 0:
             return atoms
         inner = about(f"{subject}{depth}", depth - 1)
         quantified = st.tuples(st.sampled_from(["FORALL", "EXISTS", "NOT FORALL", "NOT EXISTS"]), inner, about(subject, depth - 1)).map(
-            lambda parts: f"{parts[0]} ?{subject}{depth}: {type_name} ({parts[1]} OR {parts[2]})"
+            lambda parts: f"{parts[0]} ?{subject}{depth}: %(type)s ({parts[1]} OR {parts[2]})"
         )
         joined = st.tuples(about(subject, depth - 1), st.sampled_from(["AND", "OR"]), quantified).map(" ".join)
         return atoms | quantified | joined | joined.map("NOT ({})".format)
 
-    return about(variable, 2).map(lambda text: str(parse(text)))
+    return about(variable, 2)
+
+
+number_conditions = st.none() | st.just("?x.%(number)s > ?n")
+handler_lists = st.lists(
+    st.builds(Handler, on=st.sampled_from(Occasion), when=st.none() | conditions("x"), effect=conditions("x")), max_size=2
+)
 
 
 @st.composite
@@ -577,6 +589,11 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
         f"New{name}" for name in draw(st.lists(names, min_size=9, max_size=9, unique=True))
     )
     low = draw(st.none() | st.just(0.0) | st.floats(-1e9, 1e9))
+    chosen_names = {"type": type_name, "number": number_name, "relation": relation_name}
+
+    def formula(template: str) -> str:
+        return str(parse(template % chosen_names))
+
     return [
         AttributeType(
             name=number_name, kind=Kind.NUMBER, unit=draw(st.sampled_from([None, "m", "km/h", "percent"])), minimum=low, doc=draw(docs)
@@ -600,7 +617,7 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
                 Constraint(attribute=number_name, maximum=draw(numbers)),
                 Constraint(attribute=complex_name, values=(complex_name,), doc=draw(docs)),
                 Constraint(formula=f"?Self.{number_name} < 3", doc=draw(docs)),
-                Constraint(formula=draw(conditions("Self", type_name, number_name, relation_name)), doc=draw(docs)),
+                Constraint(formula=formula(draw(conditions("Self"))), doc=draw(docs)),
             ),
             closed=draw(st.booleans()),
             defaults={number_name: max(low or 0.0, draw(st.floats(0, 10)))},
@@ -619,21 +636,12 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
             inputs=(Parameter(name="x", type=type_name), Parameter(name="n", type="number")),
             outputs=(Parameter(name="y", type="Object"),),
             kind=draw(st.sampled_from(ServiceKind)),
-            precondition=draw(st.none() | st.just(f"?x.{number_name} > ?n") | conditions("x", type_name, number_name, relation_name)),
+            precondition=formula(template) if (template := draw(number_conditions | conditions("x"))) is not None else None,
             invariant=draw(st.none() | st.just(f"?x.{number_name} > ?n AND ?x.{number_name} < 9")),
             effect=f"?x {relation_name} ?y",
             handlers=tuple(
-                draw(
-                    st.lists(
-                        st.builds(
-                            Handler,
-                            on=st.sampled_from(Occasion),
-                            when=st.none() | conditions("x", type_name, number_name, relation_name),
-                            effect=conditions("x", type_name, number_name, relation_name),
-                        ),
-                        max_size=2,
-                    )
-                )
+                Handler(on=handler.on, when=formula(handler.when) if handler.when is not None else None, effect=formula(handler.effect))
+                for handler in draw(handler_lists)
             ),
             cost=draw(st.sampled_from([None, "3", f"{table_name}(?x, ?x)", f"?x.{number_name}"])),
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 from collections.abc import Iterator
 from itertools import combinations
@@ -20,9 +21,13 @@ from tests.support.examples import examples
 needs_scipy = pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="SciPy is not installed")
 
 
-@composite
-def tasks(draw: DrawFn) -> FiniteTask:
-    sizes = draw(st.lists(st.integers(2, 3), min_size=1, max_size=4))
+sizes_of_variables = st.lists(st.integers(2, 3), min_size=1, max_size=4).map(tuple)
+
+
+@functools.cache  # Hypothesis takes longer to make strategies than to draw from them
+def goals_and_operations(
+    sizes: tuple[int, ...],
+) -> tuple[st.SearchStrategy[tuple[Assignment, ...]], st.SearchStrategy[list[tuple[tuple[Assignment, ...], tuple[Effect, ...]]]]]:
     variables = st.integers(0, len(sizes) - 1)
     facts = variables.flatmap(lambda v: st.tuples(st.just(v), st.integers(0, sizes[v] - 1)))
     assignments = st.lists(facts, max_size=2, unique_by=lambda fact: fact[0]).map(tuple)
@@ -32,11 +37,19 @@ def tasks(draw: DrawFn) -> FiniteTask:
         max_size=2,
         unique_by=lambda effect: effect[1],
     ).map(tuple)
-    operations = draw(st.lists(st.tuples(assignments, effects), max_size=4))
+    goals = st.lists(facts, min_size=1, max_size=3, unique_by=lambda fact: fact[0]).map(tuple)
+    return goals, st.lists(st.tuples(assignments, effects), max_size=4)
+
+
+@composite
+def tasks(draw: DrawFn) -> FiniteTask:
+    sizes = draw(sizes_of_variables)
+    goals, operation_lists = goals_and_operations(sizes)
+    operations = draw(operation_lists)
     return FiniteTask(
         names=tuple(tuple(f"fact{v}({x})" for x in range(size)) for v, size in enumerate(sizes)),
         initial=tuple(draw(st.integers(0, size - 1)) for size in sizes),
-        goal=draw(st.lists(facts, min_size=1, max_size=3, unique_by=lambda fact: fact[0]).map(tuple)),
+        goal=draw(goals),
         operations=tuple(
             Operation(move=n, cost=1, preconditions=preconditions, effects=operation_effects)
             for n, (preconditions, operation_effects) in enumerate(operations)
