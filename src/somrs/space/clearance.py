@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,10 @@ CELL = 0.05
 """Width of a cell, m."""
 FAR = 1.0
 """Largest clearance that is computed, m: robots are narrower."""
+TILE = 256
+"""Cells along the side of a tile, whose distances are computed together."""
+PIECE = 2.0
+"""How far an edge of the ground may run in both directions of the grid to be looked at in one piece, m."""
 
 Field = NDArray[np.float32]
 """Clearance by row (y) and column (x), m."""
@@ -104,18 +110,72 @@ def clearances(grid: Grid, obstacles: Sequence[Solid], floors: Sequence[Solid], 
     """
     field: Field = np.full((grid.rows, grid.columns), FAR, dtype=np.float32)
     if floors:
-        ground = np.zeros(field.shape, dtype=bool)
-        for solid, margin in [(floor, grid.size / 2) for floor in floors] + [(passage, 2 * grid.size) for passage in passages]:
-            slices, distance = _distances(grid, solid, margin + grid.size)
-            ground[slices] |= distance <= margin
-        inner_distance = ndimage.distance_transform_edt(ground) - 0.5
-        outer_distance = ndimage.distance_transform_edt(~ground) - 0.5
-        field = np.minimum(field, np.where(ground, inner_distance, -outer_distance) * grid.size).astype(np.float32)
+        field = edge_distances(grid, tuple(floors), tuple(replace(passage, open=False) for passage in passages)).copy()
     for solid in obstacles:
         slices, distance = _distances(grid, solid, FAR)
         field[slices] = np.minimum(field[slices], distance)
     field[[0, -1], :] = field[:, [0, -1]] = -FAR  # a border of obstacles, so that no step of the search leaves the grid
     return np.clip(field, -FAR, FAR)
+
+
+@lru_cache(maxsize=4)
+def edge_distances(grid: Grid, floors: tuple[Solid, ...], passages: tuple[Solid, ...]) -> Field:
+    """The distance of each cell's centre from the edge of the ground, at most `FAR`, negative beyond the edge.
+
+    It is kept, because it is the same for all states of doors and for all furniture. Distances farther than `FAR` do not count, so each
+    tile of cells needs only its surroundings, and a tile in the middle of the ground, or far outside, needs nothing.
+    """
+    ground = np.zeros((grid.rows, grid.columns), dtype=bool)
+    for solid, margin in [(floor, grid.size / 2) for floor in floors] + [(passage, 2 * grid.size) for passage in passages]:
+        mark(grid, solid, margin, ground)
+    field: Field = np.where(ground, np.float32(FAR), np.float32(-FAR))
+    reach = math.ceil(FAR / grid.size) + 1
+    for row, column in product(range(0, grid.rows, TILE), range(0, grid.columns, TILE)):
+        first_row, first_column = max(row - reach, 0), max(column - reach, 0)
+        surroundings = ground[first_row : row + TILE + reach, first_column : column + TILE + reach]
+        if surroundings.all() or not surroundings.any():
+            continue
+        inner_distance = ndimage.distance_transform_edt(surroundings) - 0.5
+        outer_distance = ndimage.distance_transform_edt(~surroundings) - 0.5
+        distance = np.where(surroundings, inner_distance, -outer_distance) * grid.size
+        own = slice(row - first_row, row - first_row + TILE), slice(column - first_column, column - first_column + TILE)
+        field[row : row + TILE, column : column + TILE] = np.clip(distance[own], -FAR, FAR)
+    field.flags.writeable = False
+    return field
+
+
+def mark(grid: Grid, solid: Solid, margin: float, ground: NDArray[np.bool_]) -> None:
+    """Mark the cells whose centres are in the outline of a solid, or no farther from it than the margin."""
+    if solid.form not in ("Box", "Polygon"):
+        slices, distance = _distances(grid, solid, margin + grid.size)
+        ground[slices] |= distance <= margin
+        return
+    corners = np.array([solid.world(u, v) for u, v in _corners(solid)])
+    ends = np.roll(corners, -1, axis=0)
+    fill(grid, corners, ground)
+    for start, end in zip(corners, ends, strict=True):
+        pieces = max(1, math.ceil(float(np.abs(end - start).min()) / PIECE))  # the box around a long slanting edge has many cells
+        points = start + (end - start) * np.linspace(0, 1, pieces + 1)[:, None]
+        for (start_x, start_y), (end_x, end_y) in pairwise(points.tolist()):
+            low_x, high_x, low_y, high_y = min(start_x, end_x), max(start_x, end_x), min(start_y, end_y), max(start_y, end_y)
+            slices, x, y = grid.window(low_x - margin, low_y - margin, high_x + margin, high_y + margin)
+            dx, dy = end_x - start_x, end_y - start_y
+            share = np.clip(((x - start_x) * dx + (y - start_y) * dy) / (dx * dx + dy * dy or 1.0), 0.0, 1.0)
+            ground[slices] |= np.hypot(x - start_x - share * dx, y - start_y - share * dy) <= margin
+
+
+def fill(grid: Grid, corners: NDArray[np.float64], ground: NDArray[np.bool_]) -> None:
+    """Mark the cells whose centres are in a polygon: row by row, from each edge that the row crosses to the next one."""
+    ends = np.roll(corners, -1, axis=0)
+    low, high = (grid.clipped((0.0, float(y)))[0] for y in (corners[:, 1].min(), corners[:, 1].max()))
+    ys = grid.y + (np.arange(low, high + 1) + 0.5) * grid.size
+    for row, y in enumerate(ys.tolist(), low):
+        crossing = (corners[:, 1] > y) != (ends[:, 1] > y)
+        start, end = corners[crossing], ends[crossing]
+        xs = np.sort(start[:, 0] + (y - start[:, 1]) / (end[:, 1] - start[:, 1]) * (end[:, 0] - start[:, 0]))
+        columns = np.clip(np.ceil((xs - grid.x) / grid.size - 0.5), 0, grid.columns).astype(int).tolist()
+        for first, last in zip(columns[::2], columns[1::2], strict=True):
+            ground[row, first:last] = True
 
 
 def _distances(grid: Grid, solid: Solid, margin: float) -> tuple[tuple[slice, slice], Field]:

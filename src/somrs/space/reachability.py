@@ -8,10 +8,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from somrs.space.clearance import CELL, Grid, clearances
+from somrs.space.clearance import CELL, Grid, clearances, fill
 from somrs.space.solids import Point, Solid
 
 COARSE = 0.1
@@ -33,7 +32,7 @@ class Ground:
         if floors:
             ground = np.zeros(field.shape, dtype=bool)
             for solid in (*floors, *(_enlarged(passage, 2 * size) for passage in passages)):
-                _fill(self.grid, solid, ground)
+                fill(self.grid, np.array(outline_of(solid)), ground)
             ground = ndimage.binary_closing(ground, np.ones((3, 3)))  # floors may be drawn a little apart
             field = np.minimum(field, (ndimage.distance_transform_edt(ground) - 0.5) * size)
         # Half a cell less: a way that is just wide enough may have no cell in its middle.
@@ -61,21 +60,6 @@ class Ground:
         """The region with the most of the points."""
         counts = Counter(region for point in points if (region := self.region(point)) is not None)
         return {counts.most_common(1)[0][0]} if counts else set()
-
-
-def _fill(grid: Grid, solid: Solid, ground: NDArray[np.bool_]) -> None:
-    """Mark the cells whose centres are in the outline of a solid: row by row, from each edge that the row crosses to the next one."""
-    corners = np.array(outline_of(solid))
-    ends = np.roll(corners, -1, axis=0)
-    low, high = (grid.clipped((0.0, float(y)))[0] for y in (corners[:, 1].min(), corners[:, 1].max()))
-    for row in range(low, high + 1):
-        y = grid.centre((row, 0))[1]
-        crossing = (corners[:, 1] > y) != (ends[:, 1] > y)
-        start, end = corners[crossing], ends[crossing]
-        xs = np.sort(start[:, 0] + (y - start[:, 1]) / (end[:, 1] - start[:, 1]) * (end[:, 0] - start[:, 0]))
-        columns = np.clip(np.ceil((xs - grid.x) / grid.size - 0.5), 0, grid.columns).astype(int).tolist()
-        for first, last in zip(columns[::2], columns[1::2], strict=True):
-            ground[row, first:last] = True
 
 
 def _enlarged(solid: Solid, margin: float) -> Solid:
