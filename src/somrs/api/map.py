@@ -5,13 +5,30 @@ from __future__ import annotations
 import msgspec
 
 from somrs.api.context import Context
+from somrs.client.client import Refused
 from somrs.client.operations import Document, operation
 from somrs.ontology.files.site import dump_site
-from somrs.ontology.objects import Fact, Map, Object
-from somrs.protocol.messages.knowledge import Considered, Events, History, MergeObject, ReadEvents, RenameObject, Rows, Updated, UpdateMap
+from somrs.ontology.objects import Fact, Map, Object, ObjectAdded, ValueSet
+from somrs.protocol.messages.knowledge import (
+    BrokenRule,
+    Considered,
+    Events,
+    History,
+    MergeObject,
+    ReadEvents,
+    Rejected,
+    RenameObject,
+    Rows,
+    Updated,
+    UpdateMap,
+)
 from somrs.repository.rollback import rewind_map
+from somrs.space.fitting import misfits
 
 _YAML = "application/yaml"
+
+_POSE = ("Position", "Rotation", "Shape")
+"""How the paths of the attributes begin that say where an object is, and how large."""
 
 MAX_REWOUND_VERSIONS = 100
 """Up to this number of versions, reading the changes is faster than reading a map of thousands of objects."""
@@ -43,9 +60,33 @@ class MapService:
 
         With `expected_version`, the request is refused if an object that it concerns has changed since that version. A typed variable of
         the situation is a sighted object, and `observation` says when and how it was observed; `reception` in the answer has the names of
-        the sighted objects, and the parts of the report that were old news.
+        the sighted objects, and the parts of the report that were old news. Furniture and robots must fit where they are put: a position in
+        a wall, or one in which furniture and a robot overlap, is refused.
         """
+        self._check_fit(body)
         return await self._context.client.report(body)
+
+    def _check_fit(self, update: UpdateMap) -> None:
+        """Raise Refused if a change puts something where it does not fit. What overlaps already may stay so, but not deeper."""
+        map, ontology = self._context.map, self._context.ontology
+        added = {change.object.name: change for change in update.changes if isinstance(change, ObjectAdded)}
+        posed = [change for change in update.changes if isinstance(change, ValueSet) and change.path.startswith(_POSE)]
+        posed = [change for change in posed if change.object in map.objects or change.object in added]  # the Repository refuses the others
+        names = dict.fromkeys([*added, *(change.object for change in posed)])
+        if not names:
+            return
+        depths = {(name, obstacle): depth for name, obstacle, depth in misfits(map, ontology, names)}
+        broken = tuple(
+            BrokenRule(
+                subject=name,
+                rule="no-room",
+                message=f"it does not fit there: it would be {100 * depth:.0f} cm deep in {obstacle}; put it elsewhere",
+            )
+            for name, obstacle, depth in misfits(map.changed([*added.values(), *posed]), ontology, names)
+            if depth > depths.get((name, obstacle), 0.0)
+        )
+        if broken:
+            raise Refused(Rejected(problems=tuple(f"{rule.subject}: {rule.message}" for rule in broken), broken=broken))
 
     @operation("POST", "/map/consider")
     async def consider(self, body: UpdateMap) -> Considered:

@@ -93,7 +93,8 @@ export default {
     this.plan = plan;
     this.revealed = null; // object to scroll into view once the map has been read
     this.asked = []; // selections sent to the page and not yet confirmed
-    plan.turnable = (name) => this.doing === "edit" && plan.model.kind(name)?.moves !== "ground";
+    plan.turnable = (name) => this.doing === "edit" && !["ground", "itself"].includes(plan.model.kind(name)?.moves);
+    plan.offered = (name) => this.doing === "pick" && this.draggable(name);
     plan.drawn = (view) => this.drawn(view);
     plan.storey = this.storey_name ?? null;
     this.look();

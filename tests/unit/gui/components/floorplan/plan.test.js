@@ -86,30 +86,39 @@ test("what is dragged goes to the grid, with what stands on it", async () => {
 });
 
 test("what may not stand there goes back", async () => {
-  await drag("Robot1", view().toScreen(0.1, 0.1), { altKey: true });
+  await drag("Table001", view().toScreen(0.1, 0.1), { altKey: true });
   assert.equal(told("moved").length, 1);
-  one.shown.back("Robot1");
-  assert.equal(one.shown.plan.at("Robot1").x, 6);
+  one.shown.back("Table001");
+  assert.equal(one.shown.plan.at("Table001").x, 2);
 });
 
 test("where nobody answers, it goes back after a while, whatever else happens, and the page hears so", async () => {
-  await drag("Robot1", view().toScreen(3, 3));
+  await drag("Table001", view().toScreen(3, 3));
   await clock.pass(10000);
   changed([{ type: "ValueSet", object: "Jar001", path: "PositionX", value: 2.1 }], 8);
   await clock.pass(4000);
-  assert.deepEqual({ ...one.shown.plan.at("Robot1") }, { x: 3, y: 3, turned: 0 });
+  assert.deepEqual({ ...one.shown.plan.at("Table001") }, { x: 3, y: 3, turned: 0 });
   await clock.pass(2000);
-  assert.deepEqual(told("unanswered"), [{ names: ["Robot1"] }]);
-  assert.equal(one.shown.plan.at("Robot1").x, 6);
+  assert.deepEqual(told("unanswered"), [{ names: ["Jar001", "Table001"] }]);
+  assert.equal(one.shown.plan.at("Table001").x, 2);
 });
 
 test("what is in the hand waits for nobody", async () => {
-  const from = spot("Robot1");
-  await pointer("pointerdown", from, drawn("Robot1"));
+  const from = spot("Table001");
+  await pointer("pointerdown", from, drawn("Table001"));
   await pointer("pointermove", { x: from.x - 60, y: from.y });
   await clock.pass(60000);
   assert.deepEqual(told("unanswered"), []);
-  assert.notEqual(one.shown.plan.at("Robot1").x, 6);
+  assert.notEqual(one.shown.plan.at("Table001").x, 2);
+});
+
+test("a robot is where it is, whatever is tried on the map", async () => {
+  await drag("Robot1", view().toScreen(3, 3));
+  await clicked("Robot1");
+  await press(pad, "ArrowRight");
+  await clock.pass(500);
+  assert.deepEqual(told("moved"), []);
+  assert.equal(one.shown.plan.at("Robot1").x, 6);
 });
 
 test("a wall is only moved when it was chosen before; else the plan is", async () => {
@@ -120,12 +129,12 @@ test("a wall is only moved when it was chosen before; else the plan is", async (
 });
 
 test("arrow keys nudge what is chosen, and tell it once", async () => {
-  await clicked("Robot1");
+  await clicked("Table001");
   for (let time = 0; time < 3; time++) await press(pad, "ArrowRight");
   await press(pad, "ArrowUp", { shiftKey: true });
   assert.deepEqual(told("moved"), []);
   await clock.pass(500);
-  assert.deepEqual(told("moved").map(({ x, y, target }) => [x, y, target]), [[6.3, 6.01, null]]);
+  assert.deepEqual(told("moved").map(({ x, y, target }) => [x, y, target]), [[2.3, 3.01, null]]);
 });
 
 test("keys for the rest", async () => {

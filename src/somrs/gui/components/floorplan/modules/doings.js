@@ -148,6 +148,7 @@ export const doings = {
       return true;
     }
     if (this.doing !== "edit" || !name || !plan.at(name)) return false;
+    if (plan.model.kind(name)?.moves === "itself") { this.say(`${name} is where it is; send it to a place on the Fleet page.`); return true; }
     if (this.nudged?.name !== name) { this.flush(); this.nudged = { name, version: plan.model.version }; }
     const at = plan.at(name);
     this.nudged.to = { x: at.x + dx, y: at.y + dy, turned: at.turned + turn };

@@ -1,7 +1,7 @@
 // The kinds of objects on a floor plan, by type. The first match decides, so special kinds come before general ones.
 //
 // layer: drawing order. carries: whether things can be put on it, by preference. moves: `free` objects can be dragged at once,
-// `fixed` ones only when selected, `ground` never by mouse, since dragging a floor pans the plan.
+// `fixed` ones only when selected, those that move `itself` never on the map, `ground` never by mouse, since dragging a floor pans the plan.
 // label: priority of its label. from: size in pixels from which it has a label.
 // solid: its parts move with it.
 
@@ -23,7 +23,7 @@ const KINDS = [
   { id: "chair", types: ["Chair"], title: "Chair", layer: "furniture", moves: "free", label: 30, from: 56 },
   { id: "plant", types: ["Plant"], title: "Plant", layer: "furniture", moves: "free", label: 30, from: 30 },
   { id: "camera", types: ["Camera"], title: "Camera and its field of view", layer: "devices", moves: "free", label: 70, from: 0 },
-  { id: "robot", types: ["MobileRobot"], title: "Robot and its heading", layer: "robots", moves: "free", label: 90, from: 0 },
+  { id: "robot", types: ["MobileRobot"], title: "Robot and its heading", layer: "robots", moves: "itself", label: 90, from: 0 },
   { id: "person", types: ["Person"], title: "Person", layer: "devices", moves: "free", label: 80, from: 0 },
   { id: "lift", types: ["Lift"], title: "Lift", layer: "walls", moves: "free", label: 70, from: 20 },
   { id: "arm", types: ["StationaryDevice"], title: "Stationary device and its reach", layer: "furniture", moves: "free", label: 75, from: 0, carries: 3 },

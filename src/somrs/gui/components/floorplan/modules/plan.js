@@ -27,6 +27,7 @@ export class Plan {
     this.ghost = null;
     this.target = null;
     this.turnable = () => false;
+    this.offered = () => false; // whether the user can drag it to state a goal, so that its name matters
     this._asked = asked; // called for moves without a reply
     this._held = new Map(); // objects moved here and not yet on the map: { version, since }
     this._later = null; // timer for moves without a reply
@@ -289,10 +290,11 @@ export class Plan {
       const kind = model.kind(name);
       if (!kind) continue;
       const special = name === this.selected || this.found.has(name);
+      const offered = this.offered(name);
       const solid = model.solid(name);
       const unknown = model.value(name, "Unknown") === true;
-      if (solid && kind.layer !== "furniture" && kind.moves === "free" && reach(solid) * view.scale > DOT) taken.push(view.toScreen(at.x, at.y));
-      if (!solid || (!special && !unknown && 2 * reach(solid) * view.scale < kind.from)) continue;
+      if (solid && kind.layer !== "furniture" && ["free", "itself"].includes(kind.moves) && reach(solid) * view.scale > DOT) taken.push(view.toScreen(at.x, at.y));
+      if (!solid || (!special && !unknown && !offered && 2 * reach(solid) * view.scale < kind.from)) continue;
       const b = bounds({ ...solid, ...at });
       const half = { w: Math.max(((b.right - b.left) / 2) * view.scale, 5), h: Math.max(((b.top - b.bottom) / 2) * view.scale, 5) };
       const p = view.toScreen(at.x, at.y);
@@ -302,7 +304,7 @@ export class Plan {
         text: name + (mark ? ` ${mark}` : ""),
         ...p,
         half,
-        rank: name === this.selected ? 1000 : special ? 500 : unknown ? 300 : kind.label,
+        rank: name === this.selected ? 1000 : special ? 500 : unknown ? 300 : offered ? 100 + kind.label : kind.label,
         always: name === this.selected,
         inside: kind.layer === "furniture",
         classes: `fp-label-${kind.id}${special ? " fp-label-found" : ""}`,
