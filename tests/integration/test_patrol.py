@@ -75,7 +75,7 @@ def test_a_jar_in_the_hand_of_a_silent_robot_is_found_there() -> None:
     async def test() -> None:
         async with lab() as harness:
             patrol, robot = await harness.open("Patrol1"), await harness.open("Robot1", silence=1.5)
-            await harness.operator.schedule("Robot1", Fault.SILENT, carried=2.0)
+            await harness.operator.schedule("Robot1", Fault.SILENT, carried=3.0)
             with pytest.raises(ServiceFailed, match="sent nothing"):
                 await harness.run_task(robot, Perform(carry_order("Jar1", "Platform1")))
             truth = (await harness.operator.robots())["Robot1"]

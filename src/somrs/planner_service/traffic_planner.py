@@ -19,8 +19,8 @@ class TrafficPlanner:
 
     def plan(self, problem: PlanTraffic) -> TrafficPlan:
         numbers = {robot.name: number for number, robot in enumerate(problem.robots)}
-        graph = with_berths(self._graph, problem.private, numbers)
-        planner = WindowPlanner(graph.without(problem.closed) if problem.closed else graph, self._dice.shuffle)
+        graph = with_berths(self._graph, problem.closed, problem.private, numbers)
+        planner = WindowPlanner(graph.without(problem.blocked) if problem.blocked else graph, self._dice.shuffle)
         self._dice.seed(problem.serial)
         travellers = [
             Traveller(place=robot.place, goal=robot.goal, waiting=robot.waiting, nearest=robot.nearest, movable=robot.movable)

@@ -10,7 +10,7 @@ from somrs.protocol.messages.traffic import Berth
 from somrs.space.lines import point_distance
 from somrs.traffic.planning.graph import Graph, PrivatePlace
 from somrs.traffic.roadmap import NumberedRoadmap, UsedBerth
-from somrs.traffic.state import PlannedBerth
+from somrs.traffic.state import Closed, PlannedBerth
 
 GAP = 0.01
 """The least distance between robots that stand at berths, in metres."""
@@ -27,8 +27,8 @@ class Berths:
     """The berths on a roadmap that are in use. `slots` is the data of a component's state: the number of the first is the first after those
     of the places."""
 
-    def __init__(self, roadmap: NumberedRoadmap, slots: list[UsedBerth | None]) -> None:
-        self._roadmap, self.slots = roadmap, slots
+    def __init__(self, roadmap: NumberedRoadmap, slots: list[UsedBerth | None], closed: Closed = Closed()) -> None:
+        self.roadmap, self.slots, self._closed = roadmap, slots, closed
         self.graph = self._make_graph()
 
     def number(self, place: str, robot: str) -> int:
@@ -36,15 +36,15 @@ class Berths:
         if place.startswith(f"{robot}/"):
             for slot, used in enumerate(self.slots):
                 if used is not None and used.berth.name == place:
-                    return self._roadmap.graph.size + slot
+                    return self.roadmap.graph.size + slot
             raise UsageError(f"{robot} has no berth {place}")
-        return self._roadmap.number(place)
+        return self.roadmap.number(place)
 
     def name(self, number: int) -> str:
         """The name of the place or berth of this number."""
-        if number < self._roadmap.graph.size:
-            return self._roadmap.names[number]
-        used = self.slots[number - self._roadmap.graph.size]
+        if number < self.roadmap.graph.size:
+            return self.roadmap.names[number]
+        used = self.slots[number - self.roadmap.graph.size]
         assert used is not None, "only those in use have a number"
         return used.berth.name
 
@@ -56,11 +56,16 @@ class Berths:
         self.slots[slot : slot + 1] = [used]
         self.graph = self._make_graph()
 
+    def close(self, closed: Closed) -> None:
+        """These places and lanes are closed from now on, and all others are open."""
+        self._closed = closed
+        self.graph = self._make_graph()
+
     def keep(self, numbers: Collection[int]) -> bool:
         """Use only the berths of these numbers any more. Returns whether there were others."""
-        unused = [slot for slot, used in enumerate(self.slots, self._roadmap.graph.size) if used is not None and slot not in numbers]
+        unused = [slot for slot, used in enumerate(self.slots, self.roadmap.graph.size) if used is not None and slot not in numbers]
         for number in unused:
-            self.slots[number - self._roadmap.graph.size] = None
+            self.slots[number - self.roadmap.graph.size] = None
         while self.slots and self.slots[-1] is None:
             self.slots.pop()
         if unused:
@@ -74,10 +79,10 @@ class Berths:
             raise UsageError(
                 f"{berth.name} is at ({berth.x}, {berth.y}), for a robot of radius {berth.radius}: numbers in metres are needed"
             )
-        numbers = [self._roadmap.number(place) for place in dict.fromkeys(berth.places)]
+        numbers = [self.roadmap.number(place) for place in dict.fromkeys(berth.places)]
         if not numbers:
             raise UsageError(f"{berth.name} needs a place of the roadmap from which {robot} drives there")
-        places, spacing = [self._roadmap.roadmap.places[number] for number in numbers], self._roadmap.roadmap.spacing
+        places, spacing = [self.roadmap.roadmap.places[number] for number in numbers], self.roadmap.roadmap.spacing
         distances = [math.dist((place.x, place.y), (berth.x, berth.y)) for place in places]
         for place, distance in zip(places, distances, strict=True):
             if spacing and distance > spacing + TOLERANCE:
@@ -89,41 +94,42 @@ class Berths:
 
     def _make_graph(self) -> Graph:
         self.private_places = [self._planned(used) if used is not None else None for used in self.slots]
-        return with_berths(self._roadmap.graph, self.private_places)
+        return with_berths(self.roadmap.graph, self._closed, self.private_places)
 
     def _planned(self, used: UsedBerth) -> PlannedBerth:
         exclusions = dict.fromkeys((*self._near_places(used), *self._near_berths(used)))
-        return PlannedBerth(used.robot, used.lanes, tuple(exclusions))
+        return PlannedBerth(used.robot, tuple(lane for lane in used.lanes if lane[0] not in self._closed.places), tuple(exclusions))
 
     def _near_places(self, used: UsedBerth) -> Iterator[int]:
         """The places at which another robot would be too near."""
-        point, spacing = (used.berth.x, used.berth.y), self._roadmap.roadmap.spacing
-        for number in self._roadmap.near(point, used.level):
-            place = self._roadmap.roadmap.places[number]
+        point, spacing = (used.berth.x, used.berth.y), self.roadmap.roadmap.spacing
+        for number in self.roadmap.near(point, used.level):
+            place = self.roadmap.roadmap.places[number]
             if math.dist((place.x, place.y), point) < spacing:
                 yield number
 
     def _near_berths(self, used: UsedBerth) -> Iterator[int]:
         """The berths of other robots that are too near, and the places through which these drive to theirs past this one."""
         point = used.berth.x, used.berth.y
-        for number, near in enumerate(self.slots, self._roadmap.graph.size):
+        for number, near in enumerate(self.slots, self.roadmap.graph.size):
             if near is None or near.robot == used.robot or near.level != used.level:
                 continue
             room, end = used.berth.radius + near.berth.radius + GAP, (near.berth.x, near.berth.y)
             if math.dist(point, end) < room:
                 yield number
             for start, _ in near.lanes:
-                place = self._roadmap.roadmap.places[start]
+                place = self.roadmap.roadmap.places[start]
                 if point_distance(point, (place.x, place.y), end) < room:
                     yield start
 
 
-def with_berths(graph: Graph, berths: Sequence[PlannedBerth | None], owners: Mapping[str, Hashable] | None = None) -> Graph:
-    """The graph with berths. `owners`: what stands for each robot in it; by default its name."""
+def with_berths(graph: Graph, closed: Closed, berths: Sequence[PlannedBerth | None], owners: Mapping[str, Hashable] | None = None) -> Graph:
+    """The graph without the lanes to closed places, and with berths. `owners`: what stands for each robot in it; by default its name."""
     private = [
         PrivatePlace(owners[berth.robot] if owners is not None else berth.robot, berth.lanes, berth.exclusions)
         if berth is not None
         else None
         for berth in berths
     ]
-    return graph.with_private(private)
+    is_closed = closed.places or closed.lanes
+    return (graph.without_lanes_to({*closed.places}, closed.lanes) if is_closed else graph).with_private(private)

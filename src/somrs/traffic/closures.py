@@ -24,12 +24,18 @@ class Closures:
         fixed = (name for name, robot in self._state.robots.items() if robot.silent or robot.mobility is Mobility.IMMOBILE)
         return frozenset(place for name in fixed for place in self._schedule.held(name))
 
-    def blockers(self, name: str, trip: Trip) -> tuple[str, ...]:
-        """The robots that cannot move and stand in the shortest way, if all ways are closed."""
-        closed, start = self.places, self._schedule.committed[name]
-        if not closed or self._open_graph(closed).distances(trip.destination)[start] < FAR:
+    def blockers(self, name: str, trip: Trip) -> tuple[str, ...] | None:
+        """The robots that cannot move and stand in the shortest way, if all ways are closed; None if there is a way.
+
+        There are no such robots if the ways are closed by what stands there.
+        """
+        start = self._schedule.last(name)
+        if self._schedule.graph.distances(trip.destination)[start] == FAR:
             return ()
-        return tuple(dict.fromkeys(self._in_the_way(name, start, trip.destination, closed)))
+        closed = self.places
+        if not closed or self._open_graph(closed).distances(trip.destination)[start] < FAR:
+            return None
+        return tuple(dict.fromkeys(self._in_the_way(name, start, trip.destination, closed))) or None
 
     def _open_graph(self, closed: frozenset[int]) -> Graph:
         graph = self._schedule.graph

@@ -20,6 +20,7 @@ from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.traffic import (
     Berth,
     CancelTrip,
+    CloseWays,
     EnterTraffic,
     Granted,
     LeaveTraffic,
@@ -40,6 +41,7 @@ from somrs.traffic.planning.graph import FAR
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
+    Closed,
     LeasesDue,
     PlanDue,
     PlannedRobot,
@@ -86,7 +88,7 @@ class Traffic:
 
     def _begin(self, state: TrafficState) -> None:
         self.state = state
-        self._berths = Berths(NumberedRoadmap(state.roadmap), state.berths)
+        self._berths = Berths(NumberedRoadmap(state.roadmap), state.berths, state.closed)
         self._schedule = Schedule(self._berths.graph, state.held, state.planned)
         self._closures = Closures(state, self._schedule)
 
@@ -94,6 +96,18 @@ class Traffic:
     def open(self) -> list[str]:
         """The robots that have a trip."""
         return [name for name, robot in self.state.robots.items() if robot.trip is not None]
+
+    def occupant(self, robot: str) -> str | None:
+        """The robot that works where the trip of this one leads; None if there is none."""
+        record = self.state.robots.get(robot)
+        if record is None or record.trip is None:
+            return None
+        holder = self._schedule.holder(record.trip.destination, besides=robot)
+        return holder if holder is not None and self.state.robots[holder].mobility is Mobility.BUSY else None
+
+    def is_awaited(self, robot: str) -> bool:
+        """Whether others wait for places that this robot holds."""
+        return any(robot in self._schedule.obstacles(name) for name in self.state.robots if name != robot)
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """Handle an input and return its effects."""
@@ -138,6 +152,8 @@ class Traffic:
                     self._schedule.leave(name)
                     self._obstacles_changed()
                 yield self._answer(message, TrafficLeft(robot=name))
+            case CloseWays() as body:
+                self._close(body)
             case ReadTraffic():
                 robots = tuple(view(self.state, self._schedule, self._berths))
                 yield self._answer(message, TrafficView(robots=robots, berths=tuple(used.berth for used in self.state.berths if used)))
@@ -247,6 +263,13 @@ class Traffic:
         self._berths.add(robot, berth)
         self._schedule.graph = self._berths.graph
 
+    def _close(self, body: CloseWays) -> None:
+        number = self._berths.roadmap.number
+        self.state.closed = Closed(tuple(map(number, body.places)), tuple((number(lane.start), number(lane.end)) for lane in body.lanes))
+        self._berths.close(self.state.closed)
+        self._schedule.graph = self._berths.graph
+        self._obstacles_changed()
+
     def _drop_berths(self) -> None:
         """Forget the berths that nobody uses any more, but not while a plan is being made in which they may occur."""
         state = self.state
@@ -265,7 +288,7 @@ class Traffic:
             raise UsageError(f"{body.robot} has asked for another trip since")
         if body.berth is not None:
             self._use_berth(body.robot, body.berth)
-        destination, start = self._berths.number(body.destination, body.robot), self._schedule.committed[body.robot]
+        destination, start = self._berths.number(body.destination, body.robot), self._schedule.last(body.robot)
         distance = self._berths.graph.distances(destination)[start]
         if distance == FAR:
             raise UsageError(f"no lanes lead from {self._berths.name(start)} to {body.destination}")
@@ -284,7 +307,7 @@ class Traffic:
                 yield self._end_trip(name, TripResult.ARRIVED)
             elif record.mobility is Mobility.IMMOBILE:
                 yield self._end_trip(name, TripResult.IMMOBILE)
-            elif blockers := self._closures.blockers(name, record.trip):
+            elif (blockers := self._closures.blockers(name, record.trip)) is not None:
                 yield self._end_trip(name, TripResult.CLOSED, blockers)
 
     def _end_trip(self, name: str, result: TripResult, robots: tuple[str, ...] = ()) -> Send:
@@ -359,7 +382,8 @@ class Traffic:
         problem = PlanTraffic(
             serial=state.serial,
             robots=robots,
-            closed=tuple(sorted(self._closures.places)),
+            closed=state.closed,
+            blocked=tuple(sorted(self._closures.places)),
             private=tuple(self._berths.private_places),
             steps=HORIZON,
             effort=effort,
@@ -368,7 +392,7 @@ class Traffic:
         yield Ask(PlanQuestion(state.serial), problem)
 
     def _planned_robot(self, name: str, record: RobotRecord, now: float) -> PlannedRobot:
-        trip, place = record.trip, self._schedule.committed[name]
+        trip, place = record.trip, self._schedule.last(name)
         return PlannedRobot(
             name=name,
             place=place,
@@ -381,7 +405,7 @@ class Traffic:
     def _is_exhausted(self) -> bool:
         """Whether the plan has come to its end for a robot that is not at its goal."""
         return any(
-            record.trip is not None and not self.state.planned[name] and self._schedule.committed[name] != record.trip.destination
+            record.trip is not None and not self.state.planned[name] and self._schedule.last(name) != record.trip.destination
             for name, record in self.state.robots.items()
         )
 

@@ -26,8 +26,8 @@ from somrs.space.navigation import SLACK, Navigator
 from somrs.space.solids import Point, Role, Solid, solid_of
 from somrs.traffic.roadmap import Lane, Place, Roadmap
 
-GAP = 0.03
-"""The least distance between two robots, in metres."""
+GAP = 0.06
+"""The least distance between two robots on their lanes, in metres: what they keep, and as much again for corners that they cut."""
 MARGIN = 0.03
 """The distance of robots from obstacles, in metres."""
 SPEED = 0.8

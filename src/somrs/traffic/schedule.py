@@ -40,10 +40,9 @@ class Schedule:
     def __contains__(self, robot: str) -> bool:
         return robot in self._held
 
-    @property
-    def committed(self) -> dict[str, int]:
-        """By robot: the place up to which its way is granted. The next plan begins there."""
-        return {robot: places[-1] for robot, places in self._held.items()}
+    def last(self, robot: str) -> int:
+        """The place up to which the robot's way is granted. The next plan begins there."""
+        return self._held[robot][-1]
 
     def held(self, robot: str) -> tuple[int, ...]:
         """The places that the robot holds, in the order of its way."""

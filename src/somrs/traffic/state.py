@@ -65,6 +65,13 @@ class PlannedRobot(Struct, frozen=True, array_like=True):
     movable: bool
 
 
+class Closed(Struct, frozen=True, array_like=True):
+    """Places and lanes that are closed, because of what stands there."""
+
+    places: tuple[int, ...] = ()
+    lanes: tuple[tuple[int, int], ...] = ()
+
+
 class PlannedBerth(Struct, frozen=True, array_like=True):
     """A berth in a problem. The meaning is that of `PrivatePlace`."""
 
@@ -74,11 +81,13 @@ class PlannedBerth(Struct, frozen=True, array_like=True):
 
 
 class PlanTraffic(Struct, frozen=True, kw_only=True):
-    """The next steps of all robots are to be planned. `closed`: places that nobody can get past for now. `private`: the berths."""
+    """The next steps of all robots are to be planned. `blocked`: places held by robots
+    that cannot move. `private`: the berths."""
 
     serial: int
     robots: tuple[PlannedRobot, ...]
-    closed: tuple[int, ...]
+    closed: Closed
+    blocked: tuple[int, ...]
     private: tuple[PlannedBerth | None, ...]
     steps: int
     effort: int
@@ -108,6 +117,7 @@ class TrafficState(Struct, kw_only=True):
     held: dict[str, list[int]] = field(default_factory=dict)
     planned: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
     berths: list[UsedBerth | None] = field(default_factory=list)
+    closed: Closed = Closed()
     entered: dict[str, int] = field(default_factory=dict)
     """The fences that were given, by the ids of the messages that asked for them, oldest first."""
     fences: int = 0

@@ -13,7 +13,10 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.traffic import (
+    Berth,
     CancelTrip,
+    ClosedLane,
+    CloseWays,
     EnterTraffic,
     Granted,
     LeaveTraffic,
@@ -80,9 +83,14 @@ class Harness:
             self.fences[robot] = answer.fence
         return answer
 
-    def trip(self, robot: str, destination: str) -> list[Body]:
+    def trip(self, robot: str, destination: str, berth: Berth | None = None) -> list[Body]:
         body = RequestTrip(
-            robot=robot, fence=self.fences[robot], number=next(self._numbers), trip=f"{robot} to {destination}", destination=destination
+            robot=robot,
+            fence=self.fences[robot],
+            number=next(self._numbers),
+            trip=f"{robot} to {destination}",
+            destination=destination,
+            berth=berth,
         )
         return self.send(robot, body)
 
@@ -268,6 +276,45 @@ def test_a_cancelled_trip_is_not_driven() -> None:
     harness.report("R1", "C", 3)
     assert harness.way("R1")[-1] == "C", "what it holds is not taken away, and nothing is added"
     harness.send("R1", CancelTrip(robot="R1", fence=harness.fences["R1"], trip="another"))
+
+
+def test_nobody_is_sent_through_places_that_are_closed() -> None:
+    harness = Harness(roadmap(LINE, ("A", "Bay", "C")))
+    harness.enter("R1", "West")
+    harness.send("map", CloseWays(lanes=(ClosedLane(start="A", end="B"), ClosedLane(start="B", end="A"))))
+    harness.trip("R1", "East")
+    harness.wait(1)
+    assert harness.way("R1") == ("West", "A", "Bay", "C")
+    ended = harness.send("map", CloseWays(places=("B", "East")))
+    assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.CLOSED) in [*ended, *harness.wait(1)]
+    assert "no lanes lead" in text_of(harness.trip("R1", "East")[0])
+    harness.restart()
+    assert "no lanes lead" in text_of(harness.trip("R1", "East")[0])
+    harness.send("map", CloseWays())
+    harness.trip("R1", "East")
+    harness.report("R1", "A", 1)
+    harness.report("R1", "Bay", 2)
+    assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.ARRIVED) in drive(harness)
+
+
+def test_a_robot_works_at_a_berth_and_comes_back() -> None:
+    harness = Harness(roadmap(LINE))
+    harness.enter("R1", "West")
+    berth = Berth(name="R1/table", x=3.4, y=0.0, radius=0.2, places=("C", "East"))
+    harness.trip("R1", "R1/table", berth)
+    assert TripEnded(robot="R1", trip="R1 to R1/table", result=TripResult.ARRIVED) in drive(harness)
+    assert harness.view().berths == (berth,)
+    harness.restart()
+    harness.trip("R1", "West")
+    assert TripEnded(robot="R1", trip="R1 to West", result=TripResult.ARRIVED) in drive(harness)
+    assert harness.view().berths == ()
+
+
+def test_the_berth_of_another_robot_is_refused() -> None:
+    harness = Harness(roadmap(LINE))
+    harness.enter("R1", "West")
+    answer = harness.trip("R1", "R2/table", Berth(name="R2/table", x=1.4, y=0.0, radius=0.2, places=("A",)))[0]
+    assert "has to begin with R1/" in text_of(answer)
 
 
 def test_places_are_the_same_after_a_restart() -> None:

@@ -77,13 +77,7 @@ def test_there_are_lanes_where_there_is_a_path_and_none_through_what_stands_ther
     coordinate = st.integers(2, 28).map(lambda tenths: tenths / 5)
     sizes = st.sampled_from(((0.4, 2.0), (2.5, 0.2), (1.0, 1.0)))
     furniture = [
-        box(
-            f"Table{number}",
-            "Table",
-            data.draw(coordinate),
-            data.draw(coordinate),
-            *data.draw(sizes),
-        )
+        box(f"Table{number}", "Table", data.draw(coordinate), data.draw(coordinate), *data.draw(sizes))
         for number in range(data.draw(st.integers(0, 5)))
     ]
     map = room(6, 6, *furniture)

@@ -29,7 +29,7 @@ def test_robots_that_are_late_finish_the_plan_and_never_meet(data: st.DataObject
     dice = data.draw(st.randoms(use_true_random=False))
 
     def plan_anew() -> None:
-        travellers = [Traveller(place=schedule.committed[name], goal=goal) for name, goal in zip(names, goals, strict=True)]
+        travellers = [Traveller(place=schedule.last(name), goal=goal) for name, goal in zip(names, goals, strict=True)]
         course = planner.plan(travellers, 5).steps
         schedule.plan({name: [configuration[robot] for configuration in course] for robot, name in enumerate(names)})
 
@@ -39,12 +39,12 @@ def test_robots_that_are_late_finish_the_plan_and_never_meet(data: st.DataObject
             plan_anew()
         _progress(schedule, dice.choice(names), dice.random() < 0.5)
         _assert_apart(schedule, graph, names)
-    last = tuple(schedule.planned(name)[-1] if schedule.planned(name) else schedule.committed[name] for name in names)
+    last = tuple(schedule.planned(name)[-1] if schedule.planned(name) else schedule.last(name) for name in names)
     for _ in range(200):
         progressed = {_progress(schedule, name, grants) for name in names for grants in (True, False)}
         if progressed == {False}:
             break
-    assert tuple(schedule.committed[name] for name in names) == last, "everybody came to the end of the plan"
+    assert tuple(schedule.last(name) for name in names) == last, "everybody came to the end of the plan"
     assert is_valid(graph, last)
 
 

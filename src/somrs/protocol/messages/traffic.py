@@ -155,6 +155,22 @@ class TrafficLeft(MessageBody, frozen=True, kw_only=True, tag=True):
     robot: str
 
 
+class ClosedLane(Struct, frozen=True, kw_only=True):
+    """A lane, in one direction, by the places at which it begins and ends."""
+
+    start: str
+    end: str
+
+
+class CloseWays(MessageBody, frozen=True, kw_only=True, tag=True):
+    """These places and lanes are closed from now on, and all others are open: doors are shut, or things stand in the way. Robots that are
+    there may leave. Sent by whoever follows the map; nothing is answered.
+    """
+
+    places: tuple[str, ...] = ()
+    lanes: tuple[ClosedLane, ...] = ()
+
+
 class ReadTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
     """Read where all robots are, what they hold, and whom they wait for."""
 

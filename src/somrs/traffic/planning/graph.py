@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Collection, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,6 +13,10 @@ from scipy.sparse.csgraph import dijkstra
 
 FAR = float("inf")
 """The distance of a place from which a goal cannot be reached."""
+
+
+Lane = tuple[int, int]
+"""The places at which a lane begins and ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +56,8 @@ class Graph:
         """By place: the others that no robot may be at while one is at this place."""
         self._private_ways: dict[int, list[tuple[Hashable, int]]] = {}
         self._distances: dict[int, array[float]] = {}
-        self._without: tuple[set[int], Graph] | None = None
-        """The places to which lanes were left out last, and the graph without them."""
+        self._without: tuple[tuple[set[int], set[Lane]], Graph] | None = None
+        """The places to which lanes were left out last, the lanes that were left out, and the graph without them."""
 
     def options(self, place: int, robot: Hashable) -> tuple[int, ...]:
         """The places to which the robot may go from this place."""
@@ -73,19 +77,19 @@ class Graph:
 
     def without(self, places: Iterable[int]) -> Graph:
         """This graph without the lanes to these places, and to those that they exclude."""
-        return self._without_lanes_to({excluded for place in places for excluded in (place, *self.exclusions[place])})
+        return self.without_lanes_to({excluded for place in places for excluded in (place, *self.exclusions[place])})
 
-    def _without_lanes_to(self, closed: set[int]) -> Graph:
-        closed = {place for place in closed if place < self.size}
-        if self._without is not None and self._without[0] == closed:
+    def without_lanes_to(self, closed: set[int], lanes: Collection[Lane] = ()) -> Graph:
+        """This graph without the lanes to these places alone, and without these lanes."""
+        left_out = {place for place in closed if place < self.size}, {*lanes}
+        if self._without is not None and self._without[0] == left_out:
             return self._without[1]  # with the distances that are known
+        lengths = [ends if left_out[0].isdisjoint(ends) else _without_keys(ends, left_out[0]) for ends in self._lengths]
+        for start, end in lanes:
+            lengths[start] = _without_keys(lengths[start], {end})
         graph = Graph.__new__(Graph)
-        lengths = [
-            ends if closed.isdisjoint(ends) else {end: length for end, length in ends.items() if end not in closed}
-            for ends in self._lengths
-        ]
         graph._assemble(lengths, self.exclusions)
-        self._without = closed, graph
+        self._without = left_out, graph
         return graph
 
     def with_private(self, places: Sequence[PrivatePlace | None]) -> Graph:
@@ -137,10 +141,10 @@ class _WithPrivatePlaces(Graph):
     def length(self, start: int, end: int) -> float:
         return self._lengths[start][end] if end < self._public.size else self._lengths[end][start]
 
-    def _without_lanes_to(self, closed: set[int]) -> Graph:
+    def without_lanes_to(self, closed: set[int], lanes: Collection[Lane] = ()) -> Graph:
         kept = (place if number not in closed else None for number, place in enumerate(self._places, start=self._public.size))
         reduced = [replace(place, lanes=tuple(lane for lane in place.lanes if lane[0] not in closed)) if place else None for place in kept]
-        return self._public._without_lanes_to(closed).with_private(reduced)
+        return self._public.without_lanes_to(closed, lanes).with_private(reduced)
 
     def _find_distances(self, goal: int) -> array[float]:
         size = self._public.size
@@ -154,3 +158,7 @@ class _WithPrivatePlaces(Graph):
             lanes = place.lanes if place is not None else ()
             distances.append(0.0 if number == goal else min((distances[end] + length for end, length in lanes), default=FAR))
         return distances
+
+
+def _without_keys(ends: dict[int, float], closed: set[int]) -> dict[int, float]:
+    return {end: length for end, length in ends.items() if end not in closed}

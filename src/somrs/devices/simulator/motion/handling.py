@@ -8,9 +8,8 @@ from collections.abc import Callable, Collection
 import numpy as np
 
 from somrs.devices.simulator.motion.arm import draw_in, lift_over, open_clear, overhang, withdraw
-from somrs.devices.simulator.motion.driving import PATIENCE, ask_aside, drive_to
+from somrs.devices.simulator.motion.driving import PATIENCE, drive_to
 from somrs.devices.simulator.motion.placement import (
-    Stand,
     free_spots,
     order,
     reachable_now,
@@ -19,7 +18,7 @@ from somrs.devices.simulator.motion.placement import (
     stands,
     thing_distances,
 )
-from somrs.devices.simulator.motion.robot import ARM, Fleet, GivenUp, Robot, Routine, nearest_half_turn, wait
+from somrs.devices.simulator.motion.robot import ARM, GivenUp, Robot, Routine, nearest_half_turn, wait
 from somrs.devices.simulator.motion.traffic import Capsule
 from somrs.space.dimensions import FINGER, OPENING
 from somrs.space.distances import Array, distances_from
@@ -50,11 +49,11 @@ def get_within_reach(  # type: ignore[no-untyped-def]
         if reachable_index is not None:
             return float(candidates[reachable_index][0]), float(candidates[reachable_index][1])
         robot.need_drive()
-        ranked = stands(robot, candidates, top, penalties, ignored, container)
-        preferred = ranked or _stands_without_others(robot, candidates, top, penalties, ignored, container)
-        if not preferred:
-            raise GivenUp("unreachable", f"there is no place for {robot.name} from which it could reach {target_name}")
         started = robot.scene.time
+        ranked = stands(robot, candidates, top, penalties, ignored, container)
+        problem = GivenUp("blocked", f"other robots occupy the places from which {robot.name} could reach {target_name}")
+        if not ranked and not stands(robot, candidates, top, penalties, ignored, container, is_alone=True):
+            raise GivenUp("unreachable", f"there is no place for {robot.name} from which it could reach {target_name}")
         yield from withdraw(robot)
         for stand in ranked[:1] + ranked[8:9] + ranked[16:17] + ranked[-1:]:
             try:
@@ -65,19 +64,10 @@ def get_within_reach(  # type: ignore[no-untyped-def]
                     raise
                 problem = failure
         if not ranked:
-            problem = GivenUp("blocked", f"other robots occupy the places from which {robot.name} could reach {target_name}")
-            yield from ask_aside(robot, preferred[0].base)
+            yield from wait(robot, 0.5)
         waited += robot.scene.time - started
         if waited > PATIENCE or problem.reason == "unreachable":
             raise problem
-
-
-def _stands_without_others(
-    robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str], container: Solid | None
-) -> list[Stand]:
-    """The stands that the robot would have if there were no other robots."""
-    lone_robot = Robot(robot.solid, robot.scene, robot.navigator, Fleet())
-    return stands(lone_robot, spots, top, penalties, ignored, container)
 
 
 def _claim_arm(robot: Robot, spot: Point) -> Routine:

@@ -102,7 +102,7 @@ def _stands(robot: Robot, leaf: Leaf, side: int, goal: float) -> list[_Stand]:
     mask = scene.clearances(bases, level + 0.02, level + 1.85, [leaf.name]) >= size.radius + MARGIN + 0.015
     bases = bases[mask]
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot)]
-    obstacles += [claim for other_robot in robot.other_robots() for claim in other_robot.claims()]
+    obstacles += [claim for staying_robot in robot.staying_robots() for claim in staying_robot.claims()]
     reached = np.zeros(len(bases), dtype=int)
     going = np.ones(len(bases), dtype=bool)
     for position, handle in zip(positions, handles, strict=True):

@@ -38,11 +38,19 @@ class Stand:
 
 
 def stands(
-    robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str] = (), container: Solid | None = None
+    robot: Robot,
+    spots: Array,
+    top: float,
+    penalties: Array,
+    ignored: Collection[str] = (),
+    container: Solid | None = None,
+    *,
+    is_alone: bool = False,
 ) -> list[Stand]:
     """The stands from which the robot reaches one of the spots at height `top`, best first. Paths to the stands are not checked.
 
-    `container`: the container in which the spots are.
+    Robots that can make room are no obstacles. `container`: the container in which the spots are. `is_alone`: as if there were no other
+    robots.
     """
     size, level = robot.size, robot.solid.z
     reaches = np.linspace(size.nearest + 0.015, size.farthest - 0.015, 6)
@@ -60,7 +68,8 @@ def stands(
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot, ignored)]
     middle = (float(spots[:, 0].mean()), float(spots[:, 1].mean()))
     spread = float(np.hypot(spots[:, 0] - middle[0], spots[:, 1] - middle[1]).max()) + size.farthest + size.radius + 2 * MARGIN
-    claims = [claim for other_robot in robot.fleet.near(robot, spread, middle) for claim in other_robot.claims()]
+    staying = [near_robot for near_robot in robot.fleet.near(robot, spread, middle) if near_robot.stays and not is_alone]
+    claims = [claim for staying_robot in staying for claim in staying_robot.claims()]
     obstacles += claims
     ranked_stands: list[Stand] = []
     for i in np.argsort(costs, kind="stable").tolist():

@@ -12,9 +12,11 @@ from collections.abc import Generator, Iterator
 
 from somrs.devices.simulator.battery import PER_ARM_SECOND, PER_METRE, PER_RADIAN, Battery
 from somrs.devices.simulator.link.commands import Fault, RobotState
+from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
 from somrs.devices.simulator.world.joints import Joints
 from somrs.devices.simulator.world.scene import Scene
+from somrs.protocol.messages.traffic import Mobility
 from somrs.space.dimensions import Dimensions, dimensions_of
 from somrs.space.navigation import Navigator
 from somrs.space.solids import Point, Solid
@@ -61,8 +63,8 @@ def nearest_half_turn(angle: float) -> float:
 class Robot:
     """A robot in the scene. `fleet`: all robots by name, including this robot."""
 
-    def __init__(self, solid: Solid, scene: Scene, navigator: Navigator, fleet: Fleet) -> None:
-        self.solid, self.scene, self.navigator, self.fleet = solid, scene, navigator, fleet
+    def __init__(self, solid: Solid, scene: Scene, navigator: Navigator, fleet: Fleet, road: RoadUser) -> None:
+        self.solid, self.scene, self.navigator, self.fleet, self.road = solid, scene, navigator, fleet, road
         self.name = solid.name
         self.size: Dimensions = dimensions_of(solid)
         self.faults: set[Fault] = set()
@@ -75,8 +77,6 @@ class Robot:
         self.weighed: dict[str, float] = {}
         """The weights that the arm has measured during the current command, kg, by the names of the things."""
         self.battery = Battery(solid.charge, scene.time)
-        self.asking_robot: Robot | None = None
-        """A robot that has asked this robot to make way."""
         self.speed, self._turning, self.heading = 0.0, 0.0, (1.0, 0.0)
         self._moved = False
         self._targets: dict[str, float] = {joint: self.joints[joint] for joint in RATES} if self.size.gripper else {}
@@ -178,6 +178,15 @@ class Robot:
     def other_robots(self) -> list[Robot]:
         """The other robots on the same floor."""
         return [r for r in self.fleet.values() if r is not self and abs(r.solid.z - self.solid.z) < STOREY]
+
+    def staying_robots(self) -> list[Robot]:
+        """The other robots on the same floor that stay where they are."""
+        return [r for r in self.other_robots() if r.stays]
+
+    @property
+    def stays(self) -> bool:
+        """Whether it makes no room now: because it works, cannot drive, or takes no part in traffic."""
+        return not (self.mobile and self.road.takes_part and self.road.mobility is Mobility.FREE)
 
     def _find_blocker(self, wanted_claim: Capsule) -> Robot | None:
         """A robot whose claim overlaps the wanted claim, or None. Standing still and moving away are always allowed."""

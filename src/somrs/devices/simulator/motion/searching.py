@@ -104,7 +104,7 @@ def _viewpoints(robot: Robot, point: Place) -> Iterator[Point]:
     spots: Array = np.array([(x, y), *ring])
     costs = np.hypot(spots[:, 0] - x, spots[:, 1] - y) + 0.8 * np.hypot(spots[:, 0] - point[0], spots[:, 1] - point[1])
     room = robot.scene.clearances(spots, robot.solid.z + 0.02, robot.solid.z + 1.85)
-    discs = [*floor_things(robot), *robot_discs(robot.other_robots())]
+    discs = [*floor_things(robot), *robot_discs(robot.staying_robots())]
     for i in np.argsort(costs, kind="stable").tolist():
         spot = float(spots[i][0]), float(spots[i][1])
         eye_position = (*spot, eye.position[2])

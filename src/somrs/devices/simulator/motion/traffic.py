@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from somrs.space.lines import segment_distance
 from somrs.space.solids import Point
 
-GAP = 0.04
+GAP = 0.02
 """Distance that robots keep between their outlines, m."""
 
 

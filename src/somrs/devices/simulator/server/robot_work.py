@@ -13,13 +13,14 @@ from msgspec import structs
 
 from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, Fault, LookAround, LookAt, ObjectState, Stop
 from somrs.devices.simulator.motion.arm import withdraw
-from somrs.devices.simulator.motion.driving import make_way
+from somrs.devices.simulator.motion.driving import drive_on
 from somrs.devices.simulator.motion.handling import set_down
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine
 from somrs.devices.simulator.motion.routines import concerned_objects, make_routine
 from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.stationary import OnEnd
+from somrs.protocol.messages.traffic import Mobility
 
 
 @dataclass(slots=True)
@@ -89,12 +90,21 @@ class RobotWork:
             if name in self._work and self._can_work(name):
                 self._advance(self._robots[name], self._work[name])
 
-    def make_way(self, robot: Robot) -> None:
-        """Let an idle robot make way for the robot that has asked it to."""
-        if robot.asking_robot is not None and robot.name not in self._work:
-            asking_robot, robot.asking_robot = robot.asking_robot, None
-            if robot.mobile:
-                self._work[robot.name] = Work(_chain_routines(withdraw(robot), make_way(robot, asking_robot)), None, None)
+    def make_room(self, robot: Robot) -> None:
+        """Let an idle robot drive where traffic has granted it places, because others want to pass.
+
+        One that was stopped between two places stays there as long as nobody waits for it.
+        """
+        if robot.name not in self._work and robot.mobile and robot.charge > 0 and robot.road.has_to_make_room:
+            self._work[robot.name] = Work(_chain_routines(withdraw(robot), drive_on(robot)), None, None)
+
+    def mobility(self, robot: Robot) -> Mobility:
+        """Whether the robot can make room for others."""
+        if Fault.DRIVE in robot.faults or robot.charge <= 0:
+            return Mobility.IMMOBILE
+        work = self._work.get(robot.name)
+        is_driving = work is None or (work.failure is None and (work.command is None or robot.road.is_travelling))
+        return Mobility.FREE if is_driving and not robot.arm_out else Mobility.BUSY
 
     def _advance(self, robot: Robot, work: Work) -> None:
         try:

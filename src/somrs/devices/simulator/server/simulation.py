@@ -17,6 +17,7 @@ from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.robot import Fleet, Robot
 from somrs.devices.simulator.server.navigators import Navigators
 from somrs.devices.simulator.server.robot_work import RobotWork
+from somrs.devices.simulator.server.simulated_traffic import SimulatedTraffic
 from somrs.devices.simulator.world.kinds import WorldKind, make_scene
 from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import RESTING
@@ -43,12 +44,13 @@ class Simulation:
         self._navigators = self._new_navigators()
         self.robots = Fleet()
         self.stationary: dict[str, StationaryDevice] = {}
+        """The cameras, scales and powered doors."""
         self._paused: set[str] = set()
         """The devices that stand still and that an operator has stopped."""
-        """The cameras, scales and powered doors."""
         self.linked: Mapping[str, Linked] = ChainMap[str, Any](self.stationary, self.robots)
         """Everything with a robot link."""
         self._work = RobotWork(self.scene, self.robots)
+        self._traffic = SimulatedTraffic(self.scene, self.robots)
         self._pulled: set[str] = set()
         """The leaves that robots held by their handles in the last period."""
         self._to_shut: dict[str, tuple[Leaf, ...]] = {}
@@ -57,6 +59,7 @@ class Simulation:
         """Simulated time of the last motion that was observed."""
         for solid in [*self.scene.world.solids.values()]:
             self._add_linked(solid)
+        self._traffic.lay_out(self._map, self._ontology)
 
     @property
     def time(self) -> float:
@@ -67,7 +70,7 @@ class Simulation:
     def busy(self) -> bool:
         """Whether anything moves, or work is pending."""
         working = self._work.busy or any(drive.busy for drive in self._drives if drive.solid.name not in self._paused)
-        return working or any(robot.asking_robot is not None for robot in self.robots.values()) or not self._at_rest()
+        return working or self._traffic.is_planning or not self._at_rest()
 
     @property
     def _drives(self) -> list[DoorDrive]:
@@ -92,9 +95,11 @@ class Simulation:
         self.robots.locate()
         for robot in self.robots.values():
             robot.begin_period()
+        self._traffic.advance(self._map, self._ontology)
         self._work.advance()
         for robot in self.robots.values():
-            self._work.make_way(robot)
+            self._work.make_room(robot)
+            self._traffic.note_mobility(robot, self._work.mobility(robot))
             robot.end_period()
         for drive in self._drives:
             if drive.solid.name not in self._paused and drive.step():
@@ -165,7 +170,10 @@ class Simulation:
 
     def repair(self, robot: str, fault: Fault) -> None:
         """Repair a fault. Commands that were given up because of it are not resumed."""
-        self._linked(robot).faults.discard(fault)
+        device = self._linked(robot)
+        device.faults.discard(fault)
+        if isinstance(device, Robot):
+            self._traffic.return_to_traffic(device)
 
     # Changes of the map
 
@@ -184,14 +192,18 @@ class Simulation:
         if solid is None:
             return
         self._add_linked(solid)
-        if solid.role not in (Role.ROBOT, Role.CAMERA, Role.THING):
+        if solid.role is Role.ROBOT:
+            self._traffic.join(self.robots[solid.name])
+        elif solid.role not in (Role.CAMERA, Role.THING):
             self._renew_navigators()
+            self._traffic.outdated = True
 
     def remove(self, name: str) -> None:
         """Remove an object."""
         solid = self.scene.world.solids.get(name)
         self._work.object_removed(name)
-        self.robots.pop(name, None)
+        if self.robots.pop(name, None) is not None:
+            self._traffic.leave(name)
         self.stationary.pop(name, None)
         self._to_shut.pop(name, None)
         if solid is not None:
@@ -200,6 +212,7 @@ class Simulation:
             self._map = self._map.changed([ObjectRemoved(name)])
         if solid is not None and solid.role not in (Role.ROBOT, Role.THING, Role.CAMERA):
             self._renew_navigators()
+            self._traffic.outdated = True
 
     def _is_unchanged(self, object: Object) -> bool:
         """Whether an existing object differs at most in its type. If so, sets the new type and leaves the object where it is."""
@@ -301,7 +314,8 @@ class Simulation:
         elif solid.scale:
             self.stationary[solid.name] = WeighingScale(solid, self.scene)
         elif solid.role is Role.ROBOT:
-            self.robots[solid.name] = Robot(solid, self.scene, self._navigators.navigator(solid.z), self.robots)
+            navigator, road = self._navigators.navigator(solid.z), self._traffic.user(solid)
+            self.robots[solid.name] = Robot(solid, self.scene, navigator, self.robots, road)
 
     def navigator_of(self, robot: Robot, doors: Mapping[str, bool]) -> Navigator:
         """Plans the robot's paths as if these doors were open (True) or shut."""
@@ -311,6 +325,7 @@ class Simulation:
 
     def _renew_navigators(self) -> None:
         self._navigators = self._new_navigators()
+        self._traffic.changed = True
         for robot in self.robots.values():
             robot.navigator = self._navigators.navigator(robot.solid.z)
 

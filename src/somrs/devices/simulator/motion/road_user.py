@@ -1,0 +1,227 @@
+"""A simulated robot in traffic: it drives where it is granted places, and says where it is.
+
+`Participant` keeps the protocol's numbers; here names of places become points, and points beside the roadmap become berths.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.traffic import Berth, Granted, Mobility, TrafficEntered, TripEnded
+from somrs.space.solids import Point
+from somrs.traffic.participant import Participant
+from somrs.traffic.roadmap import NumberedRoadmap
+
+LEASE = 10.0
+"""The lease of a robot's places, in simulated seconds."""
+AT_PLACE = 0.02
+"""A robot that is this near to a place is there, m."""
+ASTRAY = 0.1
+"""A robot that is farther from its place than this enters anew, m."""
+
+Sees = Callable[[Point, Point], bool]
+"""Whether a robot can drive from one point to another in a straight line."""
+
+
+class Office(Protocol):
+    """Where traffic takes messages."""
+
+    roadmap: NumberedRoadmap
+
+    def tell(self, robot: str, body: Body) -> Body | None:
+        """Send a message of a robot. Returns the answer."""
+
+    def occupant(self, robot: str) -> str | None:
+        """The robot that works where the trip of this one leads; None if there is none."""
+
+    def is_awaited(self, robot: str) -> bool:
+        """Whether others wait for places that this robot holds."""
+
+
+class RoadUser:
+    """A robot's part in traffic. `radius`: of the robot, m; `level`: the height of its floor, m."""
+
+    def __init__(self, robot: str, radius: float, level: float, office: Office) -> None:
+        self.robot, self.office = robot, office
+        self._radius, self._level = radius, level
+        self._participant: Participant | None = None
+        self._berths: dict[str, Berth] = {}
+        self._count = 0
+        self._trip: str | None = None
+        self.mobility = Mobility.FREE
+        self.ended: TripEnded | None = None
+        """How the last trip ended; None while there is one."""
+        self.refusal = ""
+        """Why it does not take part."""
+
+    # Entering
+
+    @property
+    def takes_part(self) -> bool:
+        return self._participant is not None
+
+    def enter(self, position: Point, sees: Sees) -> bool:
+        """Take part from where the robot is, unless it is where it is known to be. Returns whether it does."""
+        known = self._participant
+        if known is not None and (known.towards is not None or math.dist(self.point(known.place), position) <= ASTRAY):
+            return True
+        self._participant, self._trip = None, None
+        here = self.stop_at(position, sees)
+        if here is None:
+            self.refusal = f"{self.robot} stands where it sees no place of the roadmap"
+            return False
+        self._enter(Participant(self.robot, here.name if isinstance(here, Berth) else here))
+        return self.takes_part
+
+    def _enter(self, participant: Participant) -> None:
+        berths = tuple(self._berths[name] for name in (participant.place, participant.towards) if name in self._berths)
+        answer = self.office.tell(self.robot, participant.enter(LEASE, berths, self.mobility))
+        if isinstance(answer, TrafficEntered):
+            participant.entered(answer)
+            self._participant = participant
+        elif isinstance(answer, Fault):
+            self.refusal, self._participant = answer.text, None
+
+    def stay(self, position: Point, sees: Sees) -> None:
+        """The robot cannot move any more: say where exactly it is, so that others come as near as they can."""
+        self.mobility, self._participant = Mobility.IMMOBILE, None
+        self.enter(position, sees)
+
+    def give_back(self, position: Point, sees: Sees) -> None:
+        """Something stands in the way to the next place: give back what was granted. From a berth, there may be other ways."""
+        assert self._participant is not None, "only who takes part is granted places"
+        if self._participant.place in self._berths:
+            self._participant = None
+            self.enter(position, sees)
+        else:
+            self.set_mobility(Mobility.BUSY)
+            self.set_mobility(Mobility.FREE)
+
+    def enter_again(self) -> None:
+        """Take part again after a silence, from the same place."""
+        if self._participant is not None:
+            self._enter(Participant(self.robot, self._participant.place, self._participant.towards))
+
+    def stop_at(self, position: Point, sees: Sees) -> Berth | str | None:
+        """The place at a position, or a berth there; None if no place is in sight."""
+        near = [
+            (math.dist((place.x, place.y), position), place.name)
+            for place in (self.office.roadmap.roadmap.places[number] for number in self.office.roadmap.near(position, self._level))
+        ]
+        distance, nearest = min(near, default=(math.inf, ""))
+        if distance <= AT_PLACE:
+            return nearest
+        within = sorted(entry for entry in near if entry[0] <= self.office.roadmap.roadmap.spacing)
+        places = tuple(name for _, name in within if sees(position, self._points_of(name)))
+        if not places:
+            return None
+        self._count += 1
+        berth = Berth(name=f"{self.robot}/{self._count}", x=position[0], y=position[1], radius=self._radius, places=places)
+        self._berths[berth.name] = berth
+        return berth
+
+    # Trips
+
+    def begin(self, stop: Berth | str) -> str | None:
+        """Ask for a trip. Returns why it is refused; None if it is not."""
+        assert self._participant is not None, "a robot enters first"
+        self._count += 1
+        self._trip, self.ended = f"{self.robot}/trip{self._count}", None
+        answer = self.office.tell(self.robot, self._participant.request(self._trip, stop))
+        return answer.text if isinstance(answer, Fault) else None
+
+    def cancel(self) -> None:
+        """Give the trip up, if there is one."""
+        if self._participant is not None and self._trip is not None and self.ended is None:
+            self.office.tell(self.robot, self._participant.cancel(self._trip))
+        self._trip = None
+
+    @property
+    def is_travelling(self) -> bool:
+        """Whether it has a trip that has not ended."""
+        return self._trip is not None and self.ended is None
+
+    def receive(self, body: Body) -> None:
+        """A message from traffic."""
+        match body:
+            case Granted() if self._participant is not None:
+                self._participant.granted(body)
+            case TripEnded() if body.trip == self._trip:
+                self.ended = body
+
+    # Driving
+
+    def depart(self) -> Point | None:
+        """The point to which the robot may drive next; None if it has to wait."""
+        if self._participant is None:
+            return None
+        place = self._participant.towards or self._participant.depart()
+        return self.point(place) if place is not None else None
+
+    @property
+    def next_place(self) -> Point | None:
+        """The point of the next place that was granted, before the robot departs to it."""
+        if self._participant is None:
+            return None
+        place = self._participant.towards or next(iter(self._participant.way), None)
+        return self.point(place) if place is not None else None
+
+    @property
+    def is_on_its_way(self) -> bool:
+        """Whether it is between two places."""
+        return self._participant is not None and self._participant.towards is not None
+
+    @property
+    def has_to_make_room(self) -> bool:
+        """Whether it was granted a way, or stands between two places while others wait for it."""
+        participant = self._participant
+        return participant is not None and (
+            bool(participant.way) or (participant.towards is not None and self.office.is_awaited(self.robot))
+        )
+
+    @property
+    def ahead(self) -> list[Point]:
+        """The points after the next one, up to which the robot may drive."""
+        return [self.point(place) for place in self._participant.way] if self._participant is not None else []
+
+    def arrive(self) -> None:
+        """The robot has come to the next place."""
+        assert self._participant is not None, "only who takes part is granted places"
+        self._participant.arrive()
+        self._berths = {name: berth for name, berth in self._berths.items() if name in self._used_names()}
+        self.report()
+
+    def report(self) -> None:
+        """Say where the robot is, and keep its places."""
+        if self._participant is not None:
+            answer = self.office.tell(self.robot, self._participant.report(self.mobility))
+            if isinstance(answer, Fault):
+                self.enter_again()
+
+    def set_mobility(self, mobility: Mobility) -> None:
+        """Say whether the robot can make room, if that has changed."""
+        if mobility is not self.mobility:
+            self.mobility = mobility
+            if self._participant is not None and mobility is not Mobility.FREE:
+                self._participant.way = ()
+            self.report()
+
+    def _used_names(self) -> Sequence[str]:
+        participant = self._participant
+        assert participant is not None
+        recent = [f"{self.robot}/{number}" for number in range(self._count - 3, self._count + 1)]
+        return [participant.place, participant.towards or "", *participant.way, *recent]
+
+    def point(self, place: str) -> Point:
+        """Where a place or a berth is, m."""
+        if place in self._berths:
+            return self._berths[place].x, self._berths[place].y
+        return self._points_of(place)
+
+    def _points_of(self, place: str) -> Point:
+        known = self.office.roadmap.roadmap.places[self.office.roadmap.numbers[place]]
+        return known.x, known.y

@@ -1,0 +1,127 @@
+"""How the simulated robots take part in traffic: on a roadmap of their building, which follows what changes there."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.motion.driving import sees, things_on_floor
+from somrs.devices.simulator.motion.road_user import RoadUser
+from somrs.devices.simulator.motion.robot import Fleet, Robot
+from somrs.devices.simulator.server.traffic_office import RENEWAL, TrafficOffice
+from somrs.devices.simulator.world.scene import Scene
+from somrs.ontology.objects import Map
+from somrs.ontology.types import Ontology
+from somrs.protocol.messages.traffic import LeaveTraffic, Mobility
+from somrs.space.clearance import Disc
+from somrs.space.dimensions import dimensions_of
+from somrs.space.solids import Solid
+from somrs.traffic.layout import lay_out
+from somrs.traffic.roadmap import Roadmap
+
+LOOK = 1.0
+"""The time after which it is looked at what stands on the floor, in simulated seconds."""
+
+
+class SimulatedTraffic:
+    """The traffic of a simulation.
+
+    `changed`: it has to be looked at again what stands in the way, because a door moved. `outdated`: the roadmap has to be made anew,
+    because something was built, removed, or added that needs more room.
+    """
+
+    def __init__(self, scene: Scene, robots: Fleet) -> None:
+        self._scene, self._robots = scene, robots
+        self.office = TrafficOffice(Roadmap(places=(), lanes=()), 0.0)
+        self.changed, self.outdated = True, False
+        self._looked_at = self._joined_at = 0.0
+        self._standing: dict[float, list[Disc]] = {}
+
+    @property
+    def is_planning(self) -> bool:
+        """Whether a plan is being made."""
+        return self.office.is_planning
+
+    def user(self, solid: Solid) -> RoadUser:
+        """The part in traffic of a robot that is added. It enters with the next `advance`."""
+        user = RoadUser(solid.name, dimensions_of(solid).radius, _level(solid), self.office)
+        self.office.join(user)
+        return user
+
+    def join(self, robot: Robot) -> None:
+        """A robot was added. The roadmap may have no room for it."""
+        self.outdated |= not self.office.serves(robot.size.radius, _level(robot.solid))
+        self._join()
+
+    def leave(self, robot: str) -> None:
+        """A robot was removed."""
+        self.office.tell(robot, LeaveTraffic(robot=robot))
+        self.office.leave(robot)
+
+    def return_to_traffic(self, robot: Robot) -> None:
+        """A robot was repaired."""
+        if not _is_silent(robot):
+            robot.road.enter_again()
+
+    def lay_out(self, map: Map, ontology: Ontology) -> None:
+        """Make the roadmap, and let all robots enter."""
+        solids = [robot.solid for robot in self._robots.values()]
+        radius = max((dimensions_of(solid).radius for solid in solids), default=0.3)
+        levels = {_level(solid) for solid in solids}
+        roadmap = lay_out(map, ontology, radius=radius, levels=sorted(levels))
+        self.office = TrafficOffice(roadmap, radius)
+        for robot in self._robots.values():
+            robot.road = self.user(robot.solid)
+        self.changed, self.outdated = True, False
+        self._join()
+        self._close()
+
+    def advance(self, map: Map, ontology: Ontology) -> None:
+        """Let time pass."""
+        time = self._scene.time
+        if self.outdated:
+            self.lay_out(map, ontology)
+        if self.changed or time >= self._looked_at + LOOK:
+            self._close()
+        if time >= self._joined_at + RENEWAL:
+            self._join()
+        self.office.advance(time, lambda name: _is_silent(self._robots[name]))
+
+    def note_mobility(self, robot: Robot, mobility: Mobility) -> None:
+        """Say whether a robot can make room, unless it is silent."""
+        if _is_silent(robot):
+            return
+        if mobility is Mobility.IMMOBILE and robot.road.mobility is not mobility and robot.stands:
+            robot.road.stay(robot.pose()[:2], partial(sees, robot))
+        elif mobility is not Mobility.IMMOBILE:
+            robot.road.set_mobility(mobility)
+
+    def _join(self) -> None:
+        """Let robots enter that do not take part."""
+        self._joined_at = self._scene.time
+        for robot in self._robots.values():
+            if not robot.road.takes_part and not _is_silent(robot):
+                robot.road.enter(robot.pose()[:2], partial(sees, robot))
+
+    def _close(self) -> None:
+        """Close what is blocked by things on the floor, doors, and robots that do not take part."""
+        self._looked_at = self._scene.time
+        levels = {_level(robot.solid): robot for robot in self._robots.values()}
+        standing = {level: things_on_floor(self._scene, robot.solid.z) for level, robot in levels.items()}
+        for robot in self._robots.values():
+            if not robot.road.takes_part:
+                x, y, _ = robot.pose()
+                standing[_level(robot.solid)].append(Disc(x, y, robot.size.radius))
+        rounded = {level: [Disc(round(disc.x, 2), round(disc.y, 2), disc.radius) for disc in discs] for level, discs in standing.items()}
+        if self.changed or rounded != self._standing:
+            self.changed, self._standing = False, rounded
+            self.office.close({level: robot.navigator for level, robot in levels.items()}, rounded)
+
+
+def _is_silent(robot: Robot) -> bool:
+    return bool(robot.faults & {Fault.SILENT, Fault.LINK})
+
+
+def _level(solid: Solid) -> float:
+    """The height of a robot's floor, as the roadmap has it."""
+    return round(solid.z, 1)

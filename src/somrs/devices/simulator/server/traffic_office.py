@@ -1,0 +1,173 @@
+"""The traffic of the simulated world: the component, its roadmap made from the map, and the simulated robots that take part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from concurrent.futures import Future
+from itertools import count
+
+import numpy as np
+
+from somrs.devices.simulator.motion.driving import MARGIN
+from somrs.devices.simulator.motion.road_user import RoadUser
+from somrs.kernel.component import Answered, Ask, Effect, Input, Received, Send, SetTimer, TimerFired
+from somrs.planner_service.traffic_planner import TrafficPlanner
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.traffic import ClosedLane, CloseWays
+from somrs.space.clearance import Disc
+from somrs.space.navigation import SLACK, Navigator
+from somrs.traffic.component import Traffic
+from somrs.traffic.layout import SAMPLES
+from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
+from somrs.traffic.state import PlanTraffic, TrafficPlan
+
+ADDRESS = "traffic"
+RENEWAL = 3.0
+"""The time after which robots renew their leases, in simulated seconds."""
+
+Planning = Callable[[PlanTraffic], "Future[TrafficPlan]"]
+"""Begins to plan."""
+
+
+def plan_at_once(roadmap: Roadmap) -> Planning:
+    """Plan in this thread."""
+    planner = TrafficPlanner(roadmap)
+
+    def plan(problem: PlanTraffic) -> Future[TrafficPlan]:
+        future: Future[TrafficPlan] = Future()
+        future.set_result(planner.plan(problem))
+        return future
+
+    return plan
+
+
+class TrafficOffice:
+    """Traffic on a roadmap, on the simulated clock. `radius`: of the largest robot, m."""
+
+    def __init__(self, roadmap: Roadmap, radius: float, planning: Planning | None = None) -> None:
+        self.roadmap = NumberedRoadmap(roadmap)
+        self._radius = radius
+        self.component = Traffic(ADDRESS, roadmap)
+        self._planning = planning or plan_at_once(roadmap)
+        self._users: dict[str, RoadUser] = {}
+        self._timers: dict[Hashable, float] = {}
+        self._plans: dict[Hashable, Future[TrafficPlan]] = {}
+        self._ids = count()
+        self._now = 0.0
+        self._renewed_at = 0.0
+        self._closed = CloseWays()
+        self._ends = self._find_ends()
+
+    @property
+    def is_planning(self) -> bool:
+        """Whether a plan is being made."""
+        return bool(self._plans)
+
+    def serves(self, radius: float, level: float) -> bool:
+        """Whether the roadmap is for robots of this radius, on the floor of this height."""
+        return radius <= self._radius and level in self._ends
+
+    def join(self, user: RoadUser) -> None:
+        """Deliver the messages to a robot."""
+        self._users[user.robot] = user
+
+    def leave(self, robot: str) -> None:
+        self._users.pop(robot, None)
+
+    def tell(self, robot: str, body: Body) -> Body | None:
+        """Send a message of a robot. Returns the answer."""
+        id = f"{robot}/m{next(self._ids)}"
+        header = Header(sender=robot, recipient=ADDRESS, message_id=id, reply_to=robot)
+        answers = [*self._handle(Received(Message(header=header, body=body)), id)]
+        return answers[0] if answers else None
+
+    def occupant(self, robot: str) -> str | None:
+        """The robot that works where the trip of this one leads; None if there is none."""
+        return self.component.occupant(robot)
+
+    def is_awaited(self, robot: str) -> bool:
+        """Whether others wait for places that this robot holds."""
+        return self.component.is_awaited(robot)
+
+    def advance(self, now: float, silent: Callable[[str], bool]) -> None:
+        """Let time pass: timers fire, plans come in, and leases are renewed, but not by robots that are `silent`."""
+        self._now = now
+        if now >= self._renewed_at + RENEWAL:
+            self._renewed_at = now
+            for name, user in self._users.items():
+                if not silent(name):
+                    user.report()
+        for question, plan in [*self._plans.items()]:
+            if plan.done():
+                del self._plans[question]
+                failure = plan.exception()
+                self._run(Answered(question, plan.result() if failure is None else failure))
+        for timer, due_at in [*self._timers.items()]:
+            if due_at <= now:
+                self._timers.pop(timer, None)
+                self._run(TimerFired(timer))
+
+    def _run(self, event: Input) -> None:
+        for _ in self._handle(event):
+            pass
+
+    def _handle(self, event: Input, question: str = "") -> Iterator[Body]:
+        """Carry out the effects of an input. Yields the answer to the message that has this id."""
+        effects: list[Effect] = self.component.handle(event, self._now)
+        for effect in effects:
+            match effect:
+                case Send(message) if question and message.header.relates_to == question:
+                    yield message.body
+                case Send(message) if message.header.recipient in self._users:
+                    self._users[message.header.recipient].receive(message.body)
+                case SetTimer(timer, None):
+                    self._timers.pop(timer, None)
+                case SetTimer(timer, float() as due_at):
+                    self._timers[timer] = due_at
+                case Ask(question=asked, task=PlanTraffic() as problem):
+                    self._plans[asked] = self._planning(problem)
+
+    # What stands in the way
+
+    def close(self, navigators: Mapping[float, Navigator], things: Mapping[float, list[Disc]]) -> None:
+        """Close the places and lanes where something stands: by level, what the navigator knows, and things on the floor."""
+        places, need = self.roadmap.roadmap.places, self._radius + MARGIN - 1.2 * SLACK
+        closed_places: list[str] = []
+        closed_lanes: list[ClosedLane] = []
+        for level, (numbers, points, lanes) in self._ends.items():
+            navigator, discs = navigators[level], things[level]
+            blocked = _room(navigator, discs, points) < need
+            closed_places += (places[number].name for number in numbers[blocked])
+            if not len(lanes):
+                continue
+            starts, ends = points[lanes[:, 0]], points[lanes[:, 1]]
+            least = np.full(len(lanes), np.inf)
+            for share in np.linspace(0, 1, SAMPLES + 1)[1:-1]:
+                least = np.minimum(least, _room(navigator, discs, starts * (1 - share) + ends * share))
+            shut = lanes[(least < need) & ~blocked[lanes[:, 0]] & ~blocked[lanes[:, 1]]]
+            closed_lanes += (ClosedLane(start=places[numbers[a]].name, end=places[numbers[b]].name) for a, b in shut)
+        closing = CloseWays(places=tuple(closed_places), lanes=tuple(closed_lanes))
+        if closing != self._closed:
+            self._closed = closing
+            self.tell("map", closing)
+
+    def _find_ends(self) -> dict[float, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """By level: the numbers of the places, their points, and the lanes by the rows of their ends in these."""
+        places, graph = self.roadmap.roadmap.places, self.roadmap.graph
+        found = {}
+        for level in {place.level for place in places}:
+            numbers = np.array([number for number, place in enumerate(places) if place.level == level])
+            rows = {int(number): row for row, number in enumerate(numbers)}
+            points = np.array([(places[number].x, places[number].y) for number in numbers])
+            lanes = np.array([(rows[start], rows[end]) for start in rows for end in graph.successors[start] if end in rows], dtype=int)
+            found[level] = numbers, points, lanes.reshape(-1, 2)
+        return found
+
+
+def _room(navigator: Navigator, discs: list[Disc], points: np.ndarray) -> np.ndarray:
+    """The distance from each point to the nearest obstacle."""
+    room = np.asarray(navigator.clearances(points), dtype=float)
+    for disc in discs:
+        room = np.minimum(room, np.hypot(points[:, 0] - disc.x, points[:, 1] - disc.y) - disc.radius)
+    return room
