@@ -11,13 +11,13 @@ from itertools import combinations
 from random import Random
 
 from somrs.kernel.component import Input, Received
-from somrs.planner_service.traffic_planner import TrafficPlanner
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.traffic import RequestTrip, TripEnded, TripResult
 from somrs.runtime.virtual_time import QUIET, Work, World
 from somrs.space.lines import segment_distance
 from somrs.traffic.berths import SPEED
 from somrs.traffic.component import SCHEMA, Traffic
+from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.planning.graph import Graph
 from somrs.traffic.roadmap import NumberedRoadmap
 from somrs.traffic.state import PlanTraffic
@@ -57,7 +57,7 @@ class Play:
         self.world = World(medium=self._medium, watch=self._watch)
         self._graph = NumberedRoadmap(scenario.roadmap)
         self._lengths = {(lane.start, lane.end): lane.seconds for lane in scenario.roadmap.lanes}
-        self._planner = TrafficPlanner(scenario.roadmap)
+        self._planner = TrafficPlanner(scenario.roadmap, Random())
         berths = [berth for own in scenario.berths for berth in own.values()]
         self._points = {place.name: (place.x, place.y) for place in scenario.roadmap.places}
         self._points |= {berth.name: (berth.x, berth.y) for berth in berths}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import count, pairwise
+from random import Random
 
 import pytest
 
 from somrs.kernel.component import Answered, Ask, Effect, Received, Send, Started, TimerFired
-from somrs.planner_service.traffic_planner import TrafficPlanner
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.frp import Fault
@@ -33,6 +33,7 @@ from somrs.protocol.messages.traffic import (
 )
 from somrs.runtime.virtual_journal import VirtualJournal
 from somrs.traffic.component import SCHEMA, Traffic
+from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import Lane, Place, Roadmap
 from somrs.traffic.state import LeasesDue, PlanTraffic
 
@@ -54,7 +55,7 @@ class Harness:
     def __init__(self, map: Roadmap) -> None:
         self.map, self.now = map, 100.0
         self._journal = VirtualJournal(Traffic("traffic", map), SCHEMA)
-        self._planner, self._ids, self._numbers = TrafficPlanner(map), count(), count(1)
+        self._planner, self._ids, self._numbers = TrafficPlanner(map, Random()), count(), count(1)
         self.fences: dict[str, int] = {}
         self.sent: list[tuple[str, Body]] = []
         self._handle(Started("traffic"))

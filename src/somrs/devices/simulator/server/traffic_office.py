@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from concurrent.futures import Future
 from itertools import count
+from random import Random
 
 import numpy as np
 
 from somrs.devices.simulator.motion.driving import MARGIN
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.kernel.component import Answered, Ask, Effect, Input, Received, Send, SetTimer, TimerFired
-from somrs.planner_service.traffic_planner import TrafficPlanner
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.traffic import ClosedLane, CloseWays
@@ -19,6 +19,7 @@ from somrs.space.clearance import Disc
 from somrs.space.navigation import SLACK, Navigator
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import SAMPLES
+from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.state import PlanTraffic, TrafficPlan
 
@@ -32,7 +33,7 @@ Planning = Callable[[PlanTraffic], "Future[TrafficPlan]"]
 
 def plan_at_once(roadmap: Roadmap) -> Planning:
     """Plan in this thread."""
-    planner = TrafficPlanner(roadmap)
+    planner = TrafficPlanner(roadmap, Random())
 
     def plan(problem: PlanTraffic) -> Future[TrafficPlan]:
         future: Future[TrafficPlan] = Future()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from random import Random
+from typing import Any, Protocol
 
 from somrs.traffic.berths import with_berths
 from somrs.traffic.planning.window import Traveller, WindowPlanner
@@ -10,12 +10,22 @@ from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.state import PlanTraffic, TrafficPlan
 
 
+class Dice(Protocol):
+    """Random choices, such as `random.Random` makes."""
+
+    def seed(self, seed: int, /) -> None:
+        """Begin a sequence that is the same for the same number."""
+
+    def shuffle(self, items: Any, /) -> None:
+        """Bring items into a random order."""
+
+
 class TrafficPlanner:
     """Plans the traffic on one roadmap. Random choices depend on the problem alone, so that a run can be repeated."""
 
-    def __init__(self, roadmap: Roadmap) -> None:
+    def __init__(self, roadmap: Roadmap, dice: Dice) -> None:
         self._graph = NumberedRoadmap(roadmap).graph
-        self._dice = Random()
+        self._dice = dice
 
     def plan(self, problem: PlanTraffic) -> TrafficPlan:
         numbers = {robot.name: number for number, robot in enumerate(problem.robots)}
