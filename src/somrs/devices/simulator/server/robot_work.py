@@ -95,12 +95,12 @@ class RobotWork:
 
         One that was stopped between two places stays there as long as nobody waits for it.
         """
-        if robot.name not in self._work and robot.mobile and robot.charge > 0 and robot.road.has_to_make_room:
+        if robot.name not in self._work and robot.mobile and robot.battery.charge > 0 and robot.road.has_to_make_room:
             self._work[robot.name] = Work(_chain_routines(withdraw(robot), drive_on(robot)), None, None)
 
     def mobility(self, robot: Robot) -> Mobility:
         """Whether the robot can make room for others."""
-        if Fault.DRIVE in robot.faults or robot.charge <= 0:
+        if Fault.DRIVE in robot.faults or robot.battery.charge <= 0:
             return Mobility.IMMOBILE
         work = self._work.get(robot.name)
         is_driving = work is None or (work.failure is None and (work.command is None or robot.road.is_travelling))
