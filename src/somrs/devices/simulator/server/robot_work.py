@@ -104,7 +104,7 @@ class RobotWork:
             return Mobility.IMMOBILE
         work = self._work.get(robot.name)
         is_driving = work is None or (work.failure is None and (work.command is None or robot.road.is_travelling))
-        return Mobility.FREE if is_driving else Mobility.BUSY
+        return Mobility.FREE if is_driving and not robot.paused else Mobility.BUSY
 
     def _advance(self, robot: Robot, work: Work) -> None:
         try:
