@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
 
+import numpy as np
+
 from somrs.errors import UsageError
 from somrs.protocol.messages.traffic import Berth
 from somrs.space.lines import point_distance
@@ -93,6 +95,10 @@ class Berths:
         return UsedBerth(robot=robot, berth=berth, level=places[0].level, lanes=lanes)
 
     def _make_graph(self) -> Graph:
+        circles = [
+            (used.berth.x, used.berth.y, used.berth.radius) if used is not None else (math.inf, math.inf, 0.0) for used in self.slots
+        ]
+        self._circles = np.array(circles).reshape(-1, 3)
         self.private_places = [self._planned(used) if used is not None else None for used in self.slots]
         return with_berths(self.roadmap.graph, self._closed, self.private_places)
 
@@ -108,15 +114,25 @@ class Berths:
             if math.dist((place.x, place.y), point) < spacing:
                 yield number
 
+    def _may_be_near(self, used: UsedBerth) -> list[int]:
+        """The slots of berths to which another robot may drive past this one: no lane to a berth is longer than the spacing."""
+        if not self.roadmap.roadmap.spacing:
+            return [*range(len(self.slots))]
+        x, y, radius = self._circles.T
+        span = radius + (used.berth.radius + GAP + self.roadmap.roadmap.spacing + TOLERANCE)
+        numbers: list[int] = np.flatnonzero(np.hypot(x - used.berth.x, y - used.berth.y) < span).tolist()
+        return numbers
+
     def _near_berths(self, used: UsedBerth) -> Iterator[int]:
         """The berths of other robots that are too near, and the places through which these drive to theirs past this one."""
         point = used.berth.x, used.berth.y
-        for number, near in enumerate(self.slots, self.roadmap.graph.size):
+        for number in self._may_be_near(used):
+            near = self.slots[number]
             if near is None or near.robot == used.robot or near.level != used.level:
                 continue
             room, end = used.berth.radius + near.berth.radius + GAP, (near.berth.x, near.berth.y)
             if math.dist(point, end) < room:
-                yield number
+                yield self.roadmap.graph.size + number
             for start, _ in near.lanes:
                 place = self.roadmap.roadmap.places[start]
                 if point_distance(point, (place.x, place.y), end) < room:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from somrs.errors import UsageError
 from somrs.protocol.messages.traffic import Berth
+from somrs.space.lines import point_distance
 from somrs.traffic.berths import GAP, Berths
 from somrs.traffic.planning.graph import FAR, Graph, PrivatePlace
 from somrs.traffic.roadmap import Lane, NumberedRoadmap, Place, Roadmap
@@ -168,3 +169,20 @@ def test_distances_are_those_of_the_plain_search(data: st.DataObject) -> None:
             for place in range(case.size):
                 if place not in own:
                     assert found[place] == pytest.approx(expected[place])
+
+
+@given(st.lists(st.tuples(st.floats(0, 2.4), st.floats(0, 1.8), st.floats(0.1, 0.5)), max_size=12))
+def test_berths_keep_away_whoever_would_touch_them(circles: list[tuple[float, float, float]]) -> None:
+    berths, used = Berths(floor(), []), list[Berth]()
+    for robot, (x, y, radius) in enumerate(circles):
+        near = [place.name for place in berths.roadmap.roadmap.places if math.dist((place.x, place.y), (x, y)) < SPACING]
+        used.append(berth(f"R{robot}/1", x, y, *near, radius=radius))
+        berths.add(f"R{robot}", used[-1])
+    for (robot, one), (other_robot, other) in combinations(enumerate(used), 2):
+        numbers = berths.number(one.name, f"R{robot}"), berths.number(other.name, f"R{other_robot}")
+        touch = math.dist((one.x, one.y), (other.x, other.y)) < one.radius + other.radius + GAP
+        assert (numbers[1] in berths.graph.exclusions[numbers[0]]) is touch
+        for place_name in other.places:
+            place = berths.roadmap.roadmap.places[berths.roadmap.number(place_name)]
+            passes = point_distance((one.x, one.y), (place.x, place.y), (other.x, other.y)) < one.radius + other.radius + GAP
+            assert not passes or berths.roadmap.number(place_name) in berths.graph.exclusions[numbers[0]]

@@ -149,15 +149,29 @@ class _WithPrivatePlaces(Graph):
     def _find_distances(self, goal: int) -> array[float]:
         size = self._public.size
         if goal < size:
-            distances = array("d", self._public.distances(goal))
+            ways = [np.frombuffer(self._public.distances(goal))]
         else:
             place = self._places[goal - size]
-            ways = [np.frombuffer(self._public.distances(start)) + length for start, length in place.lanes] if place is not None else []
-            distances = array("d", np.min(ways, axis=0)) if ways else array("d", [FAR]) * size
-        for number, place in enumerate(self._places, start=size):
             lanes = place.lanes if place is not None else ()
-            distances.append(0.0 if number == goal else min((distances[end] + length for end, length in lanes), default=FAR))
-        return distances
+            ways = [np.frombuffer(self._public.distances(start)) + length for start, length in lanes]
+        public = np.min(ways, axis=0) if ways else np.full(size, FAR)
+        private = np.full(len(self._places), FAR)
+        starts, ends, lengths, numbers = self._private_lanes
+        if len(numbers):
+            private[numbers] = np.minimum.reduceat(public[ends] + lengths, starts)
+        if goal >= size:
+            private[goal - size] = 0.0
+        return array("d", np.concatenate([public, private]).tobytes())
+
+    @cached_property
+    def _private_lanes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Where the lanes of each private place begin in the two following arrays; where they lead; their lengths; whose they are."""
+        numbers = [number for number, place in enumerate(self._places) if place is not None and place.lanes]
+        lanes = [self._places[number].lanes for number in numbers]  # type: ignore[union-attr]
+        starts = np.cumsum([0, *(len(own_lanes) for own_lanes in lanes)])[:-1]
+        ends = np.array([end for own_lanes in lanes for end, _ in own_lanes], dtype=int)
+        lengths = np.array([length for own_lanes in lanes for _, length in own_lanes])
+        return starts, ends, lengths, np.array(numbers, dtype=int)
 
 
 def _without_keys(ends: dict[int, float], closed: set[int]) -> dict[int, float]:
