@@ -14,7 +14,6 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import ndimage
 
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
@@ -22,7 +21,7 @@ from somrs.space.clearance import FAR, Disc, Field, Grid, clearances
 from somrs.space.leaves import leaf_obstacles
 from somrs.space.lines import point_distance
 from somrs.space.solids import Point, Role, Solid, path_length, solid_of
-from somrs.space.wayfinding import costs_from, search
+from somrs.space.wayfinding import FreeGround
 
 STANDING = {Role.WALL, Role.SUPPORT, Role.STATIC}
 COMFORT = 0.25
@@ -31,6 +30,8 @@ ESCAPE = 0.8
 """Longest straight drive by which a robot may leave an obstacle that it is too close to, m."""
 ARM = 0.05
 """Half the width of an arm, m."""
+MOST_GROUNDS = 2
+"""The number of combinations of a radius and discs for which what searches share is kept."""
 SLACK = 0.01
 """Tolerance of clearances, for the error of interpolation between cells, m."""
 
@@ -67,6 +68,7 @@ class Navigator:
         passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
         self.grid = Grid.enclosing(floors or solids, margin=0.5 if floors else 4.0)
         self._clearance = clearances(self.grid, [*self.solids.values(), *leaves], floors, passages if floors else [])
+        self._grounds: dict[tuple[float, tuple[Disc, ...]], FreeGround] = {}
 
     @property
     def field(self) -> Field:
@@ -100,12 +102,12 @@ class Navigator:
             point_distance((disc.x, disc.y), start, goal) - disc.radius >= radius + COMFORT - SLACK for disc in discs
         ):
             return [start, goal]  # without a field of its own, which takes a time that grows with the floor
-        field = self.grid.with_discs(self._clearance, discs)
-        labels, _ = ndimage.label(field >= radius, structure=np.ones((3, 3)))
+        ground = self._free_ground(radius, discs)
+        field, labels = ground.field, ground.labels
         start_cell, goal_cell = self._joining(field, labels, start, radius), self._joining(field, labels, goal, radius)
         if start_cell is None or goal_cell is None or labels[start_cell] != labels[goal_cell]:
             return [start, goal] if math.dist(start, goal) < ESCAPE and self._clear_line(field, start, goal, radius) else None
-        cells = search(field, radius, COMFORT, start_cell, goal_cell)
+        cells = ground.search(start_cell, goal_cell)
         assert cells is not None, "cells of one component are connected by a path"
         return self._straightened(field, [start, *map(self.grid.centre, cells), goal], radius)
 
@@ -181,10 +183,10 @@ class Navigator:
         """The reachable poses, ranked by the length of the path, the clearance and the extension of the arm."""
         if not poses:
             return []
-        field = self.grid.with_discs(self._clearance, discs)
-        labels, _ = ndimage.label(field >= radius, structure=np.ones((3, 3)))
+        ground = self._free_ground(radius, discs)
+        field, labels = ground.field, ground.labels
         start_cell = self._joining(field, labels, start, radius)
-        costs = costs_from(field, radius, COMFORT, start_cell) if start_cell is not None else None
+        costs = ground.costs_from(start_cell) if start_cell is not None else None
         rated: list[tuple[float, int]] = []
         for i, pose in enumerate(poses):
             cell = self._joining(field, labels, (pose.x, pose.y), radius)
@@ -197,6 +199,15 @@ class Navigator:
             room = min(self.clearance((pose.x, pose.y), discs) - radius, 0.1)
             rated.append((way - 5 * room + 2 * math.dist((pose.x, pose.y), pose.target), i))
         return list(_varied([poses[i] for _, i in sorted(rated)], limit))
+
+    def _free_ground(self, radius: float, discs: Sequence[Disc]) -> FreeGround:
+        """The free ground among the discs. The last ones are kept: a robot asks for many ways among the same obstacles."""
+        key = radius, tuple(discs)
+        if key not in self._grounds:
+            while len(self._grounds) >= MOST_GROUNDS:
+                del self._grounds[next(iter(self._grounds))]
+            self._grounds[key] = FreeGround(self.grid.with_discs(self._clearance, discs), radius, COMFORT)
+        return self._grounds[key]
 
     def _joining(self, field: np.ndarray, labels: np.ndarray, point: Point, radius: float) -> tuple[int, int] | None:
         """The nearest free cell to which a straight drive from the point does not come closer to an obstacle."""

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
+from scipy import ndimage
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from somrs.space.clearance import CELL, Cell, Field
@@ -25,6 +26,8 @@ LEVELS = 50
 """Number of levels of clearance; level 0 is occupied."""
 HASTE = 1.1 / CELL
 """Weight of the coarse distance, in cells per metre. Overestimating it by 10 % halves the search, for paths a few per cent longer."""
+MOST_COSTS = 8
+"""The number of blocks whose costs to all others are kept."""
 _STEPS = tuple((dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0))
 
 
@@ -50,12 +53,37 @@ def _factor(level: Any) -> Any:
     return 1 + TIGHT * (1 - (level - 1) / (LEVELS - 1)) ** 2
 
 
-def costs_from(field: Field, radius: float, comfort: float, start: Cell) -> Costs:
-    return _coarse(_levels_of(field, radius, comfort), start)
+class FreeGround:
+    """The cells of a field where a robot can be, and what all searches on them share. `comfort`: clearance to spare that is worth a detour.
+
+    The outermost cells of the field must be obstacles.
+    """
+
+    def __init__(self, field: Field, radius: float, comfort: float) -> None:
+        self.field = field
+        self.labels: NDArray[np.int32] = ndimage.label(field >= radius, structure=np.ones((3, 3)))[0]
+        levels = _levels_of(field, radius, comfort)
+        self._columns, self._cells = levels.shape[1], levels.tobytes()
+        self._blocks, self._graph = _coarse(levels)
+        self._costs: dict[int, Costs] = {}
+
+    def costs_from(self, start: Cell) -> Costs:
+        """Costs by Dijkstra's algorithm over blocks. The last ones are kept: a stop of one robot is often one of the next robot, too."""
+        block = start[0] // BLOCK * self._blocks[1] + start[1] // BLOCK
+        if block not in self._costs:
+            while len(self._costs) >= MOST_COSTS:
+                del self._costs[next(iter(self._costs))]
+            self._costs[block] = Costs(dijkstra(self._graph, indices=block).reshape(self._blocks))
+        return self._costs[block]
+
+    def search(self, start: Cell, goal: Cell) -> list[Cell] | None:
+        """The cells of a cheap path from start to goal, which must both be free; None if there is none."""
+        ahead: list[float] = self.costs_from(goal).blocks.ravel().tolist()
+        return _search(self._cells, self._columns, ahead, start, goal)
 
 
-def _coarse(levels: NDArray[np.uint8], start: Cell) -> Costs:
-    """Costs by Dijkstra's algorithm over blocks; a block has the level of its best cell."""
+def _coarse(levels: NDArray[np.uint8]) -> tuple[tuple[int, int], csr_array]:
+    """The numbers of rows and columns of blocks, and the costs between neighbours; a block has the level of its best cell."""
     rows, columns = (-(-n // BLOCK) for n in levels.shape)
     padded = np.zeros((rows * BLOCK, columns * BLOCK), dtype=np.uint8)
     padded[: levels.shape[0], : levels.shape[1]] = levels
@@ -70,21 +98,13 @@ def _coarse(levels: NDArray[np.uint8], start: Cell) -> Costs:
         targets.append(number[target_cells][open])
         weights.append((price[source_cells][open] + price[target_cells][open]) / 2 * step)
     joined = np.concatenate(weights), (np.concatenate(sources), np.concatenate(targets))
-    graph = coo_array(joined, shape=(number.size, number.size)).tocsr()
-    distances = dijkstra(graph, indices=start[0] // BLOCK * columns + start[1] // BLOCK)
-    return Costs(distances.reshape(rows, columns))
+    return (rows, columns), coo_array(joined, shape=(number.size, number.size)).tocsr()
 
 
-def search(field: Field, radius: float, comfort: float, start: Cell, goal: Cell) -> list[Cell] | None:
-    """The cells of a cheap path from start to goal, which must both be free; None if there is none.
-
-    The outermost cells of the field must be obstacles.
-    """
-    levels = _levels_of(field, radius, comfort)
-    columns = levels.shape[1]
-    ahead: list[float] = _coarse(levels, goal).blocks.ravel().tolist()
+def _search(cells: bytes, columns: int, ahead: list[float], start: Cell, goal: Cell) -> list[Cell] | None:
+    """A* on cells with these levels. `ahead`: the cost from each block to the goal."""
     block_columns = -(-columns // BLOCK)
-    cells, prices = levels.tobytes(), [math.inf, *(float(_factor(level)) for level in range(1, LEVELS + 1))]
+    prices = [math.inf, *(float(_factor(level)) for level in range(1, LEVELS + 1))]
     steps = [(dr * columns + dc, length) for dr, dc, length in _STEPS]
     # Priority: cost so far plus estimated cost ahead, in cells. The estimate is the coarse cost or, near the goal, the straight line.
     begin, end = start[0] * columns + start[1], goal[0] * columns + goal[1]

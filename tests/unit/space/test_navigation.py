@@ -250,3 +250,23 @@ def test_ways_through_an_office_are_found() -> None:
     ways = [((1.0, 0.7), (44.5, 24.3)), ((3.2, 5.0), (38.0, 5.5)), ((22.0, 12.5), (44.3, 0.6))]
     paths = [plan.path(start, goal, RADIUS, [Disc(20, 12.5, 0.3)]) for start, goal in ways]
     assert all(paths)
+
+
+SPOTS = st.tuples(st.sampled_from((1.0, 2.5, 4.0, 5.5, 7.0)), st.sampled_from((1.0, 3.0, 5.0)))
+QUERIES = st.tuples(SPOTS, SPOTS, st.sampled_from((0.2, 0.25, 0.3)), st.sampled_from(((), (Disc(4.0, 2.0, 0.3),), (Disc(4.0, 4.0, 0.3),))))
+HALL = (
+    floor(8, 6),
+    box("Wall1", "Wall", 4.0, 1.2, 0.2, 2.4),
+    box("Wall2", "Wall", 4.0, 4.8, 0.2, 2.0),
+    box("Table1", "Table", 6.0, 4.0, 0.8, 0.8),
+)
+
+
+@given(st.lists(QUERIES, min_size=2, max_size=14))
+@examples(15)
+def test_what_was_asked_earlier_does_not_change_an_answer(queries: list[tuple[Point, Point, float, tuple[Disc, ...]]]) -> None:
+    experienced = navigator(*HALL)
+    for start, goal, radius, discs in queries:
+        fresh = navigator(*HALL)
+        assert experienced.path(start, goal, radius, discs) == fresh.path(start, goal, radius, discs)
+        assert experienced.approach(start, goal, radius, REACH, discs) == fresh.approach(start, goal, radius, REACH, discs)
