@@ -11,6 +11,7 @@ from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, Va
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem
+from somrs.planner.model.supporting_literals import supporting_literals
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
 from tests.support.laboratory import DRIVE, FACTS, LABEL, MAP, OPEN, TRANSFER, WASH, laboratory, make_problem, names
@@ -76,6 +77,15 @@ def test_planning_ends_when_its_time_is_over_and_says_so() -> None:
         "this is too large to be searched: there are more ways to use services than could be listed in time, Mix among them"
     )
     assert isinstance(plan(make_problem("Jar001.Clean = TRUE", WASH, TRANSFER), is_overdue=lambda: True), Plan)
+
+
+def test_of_many_small_choices_each_is_made_for_itself() -> None:
+    """There are two to the power of forty ways in which the condition may hold, and only the last of them holds."""
+    choices = " AND ".join(f"(Jar001.Clean = TRUE OR Jar00{n % 2 + 1} isOn Shelf1)" for n in range(40))
+    condition = parse(f"Jar002 isOn Shelf2 OR ({choices})")
+    support = supporting_literals(condition, MAP, laboratory())
+    assert support is not None
+    assert [str(literal) for literal in support[0]] == ["Jar001 isOn Shelf1", "Jar002 isOn Shelf1"]
 
 
 def test_an_input_can_be_a_value() -> None:
