@@ -21,6 +21,8 @@ from somrs.space.solids import CARRYING, Point, Role, Solid, path_length
 
 ELEVATION = 0.8
 """Height at which the arm reaches a stop that is a point, m."""
+BELOW, ABOVE = 0.5, 2.2
+"""What stands lower or higher than this, from the robot's floor, is on another storey, m."""
 SAMPLING = 0.1
 """Distance between the points of a path at which doors are looked for, m."""
 
@@ -151,6 +153,8 @@ class _LegPlanner:
         solid = self._simulation.scene.world.solids.get(stop)
         if solid is None:
             raise UsageError(f"{stop} is not in the simulated world")
+        if not self._is_on_storey(stop, solid):
+            return None
         if solid.role is Role.FLOOR and solid.distance(*position) < 0:
             return position
         if solid.role in (Role.THING, Role.MARK, Role.ROBOT, Role.FLOOR):
@@ -161,6 +165,12 @@ class _LegPlanner:
         else:
             poses = navigator.approach_support(position, solid, radius, reach, discs, limit=1)
         return _first(poses)
+
+    def _is_on_storey(self, stop: str, solid: Solid) -> bool:
+        """Whether the object is on the storey of the robot: a robot that drove underneath would never reach it."""
+        base = self._simulation.observe(stop).z if _is_movable(solid) else solid.z
+        height = solid.top if solid.role is Role.FLOOR else base
+        return -BELOW < height - self._robot.solid.z < ABOVE
 
 
 def _points_on(path: list[Point]) -> Iterator[Point]:

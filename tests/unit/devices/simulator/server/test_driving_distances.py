@@ -72,6 +72,22 @@ def test_no_door_helps_where_there_is_no_way_at_all() -> None:
     assert find_legs(simulation, "Robot1", ((30.0, 30.0),)) == Legs(lengths=(None,))
 
 
+def test_there_is_no_way_to_what_is_on_another_storey() -> None:
+    upstairs = [
+        box("UpperFloor", "Floor", (6, 3, 3), (4, 6, 0.02)),
+        box("UpperTable", "Table", (7.5, 3, 3.02), (0.6, 1, 0.7)),
+        box("UpperShelf", "Table", (6, 5, 3.02), (0.6, 0.6, 0.4)),
+        thing("UpperJar", "Jar", 7.35, 3, 3.72),
+    ]
+    simulation = Simulation(
+        Map([*shell(), *upstairs, box("Table1", "Table", (3, 5, 0), (0.6, 1, 0.7)), robot("Robot1", (6, 1.5, 0))]), ONTOLOGY
+    )
+    assert legs(simulation, None, "Table1").lengths != (None,)
+    for stop in ("UpperFloor", "UpperTable", "UpperShelf", "UpperJar"):
+        assert legs(simulation, None, stop).lengths == (None,), stop
+    assert legs(simulation, "UpperJar isOn Table1", "UpperJar").lengths == legs(simulation, None, "Table1").lengths
+
+
 def test_what_will_have_been_moved_is_looked_for_where_it_will_be() -> None:
     simulation = two_rooms(*BOTH_SHUT)
     assert legs(simulation, "Jar1 isOn Table2").shut == ()
