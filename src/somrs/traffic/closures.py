@@ -24,15 +24,14 @@ class Closures:
         fixed = (name for name, robot in self._state.robots.items() if robot.silent or robot.mobility is Mobility.IMMOBILE)
         return frozenset(place for name in fixed for place in self._schedule.held(name))
 
-    def blockers(self, name: str, trip: Trip) -> tuple[str, ...] | None:
+    def blockers(self, name: str, trip: Trip, closed: frozenset[int]) -> tuple[str, ...] | None:
         """The robots that cannot move and stand in the shortest way, if all ways are closed; None if there is a way.
 
-        There are no such robots if the ways are closed by what stands there.
+        There are no such robots if the ways are closed by what stands there. `closed`: the `places`.
         """
         start = self._schedule.last(name)
         if self._schedule.graph.distances(trip.destination)[start] == FAR:
             return ()
-        closed = self.places
         if not closed or self._open_graph(closed).distances(trip.destination)[start] < FAR:
             return None
         return tuple(dict.fromkeys(self._in_the_way(name, start, trip.destination, closed))) or None

@@ -300,6 +300,7 @@ class Traffic:
 
     def _end_trips(self) -> Effects:
         """End the trips of robots that have arrived, and of those that cannot arrive any more."""
+        closed = self._closures.places
         for name, record in self.state.robots.items():
             if record.trip is None or record.silent:
                 continue
@@ -307,7 +308,7 @@ class Traffic:
                 yield self._end_trip(name, TripResult.ARRIVED)
             elif record.mobility is Mobility.IMMOBILE:
                 yield self._end_trip(name, TripResult.IMMOBILE)
-            elif (blockers := self._closures.blockers(name, record.trip)) is not None:
+            elif (blockers := self._closures.blockers(name, record.trip, closed)) is not None:
                 yield self._end_trip(name, TripResult.CLOSED, blockers)
 
     def _end_trip(self, name: str, result: TripResult, robots: tuple[str, ...] = ()) -> Send:
