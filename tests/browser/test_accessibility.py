@@ -241,7 +241,7 @@ def test_task_that_does_not_exist(system: RunningSystem, window: OpenPage, check
 
 def test_fleet(system: RunningSystem, window: OpenPage, check: Check, ended_tasks: dict[str, str]) -> None:
     page = window(f"{system.url}/fleet")
-    page.get_by_role("article", name="Robot1").get_by_role("button").first.click()
+    page.get_by_role("article", name="Robot1").get_by_role("button", name="Faults of Robot1").click()
     expect(page.get_by_role("menuitem", name="Repair the drive")).to_be_visible()
     check(page)
 
