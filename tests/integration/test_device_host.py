@@ -162,3 +162,12 @@ def test_a_device_of_a_command_line_has_a_name_and_a_driver() -> None:
     for text in ("Robot1", "=fork.py:Lifter", "Robot1="):
         with pytest.raises(DeviceError, match="write NAME=module:Class"):
             parse_device(text)
+
+
+def test_a_device_that_is_stopped_in_the_moment_in_which_it_joins_stops(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with Fleet(tmp_path).running(Robot1="Carrier") as fleet:
+            await wait_until(lambda: fleet.on_offer() == {"Robot1"})
+
+    for _ in range(5):
+        asyncio.run(scenario())

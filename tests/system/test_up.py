@@ -18,8 +18,13 @@ from tests.support.paths import SCENARIO_1
 def wait_until(condition: Callable[[], bool], output: Path) -> None:
     waited_until = time.monotonic() + HANG_TIME
     while not condition():
-        assert time.monotonic() < waited_until, output.read_text()
+        assert time.monotonic() < waited_until, text(output)
         time.sleep(0.05)
+
+
+def text(file: Path) -> str:
+    """What is in a file, which a shell may not have created yet."""
+    return file.read_text() if file.exists() else ""
 
 
 def is_running(process_id: int) -> bool:
@@ -40,14 +45,32 @@ def test_a_system_outlives_the_shell_that_started_it_and_logs_why_it_stops(tmp_p
         assert shell.stdout is not None
         system = int(shell.stdout.readline())
         try:
-            wait_until(lambda: "Running." in output.read_text(), output)
+            wait_until(lambda: "Running." in text(output), output)
             shell.communicate("\n")
             time.sleep(2 * PARENT_CHECK)
-            assert is_running(system), output.read_text()
+            assert is_running(system), text(output)
             os.kill(system, signal.SIGTERM)
             wait_until(lambda: not is_running(system), output)
-            assert "the system stops: it received SIGTERM" in log.read_text()
-            assert "the system stops: it received SIGTERM" in output.read_text()
+            assert "the system stops: it received SIGTERM" in text(log)
+            assert "the system stops: it received SIGTERM" in text(output)
+        finally:
+            if is_running(system):
+                os.kill(system, signal.SIGKILL)
+
+
+def test_a_system_in_the_background_of_a_script_stops_at_sigint(tmp_path: Path) -> None:
+    """Shells let such programs ignore SIGINT, and so do their own programs."""
+    output = tmp_path / "output.txt"
+    command = f"'{sys.executable}' -m somrs.cli.main up '{SCENARIO_1}' --data '{tmp_path / 'data'}' --speed max"
+    script = f"{command} > '{output}' 2>&1 & echo $!; wait"
+    with subprocess.Popen(["sh", "-c", script], stdout=subprocess.PIPE, text=True, start_new_session=True, bufsize=1) as shell:
+        assert shell.stdout is not None
+        system = int(shell.stdout.readline())
+        try:
+            wait_until(lambda: "Running." in text(output), output)
+            os.kill(system, signal.SIGINT)
+            wait_until(lambda: not is_running(system), output)
+            assert "the system stops: it received SIGINT" in text(output)
         finally:
             if is_running(system):
                 os.kill(system, signal.SIGKILL)

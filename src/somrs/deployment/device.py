@@ -130,7 +130,8 @@ class DeviceRunner:
             notices=(Equipped(profile, repository, registry), *self._early),
         )
         try:
-            await asyncio.wait_for(asyncio.shield(self._joined), JOIN_TIME)
+            async with asyncio.timeout(JOIN_TIME):  # `wait_for` of Python 3.11 loses a cancellation that comes with the result
+                await asyncio.shield(self._joined)
         except TimeoutError:
             raise RemoteError(
                 f"{self.device.name} could not join within {JOIN_TIME:.0f} s: "

@@ -80,11 +80,11 @@ async def until_stopped(name: str = "", address: str = "", problems: tuple[str, 
 
 async def stop_signal() -> str:
     """Wait until this process is asked to stop, and return the name of the signal: SIGTERM, SIGINT, or SIGHUP, which comes when the
-    terminal closes and which `nohup` ignores."""
+    terminal closes and which `nohup` ignores. SIGINT counts even if a shell has started this process in the background, and ignores it."""
     loop = asyncio.get_running_loop()
     received: asyncio.Queue[str] = asyncio.Queue()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        if signal.getsignal(number) != signal.SIG_IGN:
+        if number is not signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
             loop.add_signal_handler(number, received.put_nowait, number.name)
     return await received.get()
 
