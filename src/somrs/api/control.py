@@ -23,7 +23,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.submission import Submit, Submitted
 
 
-class Stopping(msgspec.Struct, frozen=True, kw_only=True):
+class StoppedDevices(msgspec.Struct, frozen=True, kw_only=True):
     """Which devices an operator has stopped. `all`: whether there are devices, and all are stopped."""
 
     stopped: tuple[str, ...]
@@ -35,14 +35,14 @@ class ControlService:
         self._context = context
 
     @operation("GET", "/control/stop")
-    async def stopping(self) -> Stopping:
+    async def stopping(self) -> StoppedDevices:
         """Which devices an operator has stopped."""
         names = [*self._devices(PAUSED)]
         stopped = tuple(name for name in names if self._is_stopped(name))
-        return Stopping(stopped=stopped, all=bool(names) and len(stopped) == len(names))
+        return StoppedDevices(stopped=stopped, all=bool(names) and len(stopped) == len(names))
 
     @operation("POST", "/control/stop")
-    async def stop(self, device: str | None = None, storey: str | None = None, by: str = "") -> Stopping:
+    async def stop(self, device: str | None = None, storey: str | None = None, by: str = "") -> StoppedDevices:
         """Stop a device, all devices of a storey, or without either all devices. They stand still, and keep their work.
 
         Devices of the simulator stop by themselves. A device of another make stops if its program follows `Paused` on the map.
@@ -50,7 +50,7 @@ class ControlService:
         return await self._set(self._selected(PAUSED, device, storey), PAUSED, True, by)
 
     @operation("POST", "/control/release")
-    async def release(self, device: str | None = None, storey: str | None = None, by: str = "") -> Stopping:
+    async def release(self, device: str | None = None, storey: str | None = None, by: str = "") -> StoppedDevices:
         """Let a device, all devices of a storey, or all devices go on after a stop."""
         return await self._set(self._selected(PAUSED, device, storey), PAUSED, False, by)
 
@@ -75,7 +75,7 @@ class ControlService:
     async def _submit(self, effect: str, author: str | None) -> Submitted:
         return Submitted(task=await self._context.client.submit(Submit(effect=effect), patience=PATIENCE, author=author))
 
-    async def _set(self, names: list[str], attribute: str, value: bool, author: str) -> Stopping:
+    async def _set(self, names: list[str], attribute: str, value: bool, author: str) -> StoppedDevices:
         """Set the attribute of all devices at once, without regard to what others change meanwhile."""
         map, ontology = self._context.map, self._context.ontology
         changes: list[Change] = [
@@ -86,7 +86,7 @@ class ControlService:
         stopped = {name for name in self._devices(PAUSED) if self._is_stopped(name)}
         if attribute == PAUSED:  # the map of this program may not have it yet
             stopped = stopped | {*names} if value else stopped - {*names}
-        return Stopping(stopped=tuple(sorted(stopped)), all=bool(stopped) and stopped >= {*self._devices(PAUSED)})
+        return StoppedDevices(stopped=tuple(sorted(stopped)), all=bool(stopped) and stopped >= {*self._devices(PAUSED)})
 
     def _is_stopped(self, name: str) -> bool:
         return value_of(name, PAUSED, self._context.map, self._context.ontology) is True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 import msgspec
 
 from somrs.api.context import Context
@@ -23,7 +25,6 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.repository.rollback import rewind_map
-from somrs.space.fitting import misfits
 
 _YAML = "application/yaml"
 
@@ -73,8 +74,10 @@ class MapService:
         posed = [change for change in update.changes if isinstance(change, ValueSet) and change.path.startswith(_POSE)]
         posed = [change for change in posed if change.object in map.objects or change.object in added]  # the Repository refuses the others
         names = dict.fromkeys([*added, *(change.object for change in posed)])
-        if not names:
+        if not names or find_spec("numpy") is None:  # the geometry needs it, and the API runs with the core alone
             return
+        from somrs.space.fitting import misfits
+
         depths = {(name, obstacle): depth for name, obstacle, depth in misfits(map, ontology, names)}
         broken = tuple(
             BrokenRule(
