@@ -70,13 +70,15 @@ class _Storey:
         self._labels = np.where(sizes[labels] >= SMALLEST, labels, 0)
         self._cells = np.argwhere(self._labels > 0)
         self._centres: Points = self._grid.centres(self._cells)
+        self._seen_by = np.full(len(self._cells), -1)
+        """By free cell: the number of the first point that sees it."""
 
     def lay_out(self, passages: Sequence[Solid]) -> tuple[Points, list[tuple[int, int]]]:
         """The points, and the pairs of them that a straight lane joins."""
         points = self._spread([*self._in_passages(passages), *self._lattice()])
         points = self._filled(points)
-        while (added := self._joint(points)) is not None:
-            points = np.vstack([points, added])
+        while len(joints := self._joints(points)):
+            points = np.vstack([points, joints])
         return points, self._pairs(points)
 
     def _in_passages(self, passages: Sequence[Solid]) -> Iterator[Point]:
@@ -116,28 +118,30 @@ class _Storey:
 
     def _filled(self, points: Points) -> Points:
         """The points, and more of them, so that every free cell sees one."""
-        if not len(self._cells):
-            return points
-        seen = np.zeros(len(self._cells), dtype=bool)
-        for point in points:
-            self._note_seen(point, seen)
-        clearance = self._navigator.clearances(self._centres)
-        while not seen.all():
-            candidates = np.flatnonzero(~seen)
-            best = candidates[np.argmax(clearance[candidates])]
-            point = self._centres[best]
-            seen[best] = True
-            self._note_seen(point, seen)
-            points = np.vstack([points, point])
-        return points
+        for number, point in enumerate(points):
+            self._note_seen(point, number)
+        clearance = self._navigator.clearances(self._centres) if len(self._cells) else np.zeros(0)
+        added: list[Points] = []
+        while len(unseen := np.flatnonzero(self._seen_by < 0)):
+            best = unseen[np.argmax(clearance[unseen])]
+            self._seen_by[best] = number = len(points) + len(added)
+            added.append(self._centres[best])
+            self._note_seen(added[-1], number)
+        return np.vstack([points, *added]) if added else points
 
-    def _note_seen(self, point: Points, seen: NDArray[np.bool_]) -> None:
-        """Mark the cells to which a robot drives from the point in a straight line that is no longer than the spacing."""
-        tree = self._tree
-        near = np.array(tree.query_ball_point(point, self._spacing - self._grid.size), dtype=int)
-        near = near[~seen[near]] if len(near) else near
-        if len(near):
-            seen[near[self._are_clear(np.repeat(point[None, :], len(near), axis=0), self._centres[near])]] = True
+    def _note_seen(self, point: Points, number: int) -> None:
+        """Mark the cells to which a robot drives from the point in a straight line that is no longer than the spacing, if they are not
+        marked yet."""
+        near = np.array(self._tree.query_ball_point(point, self._spacing - self._grid.size), dtype=int)
+        near = near[self._seen_by[near] < 0] if len(near) else near
+        if not len(near):
+            return
+        centres = self._centres[near]
+        room = float(self._navigator.clearances([point])[0]) - self._radius
+        clear = np.hypot(centres[:, 0] - point[0], centres[:, 1] - point[1]) <= room  # all that is so near is free
+        rest = ~clear
+        clear[rest] = self._are_clear(np.repeat(point[None, :], np.count_nonzero(rest), axis=0), centres[rest])
+        self._seen_by[near[clear]] = number
 
     @property
     def _tree(self) -> cKDTree:
@@ -159,28 +163,22 @@ class _Storey:
         clear = self._are_clear(points[pairs[:, 0]], points[pairs[:, 1]]) if len(pairs) else np.zeros(0, dtype=bool)
         return [(int(start), int(end)) for start, end in pairs[clear]]
 
-    def _joint(self, points: Points) -> Points | None:
-        """A further point at which two parts of the roadmap meet that are one part of the free space; None if there is none."""
+    def _joints(self, points: Points) -> Points:
+        """Further points at which parts of the roadmap meet that are one part of the free space: two neighbouring cells, of which each sees
+        one of the parts."""
         pairs = self._pairs(points)
         starts, ends = zip(*pairs, strict=True) if pairs else ((), ())
         parts = connected_components(coo_array((np.ones(len(pairs)), (starts, ends)), shape=(len(points), len(points))))[1]
-        owner = np.full(self._labels.shape, -1)
-        for part in np.unique(parts):
-            seen = np.zeros(len(self._cells), dtype=bool)
-            for point in points[parts == part]:
-                self._note_seen(point, seen)
-            rows, columns = self._cells[seen].T
-            shared = owner[rows, columns] >= 0
-            if shared.any():  # this cell sees both parts
-                return self._grid.centres(self._cells[seen][shared][:1])
-            owner[rows, columns] = part
-        return self._between(owner)
-
-    def _between(self, owner: NDArray[np.int64]) -> Points | None:
-        """A free cell beside one that another part sees."""
-        for shift in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            beside = np.roll(owner, shift, axis=(0, 1))
-            meets = (owner >= 0) & (beside >= 0) & (owner != beside)
-            if meets.any():
-                return self._grid.centres(np.argwhere(meets)[:1])
-        return None
+        part_of: NDArray[np.int64] = np.full(self._labels.shape, -1)
+        part_of[self._cells[:, 0], self._cells[:, 1]] = parts[self._seen_by]
+        joints: dict[tuple[int, int], Points] = {}
+        for rows, columns in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            beside: NDArray[np.int64] = np.full(part_of.shape, -1)
+            beside[: part_of.shape[0] - rows, max(-columns, 0) : part_of.shape[1] - max(columns, 0)] = part_of[
+                rows:, max(columns, 0) : part_of.shape[1] + min(columns, 0)
+            ]
+            for row, column in np.argwhere((part_of >= 0) & (beside >= 0) & (part_of != beside)):
+                meeting = sorted((int(part_of[row, column]), int(beside[row, column])))
+                cells = np.array([(row, column), (row + rows, column + columns)])
+                joints.setdefault((meeting[0], meeting[1]), self._grid.centres(cells))
+        return np.vstack([*joints.values()]) if joints else np.zeros((0, 2))
