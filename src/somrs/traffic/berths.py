@@ -35,12 +35,8 @@ class Berths:
 
     def number(self, place: str, robot: str) -> int:
         """The number of a place or of a berth of this robot. Raises UsageError."""
-        if place.startswith(f"{robot}/"):
-            for slot, used in enumerate(self.slots):
-                if used is not None and used.berth.name == place:
-                    return self.roadmap.graph.size + slot
-            raise UsageError(f"{robot} has no berth {place}")
-        return self.roadmap.number(place)
+        slot = self._slot(robot, place)
+        return self.roadmap.graph.size + slot if slot is not None else self.roadmap.number(place)
 
     def name(self, number: int) -> str:
         """The name of the place or berth of this number."""
@@ -52,11 +48,19 @@ class Berths:
 
     def add(self, robot: str, berth: Berth) -> None:
         """Use a berth. Raises UsageError for one that cannot be used."""
-        used = self._use(robot, berth)
-        names = [slot.berth.name if slot is not None else "" for slot in self.slots]
-        slot = next((names.index(name) for name in (berth.name, "") if name in names), len(names))
+        used, known = self._use(robot, berth), self._slot(robot, berth.name)
+        if known is not None:
+            if self.slots[known] != used:  # the robot may stand there, or others may rely on it
+                raise UsageError(f"{berth.name} is in use for another point: give each berth a name of its own")
+            return
+        slot = self.slots.index(None) if None in self.slots else len(self.slots)
         self.slots[slot : slot + 1] = [used]
         self.graph = self._make_graph()
+
+    def _slot(self, robot: str, name: str) -> int | None:
+        """Where a berth of this robot is in `slots`."""
+        berths = ((used.robot, used.berth.name) if used is not None else None for used in self.slots)
+        return next((slot for slot, berth in enumerate(berths) if berth == (robot, name)), None)
 
     def close(self, closed: Closed) -> None:
         """These places and lanes are closed from now on, and all others are open."""
@@ -77,6 +81,8 @@ class Berths:
     def _use(self, robot: str, berth: Berth) -> UsedBerth:
         if not berth.name.startswith(f"{robot}/"):
             raise UsageError(f"the berth {berth.name} is not one of {robot}: its name has to begin with {robot}/")
+        if berth.name in self.roadmap.numbers:
+            raise UsageError(f"the berth {berth.name} has the name of a place of the roadmap: give it another one")
         if not (math.isfinite(berth.x) and math.isfinite(berth.y) and berth.radius > 0):
             raise UsageError(
                 f"{berth.name} is at ({berth.x}, {berth.y}), for a robot of radius {berth.radius}: numbers in metres are needed"

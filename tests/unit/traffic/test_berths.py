@@ -64,11 +64,33 @@ def test_what_is_not_used_any_more_is_forgotten_and_its_number_used_again() -> N
     berths.add("R2", berth("R2/1", 2.3, 0.0, "P4-0"))
     first, second = berths.number("R1/1", "R1"), berths.number("R2/1", "R2")
     assert berths.keep({second})
-    with pytest.raises(UsageError, match="has no berth"):
+    with pytest.raises(UsageError, match="there is no place R1/1"):
         berths.number("R1/1", "R1")
     assert berths.number("R2/1", "R2") == second
     berths.add("R3", berth("R3/1", 0.3, 0.0, "P0-0"))
     assert berths.number("R3/1", "R3") == first
+
+
+def test_a_berth_does_not_move_under_a_robot_that_stands_there() -> None:
+    berths = Berths(floor(), [])
+    berths.add("R1", berth("R1/1", 0.3, 0.0, "P0-0"))
+    berths.add("R1", berth("R1/1", 0.3, 0.0, "P0-0"))
+    with pytest.raises(UsageError, match="in use for another point"):
+        berths.add("R1", berth("R1/1", 0.4, 0.0, "P0-0"))
+    assert [used.berth.x for used in berths.slots if used is not None] == [0.3]
+
+
+def test_robots_and_places_of_any_names_are_told_apart() -> None:
+    floor_places = floor().roadmap.places
+    renamed = tuple(Place(name=place.name.replace("P", "R1/P"), x=place.x, y=place.y) for place in floor_places)
+    roadmap = NumberedRoadmap(Roadmap(places=renamed, lanes=(), spacing=SPACING))
+    berths = Berths(roadmap, [])
+    assert berths.name(berths.number("R1/P0-0", "R1")) == "R1/P0-0"
+    with pytest.raises(UsageError, match="the name of a place"):
+        berths.add("R1", berth("R1/P0-0", 0.1, 0.0, "R1/P0-0"))
+    berths.add("R1/x", berth("R1/x/1", 0.3, 0.0, "R1/P0-0"))
+    with pytest.raises(UsageError, match="there is no place R1/x/1"):
+        berths.number("R1/x/1", "R1")
 
 
 @pytest.mark.parametrize(

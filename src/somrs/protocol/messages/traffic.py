@@ -26,9 +26,9 @@ class Mobility(StrEnum):
 class Berth(Struct, frozen=True, kw_only=True):
     """A point beside the roadmap at which a robot stands, such as one from which it reaches a table. It is a place for this robot alone.
 
-    `name`: begins with the name of the robot and `/`. `x`, `y`, in metres on the map. `radius`: that of the robot, in metres. `places`: the
-    places of the roadmap from which the robot drives there in a straight line, and back; none of them is farther away than the spacing of
-    the roadmap.
+    `name`: begins with the name of the robot and `/`, and stands for one point as long as the berth is used. `x`, `y`, in metres on the
+    map. `radius`: that of the robot, in metres. `places`: the places of the roadmap from which the robot drives there in a straight line,
+    and back; none of them is farther away than the spacing of the roadmap.
     """
 
     name: str
