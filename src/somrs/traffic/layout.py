@@ -10,7 +10,6 @@ between their own, stay at least s·√3/2 apart: the farthest that a lane comes
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -24,6 +23,7 @@ from somrs.ontology.objects import Map, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.space.navigation import SLACK, Navigator
 from somrs.space.solids import Point, Role, Solid, solid_of
+from somrs.space.squares import Squares, box_around
 from somrs.traffic.roadmap import Lane, Place, Roadmap
 
 GAP = 0.06
@@ -104,14 +104,12 @@ class _Storey:
     def _spread(self, points: Sequence[Point]) -> Points:
         """The points without those that are nearer to an earlier one than half of the spacing."""
         kept: list[Point] = []
-        size = self._spacing / 2
-        squares: defaultdict[tuple[int, int], list[Point]] = defaultdict(list)
+        least = self._spacing / 2
+        squares = Squares[Point](least)
         for point in points:
-            column, row = math.floor(point[0] / size), math.floor(point[1] / size)
-            near = (kept_point for i in (-1, 0, 1) for j in (-1, 0, 1) for kept_point in squares.get((column + i, row + j), ()))
-            if all(abs(point[0] - x) + abs(point[1] - y) >= size for x, y in near):
+            if all(abs(point[0] - x) + abs(point[1] - y) >= least for x, y in squares.near(box_around(point, least))):
                 kept.append(point)
-                squares[column, row].append(point)
+                squares.add(point, box_around(point, 0.0))
         return np.array(kept, dtype=float).reshape(-1, 2)
 
     # Places for what the lattice leaves out

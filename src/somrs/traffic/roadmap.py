@@ -9,6 +9,8 @@ from msgspec import Struct
 
 from somrs.errors import UsageError
 from somrs.protocol.messages.traffic import Berth
+from somrs.space.solids import Point
+from somrs.space.squares import Squares, box_around
 from somrs.traffic.planning.graph import Graph
 
 
@@ -68,7 +70,7 @@ class NumberedRoadmap:
         self.names = tuple(place.name for place in roadmap.places)
         self.numbers = {name: number for number, name in enumerate(self.names)}
         lanes = ((self.numbers[lane.start], self.numbers[lane.end], lane.seconds) for lane in roadmap.lanes)
-        self._cells = _Cells(roadmap.spacing)
+        self._squares = Squares[int](roadmap.spacing or 1.0)
         self.graph = Graph(len(self.names), lanes, self._conflicts())
 
     def number(self, place: str) -> int:
@@ -77,9 +79,10 @@ class NumberedRoadmap:
             raise UsageError(f"there is no place {place} on the roadmap")
         return self.numbers[place]
 
-    def near(self, point: tuple[float, float], level: float) -> Iterator[int]:
+    def near(self, point: Point, level: float) -> Iterator[int]:
         """The places of a level within the spacing around a point, and some that are farther away."""
-        return (number for number in self._cells.around(point) if self.roadmap.places[number].level == level)
+        near = self._squares.near(box_around(point, self.roadmap.spacing))
+        return (number for number in near if self.roadmap.places[number].level == level)
 
     def _conflicts(self) -> Iterator[tuple[int, int]]:
         """The pairs of places of one level that are too near to each other."""
@@ -88,25 +91,4 @@ class NumberedRoadmap:
                 near = self.roadmap.places[earlier]
                 if math.dist((near.x, near.y), (place.x, place.y)) < self.roadmap.spacing:
                     yield earlier, number
-            self._cells.add(number, (place.x, place.y))
-
-
-class _Cells:
-    """Numbered points, by the cells of a grid of the size of the spacing."""
-
-    def __init__(self, spacing: float) -> None:
-        self._spacing = spacing
-        self._members: dict[tuple[int, int], list[int]] = {}
-
-    def add(self, number: int, point: tuple[float, float]) -> None:
-        if self._spacing > 0:
-            self._members.setdefault(self._cell(point), []).append(number)
-
-    def around(self, point: tuple[float, float]) -> Iterator[int]:
-        if self._spacing > 0:
-            column, row = self._cell(point)
-            for neighbour in ((column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1)):
-                yield from self._members.get(neighbour, ())
-
-    def _cell(self, point: tuple[float, float]) -> tuple[int, int]:
-        return math.floor(point[0] / self._spacing), math.floor(point[1] / self._spacing)
+            self._squares.add(number, box_around((place.x, place.y), 0.0))

@@ -7,7 +7,6 @@ Routines are generators that yield once per control period: those for driving ar
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Generator, Iterator
 
 from somrs.devices.simulator.battery import PER_ARM_SECOND, PER_METRE, PER_RADIAN, Battery
@@ -20,6 +19,7 @@ from somrs.protocol.messages.traffic import Mobility
 from somrs.space.dimensions import Dimensions, dimensions_of
 from somrs.space.navigation import Navigator
 from somrs.space.solids import Point, Solid
+from somrs.space.squares import Squares, box_around
 
 ACCELERATION = 0.8
 """Acceleration of the base, m/s²."""
@@ -269,29 +269,23 @@ class Fleet(dict[str, Robot]):
     def __init__(self) -> None:
         super().__init__()
         self.sweeps: dict[str, Capsule] = {}
-        self._squares: dict[tuple[int, int], list[Robot]] = {}
+        self._squares = Squares[Robot](CELL)
         self._reach = 0.0
         """How far a claim of a robot can be from the middle of its base, m."""
 
     def locate(self) -> None:
         """Find out where the robots are. Call it once per control period: within a period, robots decide how they move, and do not yet."""
-        squares: defaultdict[tuple[int, int], list[Robot]] = defaultdict(list)
+        self._squares = Squares[Robot](CELL)
         for robot in self.values():
-            x, y, _ = robot.pose()
-            squares[math.floor(x / CELL), math.floor(y / CELL)].append(robot)
-        self._squares = squares
+            self._squares.add(robot, box_around(robot.pose()[:2], 0.0))
         self._reach = max((robot.longest_claim for robot in self.values()), default=0.0)
 
     def near(self, robot: Robot, distance: float, point: Point | None = None) -> Iterator[Robot]:
         """The other robots on this robot's floor that may claim something at most `distance` away from a point; by default, from it."""
-        x, y = point or robot.pose()[:2]
-        span, level = distance + self._reach, robot.solid.z
-        rows = range(math.floor((x - span) / CELL), math.floor((x + span) / CELL) + 1)
-        columns = range(math.floor((y - span) / CELL), math.floor((y + span) / CELL) + 1)
-        for square in ((row, column) for row in rows for column in columns):
-            for near_robot in self._squares.get(square, ()):
-                if near_robot is not robot and near_robot.name not in self.sweeps and abs(near_robot.solid.z - level) < STOREY:
-                    yield near_robot
+        level, box = robot.solid.z, box_around(point or robot.pose()[:2], distance + self._reach)
+        for near_robot in self._squares.near(box):
+            if near_robot is not robot and near_robot.name not in self.sweeps and abs(near_robot.solid.z - level) < STOREY:
+                yield near_robot
         for name in self.sweeps:  # doors are as large as they are, and few are moved at a time
             if name != robot.name and abs(self[name].solid.z - level) < STOREY:
                 yield self[name]

@@ -5,8 +5,6 @@ There is no scene file: only objects on the map are in the world (paper, "Simula
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 from somrs.errors import SimulationError
@@ -14,6 +12,7 @@ from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology
 from somrs.space.leaves import leaf_obstacles, leaves_of
 from somrs.space.solids import Role, Solid, solid_of
+from somrs.space.squares import Box, Squares, box_around
 
 _STATICS = (Role.WALL, Role.DOOR, Role.SUPPORT, Role.STATIC)
 _MOVING = (Role.THING, Role.ROBOT)
@@ -21,9 +20,6 @@ SQUARE = 4.0
 """Size of the squares by which solids near a place are found, m."""
 MOST_SQUARES = 400
 """Largest number of squares for a solid; a larger one counts as near everything."""
-
-Box = tuple[float, float, float, float]
-"""A rectangle on the map: left, bottom, right, top."""
 
 
 class Layout:
@@ -33,9 +29,9 @@ class Layout:
         self.ontology = ontology
         self.solids: dict[str, Solid] = {}
         self.positions: dict[str, float] = {}
-        self._squares: dict[tuple[int, int], dict[str, int]] | None = None
-        """The numbers of the solids that stand still, by their names, by the squares in which they may be; None if not known."""
-        self._large: dict[str, int] = {}
+        self._standing: Squares[tuple[int, str]] | None = None
+        """The numbers and names of the solids that stand still; None if not known."""
+        self._large: list[tuple[int, str]] = []
 
     def fill(self, map: Map) -> None:
         """Add the objects of a map. Raises SimulationError if none of them takes up space."""
@@ -49,26 +45,24 @@ class Layout:
 
     def standing_near(self, box: Box) -> list[Solid]:
         """The solids that stand still, with their leaves, and may reach into a rectangle, in the order in which they were added."""
-        if self._squares is None:
-            self._squares = self._find_squares()
-        numbers = dict(self._large)
-        for square in squares(box):
-            numbers |= self._squares.get(square, {})
-        return [self.solids[name] for name in sorted(numbers, key=numbers.__getitem__)]
+        if self._standing is None:
+            self._standing = self._find_standing()
+        near = dict([*self._large, *self._standing.near(box)])
+        return [self.solids[near[number]] for number in sorted(near)]
 
-    def _find_squares(self) -> dict[tuple[int, int], dict[str, int]]:
-        found_squares: dict[tuple[int, int], dict[str, int]] = {}
-        self._large = {}
+    def _find_standing(self) -> Squares[tuple[int, str]]:
+        standing = Squares[tuple[int, str]](SQUARE)
+        self._large = []
         for number, solid in enumerate(self.solids.values()):
             if solid.role in _MOVING:
                 continue
             span = solid.extent + (solid.depth if solid.container else 0.0)  # the leaves of a container open in front of it
-            if (2 * span / SQUARE + 1) ** 2 > MOST_SQUARES:
-                self._large[solid.name] = number
-                continue
-            for square in squares((solid.x - span, solid.y - span, solid.x + span, solid.y + span)):
-                found_squares.setdefault(square, {})[solid.name] = number
-        return found_squares
+            box = box_around((solid.x, solid.y), span)
+            if standing.count(box) > MOST_SQUARES:
+                self._large.append((number, solid.name))
+            else:
+                standing.add((number, solid.name), box)
+        return standing
 
     def blocks_near(self, box: Box) -> list[Solid]:
         """The static obstacles that may reach into a rectangle, with the leaves of open containers, and without open doors."""
@@ -87,7 +81,7 @@ class Layout:
             raise SimulationError(f"{object.name} is in the simulated world already; remove it first")
         self.solids[solid.name] = solid
         if solid.role not in _MOVING:
-            self._squares = None
+            self._standing = None
         return solid
 
     def set_weight(self, thing: str, weight: float) -> None:
@@ -98,13 +92,7 @@ class Layout:
         """Remove an object, and return it."""
         solid = self.solids.pop(name)
         if solid.role not in _MOVING:
-            self._squares = None
+            self._standing = None
         for leaf in leaves_of(solid):
             self.positions.pop(leaf.name, None)
         return solid
-
-
-def squares(box: Box) -> Iterator[tuple[int, int]]:
-    """The squares that a rectangle meets."""
-    left, bottom, right, top = (math.floor(value / SQUARE) for value in box)
-    return ((column, row) for column in range(left, right + 1) for row in range(bottom, top + 1))
