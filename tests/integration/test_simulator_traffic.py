@@ -113,3 +113,32 @@ def test_the_gap_between_capsules_is_what_sampling_finds() -> None:
             Capsule(first_start, first_end, 0.1).gap(Capsule(second_start, second_end, 0.2))
             == segment_distance(first_start, first_end, second_start, second_end) - 0.1 - 0.2
         )
+
+
+def test_robots_leave_and_come_while_the_world_goes_on(world: WorldKind) -> None:
+    run = Run(room((1.5, 3, 0)), world)
+    run.simulation.remove("Robot1")
+    run.simulation.remove("Robot2")
+    run.run_for(4)
+    run.simulation.add(robot("Robot3", (1.5, 3, 0)))
+    run.execute_all("Robot3", DriveTo(x=5, y=3))
+    assert not run.collisions
+
+
+def test_a_robot_that_finds_no_path_does_not_count_as_driving(world: WorldKind) -> None:
+    run = Run(doorway(open=False), world)
+    assert isinstance(run.execute("Robot1", DriveTo(x=6, y=3)), CommandGivenUp)
+    assert not run.simulation.robots["Robot1"].road.is_travelling
+
+
+def test_a_robot_drives_a_few_centimetres_without_a_detour(world: WorldKind) -> None:
+    run = Run(room((3.13, 2.87, 0)), world)
+    run.execute_all("Robot1", DriveTo(x=3.13, y=2.87))
+    farthest = 0.0
+    ends = run.start("Robot1", DriveTo(x=3.18, y=2.89))
+    while not ends:
+        run.run_for(0.1)
+        state = run.simulation.state("Robot1")
+        farthest = max(farthest, math.dist((state.x, state.y), (3.18, 2.89)))
+    assert isinstance(ends[0], CommandDone)
+    assert farthest < 0.1

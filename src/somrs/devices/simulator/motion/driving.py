@@ -6,7 +6,8 @@ import math
 from collections.abc import Collection, Generator
 from functools import partial
 
-from somrs.devices.simulator.motion.robot import BRAKING, GivenUp, Robot, Routine, wait, wrap
+from somrs.devices.simulator.motion.road_user import ASTRAY
+from somrs.devices.simulator.motion.robot import BRAKING, GivenUp, Robot, Routine, stand, wait, wrap
 from somrs.devices.simulator.motion.traffic import GAP
 from somrs.devices.simulator.world.scene import Scene
 from somrs.protocol.messages.traffic import TripEnded, TripResult
@@ -16,6 +17,8 @@ from somrs.space.solids import Point
 
 PATIENCE = 45.0
 """Time after which a robot gives up that cannot come nearer because another one works at its goal, s."""
+ARRIVED = 0.015
+"""A robot that is this near to its goal is there, m."""
 PASSED = 0.04
 """A robot that is this near to a place and may drive on has come to it, m."""
 MARGIN = 0.03
@@ -82,8 +85,12 @@ def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: floa
     `patience` seconds since this one last came nearer.
     """
     robot.need_drive()
-    while math.dist(robot.pose()[:2], goal) > 0.015 or robot.road.is_on_its_way:
-        yield from _travel(robot, goal, patience)
+    while (distance := math.dist(robot.pose()[:2], goal)) > ARRIVED or robot.road.is_on_its_way:
+        if distance < ASTRAY and not robot.road.is_on_its_way and sees(robot, robot.pose()[:2], goal):
+            yield from _drive_lane(robot, robot.pose()[:2], goal)  # within the place that it holds
+            yield from stand(robot)
+        else:
+            yield from _travel(robot, goal, patience)
     if yaw is not None:
         yield from turn_to(robot, yaw)
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Protocol
 
 from somrs.protocol.messages.bodies import Body
@@ -22,6 +22,8 @@ AT_PLACE = 0.02
 """A robot that is this near to a place is there, m."""
 ASTRAY = 0.1
 """A robot that is farther from its place than this enters anew, m."""
+REMEMBERED = 8
+"""How many of the last berths are remembered at least: grants may come that were planned for an earlier destination."""
 
 Sees = Callable[[Point, Point], bool]
 """Whether a robot can drive from one point to another in a straight line."""
@@ -54,7 +56,7 @@ class RoadUser:
         self._trip: str | None = None
         self.mobility = Mobility.FREE
         self.ended: TripEnded | None = None
-        """How the last trip ended; None while there is one."""
+        """How the last trip ended; None while there is one, and after one that was refused or given up."""
         self.refusal = ""
         """Why it does not take part."""
 
@@ -121,8 +123,16 @@ class RoadUser:
             return None
         self._count += 1
         berth = Berth(name=f"{self.robot}/{self._count}", x=position[0], y=position[1], radius=self._radius, places=places)
-        self._berths[berth.name] = berth
+        self._remember(berth)
         return berth
+
+    def _remember(self, berth: Berth) -> None:
+        """Keep a berth, and of the earlier ones those that may still occur in grants: where the robot is, and the last destinations."""
+        participant = self._participant
+        used = (participant.place, participant.towards, *participant.way) if participant is not None else ()
+        recent = [*self._berths][-REMEMBERED:]
+        self._berths = {name: known for name, known in self._berths.items() if name in used or name in recent}
+        self._berths[berth.name] = berth
 
     # Trips
 
@@ -132,7 +142,10 @@ class RoadUser:
         self._count += 1
         self._trip, self.ended = f"{self.robot}/trip{self._count}", None
         answer = self.office.tell(self.robot, self._participant.request(self._trip, stop))
-        return answer.text if isinstance(answer, Fault) else None
+        if not isinstance(answer, Fault):
+            return None
+        self._trip = None
+        return answer.text
 
     def cancel(self) -> None:
         """Give the trip up, if there is one."""
@@ -192,7 +205,6 @@ class RoadUser:
         """The robot has come to the next place."""
         assert self._participant is not None, "only who takes part is granted places"
         self._participant.arrive()
-        self._berths = {name: berth for name, berth in self._berths.items() if name in self._used_names()}
         self.report()
 
     def report(self) -> None:
@@ -209,12 +221,6 @@ class RoadUser:
             if self._participant is not None and mobility is not Mobility.FREE:
                 self._participant.way = ()
             self.report()
-
-    def _used_names(self) -> Sequence[str]:
-        participant = self._participant
-        assert participant is not None
-        recent = [f"{self.robot}/{number}" for number in range(self._count - 3, self._count + 1)]
-        return [participant.place, participant.towards or "", *participant.way, *recent]
 
     def point(self, place: str) -> Point:
         """Where a place or a berth is, m."""

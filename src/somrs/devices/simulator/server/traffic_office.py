@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Mapping
-from concurrent.futures import Future
+from collections.abc import Callable, Hashable, Mapping
 from itertools import count
 from random import Random
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from somrs.devices.simulator.motion.driving import MARGIN
 from somrs.devices.simulator.motion.road_user import RoadUser
-from somrs.kernel.component import Answered, Ask, Effect, Input, Received, Send, SetTimer, TimerFired
+from somrs.kernel.component import Answered, Ask, Input, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.traffic import ClosedLane, CloseWays
@@ -21,39 +20,25 @@ from somrs.traffic.component import Traffic
 from somrs.traffic.layout import SAMPLES
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
-from somrs.traffic.state import PlanTraffic, TrafficPlan
+from somrs.traffic.state import PlanTraffic
 
 ADDRESS = "traffic"
 RENEWAL = 3.0
 """The time after which robots renew their leases, in simulated seconds."""
 
-Planning = Callable[[PlanTraffic], "Future[TrafficPlan]"]
-"""Begins to plan."""
-
-
-def plan_at_once(roadmap: Roadmap) -> Planning:
-    """Plan in this thread."""
-    planner = TrafficPlanner(roadmap, Random())
-
-    def plan(problem: PlanTraffic) -> Future[TrafficPlan]:
-        future: Future[TrafficPlan] = Future()
-        future.set_result(planner.plan(problem))
-        return future
-
-    return plan
-
 
 class TrafficOffice:
     """Traffic on a roadmap, on the simulated clock. `radius`: of the largest robot, m."""
 
-    def __init__(self, roadmap: Roadmap, radius: float, planning: Planning | None = None) -> None:
+    def __init__(self, roadmap: Roadmap, radius: float) -> None:
         self.roadmap = NumberedRoadmap(roadmap)
         self._radius = radius
         self.component = Traffic(ADDRESS, roadmap)
-        self._planning = planning or plan_at_once(roadmap)
+        self._planner = TrafficPlanner(roadmap, Random())
         self._users: dict[str, RoadUser] = {}
         self._timers: dict[Hashable, float] = {}
-        self._plans: dict[Hashable, Future[TrafficPlan]] = {}
+        self._problems: dict[Hashable, PlanTraffic] = {}
+        """The plans that are asked for. They are made in the next period."""
         self._ids = count()
         self._now = 0.0
         self._renewed_at = 0.0
@@ -62,8 +47,8 @@ class TrafficOffice:
 
     @property
     def is_planning(self) -> bool:
-        """Whether a plan is being made."""
-        return bool(self._plans)
+        """Whether a plan is to be made."""
+        return bool(self._problems)
 
     def serves(self, radius: float, level: float) -> bool:
         """Whether the roadmap is for robots of this radius, on the floor of this height."""
@@ -80,8 +65,7 @@ class TrafficOffice:
         """Send a message of a robot. Returns the answer."""
         id = f"{robot}/m{next(self._ids)}"
         header = Header(sender=robot, recipient=ADDRESS, message_id=id, reply_to=robot)
-        answers = [*self._handle(Received(Message(header=header, body=body)), id)]
-        return answers[0] if answers else None
+        return self._handle(Received(Message(header=header, body=body)), id)
 
     def occupant(self, robot: str) -> str | None:
         """The robot that works where the trip of this one leads; None if there is none."""
@@ -99,35 +83,30 @@ class TrafficOffice:
             for name, user in self._users.items():
                 if not silent(name):
                     user.report()
-        for question, plan in [*self._plans.items()]:
-            if plan.done():
-                del self._plans[question]
-                failure = plan.exception()
-                self._run(Answered(question, plan.result() if failure is None else failure))
+        for question, problem in [*self._problems.items()]:
+            del self._problems[question]
+            self._handle(Answered(question, self._planner.plan(problem)))
         for timer, due_at in [*self._timers.items()]:
             if due_at <= now:
                 self._timers.pop(timer, None)
-                self._run(TimerFired(timer))
+                self._handle(TimerFired(timer))
 
-    def _run(self, event: Input) -> None:
-        for _ in self._handle(event):
-            pass
-
-    def _handle(self, event: Input, question: str = "") -> Iterator[Body]:
-        """Carry out the effects of an input. Yields the answer to the message that has this id."""
-        effects: list[Effect] = self.component.handle(event, self._now)
-        for effect in effects:
+    def _handle(self, event: Input, id: str = "") -> Body | None:
+        """Carry out the effects of an input. Returns the answer to the message with this id, if there is one."""
+        answer: Body | None = None
+        for effect in self.component.handle(event, self._now):
             match effect:
-                case Send(message) if question and message.header.relates_to == question:
-                    yield message.body
+                case Send(message) if id and message.header.relates_to == id:
+                    answer = message.body
                 case Send(message) if message.header.recipient in self._users:
                     self._users[message.header.recipient].receive(message.body)
                 case SetTimer(timer, None):
                     self._timers.pop(timer, None)
                 case SetTimer(timer, float() as due_at):
                     self._timers[timer] = due_at
-                case Ask(question=asked, task=PlanTraffic() as problem):
-                    self._plans[asked] = self._planning(problem)
+                case Ask(question=question, task=PlanTraffic() as problem):
+                    self._problems[question] = problem
+        return answer
 
     # What stands in the way
 
@@ -136,7 +115,8 @@ class TrafficOffice:
         places, need = self.roadmap.roadmap.places, self._radius + MARGIN - 1.2 * SLACK
         closed_places: list[str] = []
         closed_lanes: list[ClosedLane] = []
-        for level, (numbers, points, lanes) in self._ends.items():
+        for level in self._ends.keys() & navigators.keys():  # nobody drives on other levels now
+            numbers, points, lanes = self._ends[level]
             navigator, discs = navigators[level], things[level]
             blocked = _room(navigator, discs, points) < need
             closed_places += (places[number].name for number in numbers[blocked])
