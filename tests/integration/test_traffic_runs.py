@@ -9,7 +9,7 @@ import pytest
 
 from somrs.protocol.messages.traffic import TripResult
 from somrs.traffic.berths import Berths
-from somrs.traffic.component import Traffic
+from somrs.traffic.dispatcher import Dispatcher
 from somrs.traffic.schedule import Schedule
 from verification.traffic_runs.draw import draw
 from verification.traffic_runs.play import Outcome, Play
@@ -45,7 +45,7 @@ def test_robots_touch_each_other_at_berths_that_exclude_nothing(monkeypatch: pyt
 
 
 def test_robots_that_are_granted_nothing_do_not_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Traffic, "_grant_next", lambda *_: False)
+    monkeypatch.setattr(Dispatcher, "_grant_next", lambda *_: False)
     assert any("not arrived" in outcome.violation for outcome in outcomes(range(3)))
 
 

@@ -1,0 +1,169 @@
+"""Sends robots on: ends their trips, grants them places in the order of the plan, and asks for the next plan."""
+
+from __future__ import annotations
+
+from somrs.kernel.component import Ask, Effects, Send, SetTimer
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.traffic import Granted, Mobility, TripEnded, TripResult
+from somrs.traffic.berths import Berths
+from somrs.traffic.closures import Closures
+from somrs.traffic.planning.graph import FAR
+from somrs.traffic.schedule import Schedule
+from somrs.traffic.state import PlanDue, PlannedRobot, PlanQuestion, PlanTraffic, RobotRecord, TrafficPlan, TrafficState
+
+AHEAD = 3
+"""The number of places that a robot is granted beyond the one where it is: enough not to stop at each."""
+HORIZON = 20
+"""The number of steps that are planned ahead."""
+PAUSE = 0.2
+"""The least time between two plans, in seconds. It doubles with each plan that moves nobody, up to `LONGEST_PAUSE`."""
+LONGEST_PAUSE = 10.0
+STALL = 15.0
+"""The time without progress after which ways are searched for, because robots only step aside for each other, in seconds."""
+RENEWAL = 2.0
+"""The time after which a plan is renewed that has come to its end for some robots, and not for all, in seconds."""
+EFFORT = 1_000
+"""The steps that a search for ways takes at most. They double with each plan that moves nobody, up to `MOST_EFFORT`."""
+MOST_EFFORT = 16_000
+
+
+class Dispatcher:
+    """The part of traffic that follows from its state: the same for every input, after it was handled."""
+
+    def __init__(self, state: TrafficState, schedule: Schedule, berths: Berths) -> None:
+        self.state, self._schedule, self._berths = state, schedule, berths
+        self._closures = Closures(state, schedule)
+
+    # Trips
+
+    def end_trips(self) -> Effects:
+        """End the trips of robots that have arrived, and of those that cannot arrive any more."""
+        closed = self._closures.places
+        for name, record in self.state.robots.items():
+            if record.trip is None or record.silent:
+                continue
+            if self._schedule.held(name)[0] == record.trip.destination:
+                yield self._end_trip(name, TripResult.ARRIVED)
+            elif record.mobility is Mobility.IMMOBILE:
+                yield self._end_trip(name, TripResult.IMMOBILE)
+            elif (blockers := self._closures.blockers(name, record.trip, closed)) is not None:
+                yield self._end_trip(name, TripResult.CLOSED, blockers)
+
+    def _end_trip(self, name: str, result: TripResult, robots: tuple[str, ...] = ()) -> Send:
+        record = self.state.robots[name]
+        assert record.trip is not None, "only trips end"
+        ended = TripEnded(robot=name, trip=record.trip.id, result=result, robots=robots)
+        record.trip = None
+        self.state.changed = True
+        return self._send(record, ended)
+
+    # Grants
+
+    def grant(self, now: float) -> Effects:
+        """Grant places in the order of the plan, unless a plan is being made, which begins where the granted ways end."""
+        if self.state.is_planning:
+            return
+        granted: dict[str, None] = {}
+        waiting = [*self.state.robots]
+        while waiting:
+            progressed = [name for name in waiting if self._grant_next(name, now)]
+            granted |= dict.fromkeys(progressed)
+            waiting = [*self.state.robots] if progressed else []
+        for name in granted:
+            yield self.granted(name)
+
+    def _grant_next(self, name: str, now: float) -> bool:
+        record = self.state.robots[name]
+        if record.silent or record.mobility is not Mobility.FREE or len(self._schedule.held(name)) > AHEAD:
+            return False
+        place = self._schedule.grant(name)
+        if place is not None and record.trip is not None:
+            distance = self._berths.graph.distances(record.trip.destination)[place]
+            if distance < record.trip.nearest:
+                record.trip.nearest, self.state.progressed_at = distance, now
+        return place is not None
+
+    def granted(self, name: str, *, anew: bool = True) -> Send:
+        """Tell a robot which places it holds. `anew`: they are others than it was told before."""
+        record = self.state.robots[name]
+        record.grants += anew
+        way = tuple(map(self._berths.name, self._schedule.held(name)))
+        return self._send(record, Granted(robot=name, fence=record.fence, number=record.grants, progress=record.progress, way=way))
+
+    def _send(self, record: RobotRecord, body: Body) -> Send:
+        self.state.sent += 1
+        header = Header(
+            sender=self.state.address,
+            recipient=record.address,
+            message_id=message_id(self.state.address, "traffic", self.state.sent),
+            reply_to=self.state.address,
+        )
+        return Send(Message(header=header, body=body))
+
+    # Plans
+
+    def plan(self, now: float) -> Effects:
+        """Ask for a plan, if there is reason to, and none is being made."""
+        state = self.state
+        if state.is_planning or not (state.changed or self._is_exhausted()) or (state.whole and any(state.planned.values())):
+            return
+        if state.changed:
+            state.progressed_at = now
+        pause = PAUSE * 2**state.failures if state.changed or not any(state.planned.values()) else RENEWAL
+        due_at = state.planned_at + min(pause, LONGEST_PAUSE)
+        if now < due_at:
+            yield SetTimer(PlanDue(), due_at)
+            return
+        state.serial += 1
+        state.is_planning, state.changed, state.planned_at = True, False, now
+        robots = tuple(self._planned_robot(name, record, now) for name, record in state.robots.items())
+        is_anybody_busy = any(record.mobility is Mobility.BUSY for record in state.robots.values())  # it makes room by itself later
+        effort = min(EFFORT * 2**state.failures, MOST_EFFORT) if not is_anybody_busy else 0
+        problem = PlanTraffic(
+            serial=state.serial,
+            robots=robots,
+            closed=state.closed,
+            blocked=tuple(sorted(self._closures.places)),
+            private=tuple(self._berths.private_places),
+            steps=HORIZON,
+            effort=effort,
+            searches=now > state.progressed_at + STALL and not is_anybody_busy,
+        )
+        yield Ask(PlanQuestion(state.serial), problem)
+
+    def _planned_robot(self, name: str, record: RobotRecord, now: float) -> PlannedRobot:
+        trip, place = record.trip, self._schedule.last(name)
+        return PlannedRobot(
+            name=name,
+            place=place,
+            goal=trip.destination if trip is not None else None,
+            waiting=now - trip.since if trip is not None else 0.0,
+            nearest=trip.nearest if trip is not None else FAR,
+            movable=not record.silent and record.mobility is Mobility.FREE,
+        )
+
+    def _is_exhausted(self) -> bool:
+        """Whether the plan has come to its end for a robot that is not at its goal."""
+        return any(
+            record.trip is not None and not self.state.planned[name] and self._schedule.last(name) != record.trip.destination
+            for name, record in self.state.robots.items()
+        )
+
+    def apply(self, value: object) -> Effects:
+        """Follow the plan that was asked for."""
+        self.state.is_planning = False
+        if not isinstance(value, TrafficPlan):
+            self.state.changed = True  # the planner failed, or its work was lost
+            return
+        self._schedule.plan(value.ways)
+        moves = any(self.state.planned.values())
+        self.state.whole = value.whole and moves
+        robots = self.state.robots
+        self.state.failures = 0 if moves or not any(record.trip for record in robots.values()) else self.state.failures + 1
+        fixed = tuple(name for name, record in robots.items() if record.silent or record.mobility is Mobility.IMMOBILE)
+        for name in value.stuck:
+            if robots[name].trip is not None and fixed:
+                yield self._end_trip(name, TripResult.CLOSED, fixed)
+            elif robots[name].trip is not None:
+                yield self._end_trip(name, TripResult.NO_ROOM, tuple(other for other in robots if other != name))
