@@ -6,12 +6,16 @@ import math
 from collections.abc import Collection
 from random import Random
 
+from msgspec import structs
+
 from somrs.protocol.messages.traffic import Berth
 from somrs.traffic.roadmap import Lane, Place, Roadmap
 from verification.traffic_runs.scenario import Incident, Scenario, Trouble
 
 RADIUS = 0.3
 """The radius of robots that go to berths, in metres: robots on lanes of 1 m whose ends are 0.9 m apart do not touch each other."""
+ISLAND = Place(name="Island", x=100.0, y=100.0)
+"""A place to which no lane leads."""
 SPAN = 60.0
 """The time within which things go wrong, in seconds."""
 
@@ -29,6 +33,9 @@ def draw(seed: int) -> Scenario:
     if roadmap.spacing > 0 and berth_dice.random() < 0.7:
         berths = tuple(_berths(berth_dice, f"Robot{number}", roadmap) for number in range(count))
         trips = tuple(_mixed(berth_dice, way, own) for way, own in zip(trips, berths, strict=True))
+    worker = ISLAND.name if Random(-1 - seed).random() < 0.4 else None
+    if worker is not None:
+        roadmap = structs.replace(roadmap, places=(*roadmap.places, ISLAND))
     incidents = tuple(_incident(dice, count) for _ in range(dice.choice((0, 0, 1, 2, 3))))
     return Scenario(
         seed=seed,
@@ -39,6 +46,7 @@ def draw(seed: int) -> Scenario:
         slowness=tuple(dice.choice((1.0, 1.0, 1.5, 4.0)) for _ in starts),
         work=tuple(dice.choice((0.0, 0.0, 3.0, 15.0)) for _ in starts),
         incidents=incidents,
+        worker=worker,
     )
 
 

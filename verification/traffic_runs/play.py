@@ -66,6 +66,7 @@ class Play:
             Robot(name=f"Robot{number}", place=start, trips=list(trips), berths=own)
             for number, (start, trips, own) in enumerate(zip(scenario.starts, scenario.trips, scenario.berths, strict=True))
         ]
+        self._worker = Robot(name="Worker", place=scenario.worker, trips=[], berths={}) if scenario.worker is not None else None
 
     def run(self) -> Outcome:
         violation = ""
@@ -88,6 +89,8 @@ class Play:
         world.add(TRAFFIC, Traffic(TRAFFIC, self.scenario.roadmap), self._plan, journaled=SCHEMA)
         for number in range(len(self.robots)):
             self._start(number)
+        if self._worker is not None:
+            world.add(self._worker.name, Vehicle(self._worker, TRAFFIC, partial(self._seconds, 1.0), 0.0, works=True))
         moments = [
             (at, number, mended)
             for number, incident in enumerate(self.scenario.incidents)

@@ -31,7 +31,8 @@ class Incident:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """`starts` and `trips`: places, by robot. `berths`: by robot, those of its destinations that are beside the roadmap. `slowness`: by
-    robot, the factor of the time for lanes. `work`: the seconds for which a robot works where it has arrived."""
+    robot, the factor of the time for lanes. `work`: the seconds for which a robot works where it has arrived. `worker`: the place of a
+    further robot, which works all the time, and is in nobody's way."""
 
     seed: int
     roadmap: Roadmap
@@ -41,3 +42,4 @@ class Scenario:
     slowness: tuple[float, ...]
     work: tuple[float, ...]
     incidents: tuple[Incident, ...]
+    worker: str | None = None

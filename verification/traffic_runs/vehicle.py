@@ -69,14 +69,15 @@ class Robot:
 
 
 class Vehicle:
-    """The program of a robot. `seconds`: how long it takes from one place to another. `work`: how long it works where it has arrived."""
+    """The program of a robot. `seconds`: how long it takes from one place to another. `work`: how long it works where it has arrived.
+    `works`: it works from the start on, without end."""
 
-    def __init__(self, robot: Robot, traffic: str, seconds: Callable[[str, str], float], work: float) -> None:
+    def __init__(self, robot: Robot, traffic: str, seconds: Callable[[str, str], float], work: float, *, works: bool = False) -> None:
         self.robot, self._traffic, self._seconds, self._work = robot, traffic, seconds, work
         self._address = ""
         self._sent = 1
         self._participant = Participant(robot.name, robot.place, robot.towards)
-        self._works = False
+        self._works = works
         self._trip: str | None = None
         self._refusals = 0
         robot.lives += 1

@@ -82,10 +82,7 @@ class Traffic:
     def occupant(self, robot: str) -> str | None:
         """The robot that works where the trip of this one leads; None if there is none."""
         record = self.state.robots.get(robot)
-        if record is None or record.trip is None:
-            return None
-        holder = self._schedule.holder(record.trip.destination, besides=robot)
-        return holder if holder is not None and self.state.robots[holder].mobility is Mobility.BUSY else None
+        return self._dispatcher.occupant(robot, record.trip) if record is not None and record.trip is not None else None
 
     def is_awaited(self, robot: str) -> bool:
         """Whether others wait for places that this robot holds."""
@@ -276,7 +273,7 @@ class Traffic:
             raise UsageError(f"no lanes lead from {self._berths.name(start)} to {body.destination}")
         if body.number > record.requested:  # the same request may arrive again
             record.requested = body.number
-            record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance)
+            record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance, progressed_at=now)
             self.state.changed, self.state.failures = True, 0
         return TripBegun(trip=body.trip, length=distance)
 

@@ -10,7 +10,7 @@ from somrs.traffic.berths import Berths
 from somrs.traffic.closures import Closures
 from somrs.traffic.planning.graph import FAR
 from somrs.traffic.schedule import Schedule
-from somrs.traffic.state import PlanDue, PlannedRobot, PlanQuestion, PlanTraffic, RobotRecord, TrafficPlan, TrafficState
+from somrs.traffic.state import PlanDue, PlannedRobot, PlanQuestion, PlanTraffic, RobotRecord, TrafficPlan, TrafficState, Trip
 
 AHEAD = 3
 """The number of places that a robot is granted beyond the one where it is: enough not to stop at each."""
@@ -20,7 +20,7 @@ PAUSE = 0.2
 """The least time between two plans, in seconds. It doubles with each plan that moves nobody, up to `LONGEST_PAUSE`."""
 LONGEST_PAUSE = 10.0
 STALL = 15.0
-"""The time without progress after which ways are searched for, because robots only step aside for each other, in seconds."""
+"""The time after which ways are searched for, because a robot comes no nearer to its goal, in seconds."""
 RENEWAL = 2.0
 """The time after which a plan is renewed that has come to its end for some robots, and not for all, in seconds."""
 EFFORT = 1_000
@@ -81,7 +81,7 @@ class Dispatcher:
         if place is not None and record.trip is not None:
             distance = self._berths.graph.distances(record.trip.destination)[place]
             if distance < record.trip.nearest:
-                record.trip.nearest, self.state.progressed_at = distance, now
+                record.trip.nearest, record.trip.progressed_at = distance, now
         return place is not None
 
     def granted(self, name: str, *, anew: bool = True) -> Send:
@@ -108,8 +108,6 @@ class Dispatcher:
         state = self.state
         if state.is_planning or not (state.changed or self._is_exhausted()) or (state.whole and any(state.planned.values())):
             return
-        if state.changed:
-            state.progressed_at = now
         pause = PAUSE * 2**state.failures if state.changed or not any(state.planned.values()) else RENEWAL
         due_at = state.planned_at + min(pause, LONGEST_PAUSE)
         if now < due_at:
@@ -118,8 +116,10 @@ class Dispatcher:
         state.serial += 1
         state.is_planning, state.changed, state.planned_at = True, False, now
         robots = tuple(self._planned_robot(name, record, now) for name, record in state.robots.items())
-        is_anybody_busy = any(record.mobility is Mobility.BUSY for record in state.robots.values())  # it makes room by itself later
-        effort = min(EFFORT * 2**state.failures, MOST_EFFORT) if not is_anybody_busy else 0
+        searches = now > state.searched_at + STALL and any(self._is_stalled(name, record, now) for name, record in state.robots.items())
+        if searches:
+            state.searched_at = now
+        effort = min(EFFORT * 2**state.failures, MOST_EFFORT)
         problem = PlanTraffic(
             serial=state.serial,
             robots=robots,
@@ -128,7 +128,7 @@ class Dispatcher:
             private=tuple(self._berths.private_places),
             steps=HORIZON,
             effort=effort,
-            searches=now > state.progressed_at + STALL and not is_anybody_busy,
+            searches=searches,
         )
         yield Ask(PlanQuestion(state.serial), problem)
 
@@ -141,7 +141,18 @@ class Dispatcher:
             waiting=now - trip.since if trip is not None else 0.0,
             nearest=trip.nearest if trip is not None else FAR,
             movable=not record.silent and record.mobility is Mobility.FREE,
+            busy=not record.silent and record.mobility is Mobility.BUSY,
         )
+
+    def _is_stalled(self, name: str, record: RobotRecord, now: float) -> bool:
+        """Whether a robot has come no nearer to its goal for a while, though nobody works there."""
+        trip = record.trip
+        return trip is not None and not record.silent and now > trip.progressed_at + STALL and self.occupant(name, trip) is None
+
+    def occupant(self, name: str, trip: Trip) -> str | None:
+        """The robot that works where the trip of this one leads; None if there is none."""
+        holder = self._schedule.holder(trip.destination, besides=name)
+        return holder if holder is not None and self.state.robots[holder].mobility is Mobility.BUSY else None
 
     def _is_exhausted(self) -> bool:
         """Whether the plan has come to its end for a robot that is not at its goal."""

@@ -33,7 +33,14 @@ class TrafficPlanner:
         planner = WindowPlanner(graph.without(problem.blocked) if problem.blocked else graph, self._dice.shuffle)
         self._dice.seed(problem.serial)
         travellers = [
-            Traveller(place=robot.place, goal=robot.goal, waiting=robot.waiting, nearest=robot.nearest, movable=robot.movable)
+            Traveller(
+                place=robot.place,
+                goal=robot.goal,
+                waiting=robot.waiting,
+                nearest=robot.nearest,
+                movable=robot.movable,
+                busy=robot.busy,
+            )
             for robot in problem.robots
         ]
         course = planner.plan(travellers, problem.steps, problem.effort, searches=problem.searches)

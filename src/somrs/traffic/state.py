@@ -20,12 +20,14 @@ Timer = LeasesDue | PlanDue
 
 
 class Trip(Struct, kw_only=True):
-    """A robot's trip to the place of this number. `nearest`: the least distance at which its granted ways have ended, in seconds."""
+    """A robot's trip to the place of this number. `nearest`: the least distance at which its granted ways have ended, in seconds;
+    `progressed_at`: since when that is so."""
 
     id: str
     destination: int
     since: float
     nearest: float
+    progressed_at: float
 
 
 class RobotRecord(Struct, kw_only=True):
@@ -63,6 +65,7 @@ class PlannedRobot(Struct, frozen=True, array_like=True):
     waiting: float
     nearest: float
     movable: bool
+    busy: bool
 
 
 class Closed(Struct, frozen=True, array_like=True):
@@ -108,7 +111,7 @@ class TrafficState(Struct, kw_only=True):
     `held` and `planned` belong to the schedule, `berths` to `Berths`. `serial` is that of the last plan that was asked for; `is_planning`:
     its answer is awaited. `changed`: robots, their trips or their mobility are others than in the last plan that was asked for. `whole`:
     what is planned is to be followed to its end. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans
-    moved nobody. `progressed_at`: when a robot came nearer to a goal than it had been, or something changed.
+    moved nobody. `searched_at`: when ways were searched for last because a robot had not come nearer to its goal.
     """
 
     address: str
@@ -128,4 +131,4 @@ class TrafficState(Struct, kw_only=True):
     whole: bool = False
     planned_at: float = 0.0
     failures: int = 0
-    progressed_at: float = 0.0
+    searched_at: float = 0.0

@@ -25,13 +25,15 @@ DETOUR = 200
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traveller:
     """A robot: where it is, where it wants to (None: nowhere), the number of steps for which it has had this goal, and the least distance
-    to it at which it has been. Of two robots, the one that has waited longer comes first. A robot that is not `movable` stays."""
+    to it at which it has been. Of two robots, the one that has waited longer comes first. A robot that is not `movable` stays; if it is
+    `busy`, it will be movable later."""
 
     place: int
     goal: int | None = None
     waiting: float = 0.0
     nearest: float = FAR
     movable: bool = True
+    busy: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,15 +77,21 @@ class WindowPlanner:
         for number, aim in aims.items():
             try:
                 ways = search_all(self.graph, places, aim, ALL * effort, dict(staying))
+                if ways is None and self._is_stuck(places, aim, effort, robots):
+                    stuck.append(number)
             except SearchLimit:
                 ways = self._search(places, aim, effort, staying)
-            else:
-                stuck += [number] if ways is None else []
             if ways is not None:
                 return Course(steps=ways, whole=True)
         open_aims = [aim for number, aim in aims.items() if number not in stuck]
         ways = self._on_detours(places, open_aims, effort // DETOUR, staying)
         return Course(steps=ways, whole=True) if ways is not None else Course(steps=course[:1], stuck=tuple(stuck))
+
+    def _is_stuck(self, places: Configuration, aim: Goals, effort: int, robots: Sequence[Traveller]) -> bool:
+        """Whether there is no room even when all busy robots have come free, of a robot for which there are no ways now. Raises
+        SearchLimit."""
+        fixed = [number for number, robot in enumerate(robots) if not robot.movable and not robot.busy]
+        return not any(robot.busy for robot in robots) or search_all(self.graph, places, aim, ALL * effort, fixed) is None
 
     def _search(self, places: Configuration, goals: Goals, effort: int, staying: Sequence[tuple[int, int]]) -> list[Configuration] | None:
         """Ways to the goals; None if none are found."""
