@@ -35,7 +35,8 @@ class Programs:
         )
         self._running.append(process)
         assert process.stdout is not None
-        first_line = await asyncio.wait_for(process.stdout.readline(), START_TIME)
+        async with asyncio.timeout(START_TIME):
+            first_line = await process.stdout.readline()
         if not first_line:
             raise RuntimeError(f"{module} {' '.join(arguments)} ended at once; see the log")
         return first_line.decode().strip()
@@ -45,7 +46,8 @@ class Programs:
             assert process.stdin is not None
             process.stdin.close()
             try:
-                await asyncio.wait_for(process.wait(), END_TIME)
+                async with asyncio.timeout(END_TIME):
+                    await process.wait()
             except TimeoutError:
                 with contextlib.suppress(ProcessLookupError):
                     process.kill()

@@ -61,7 +61,8 @@ class Bystanders:
         while not self._finished.is_set():
             await work()
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._finished.wait(), PAUSE)
+                async with asyncio.timeout(PAUSE):
+                    await self._finished.wait()
 
     async def _update(self) -> None:
         self._number += 1

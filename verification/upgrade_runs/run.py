@@ -74,7 +74,8 @@ class Tree:
                 start_new_session=True,
             )
         assert self._process.stdout is not None
-        first_line = await asyncio.wait_for(self._process.stdout.readline(), UP_TIME)
+        async with asyncio.timeout(UP_TIME):
+            first_line = await self._process.stdout.readline()
         if not first_line.startswith(b"up:"):
             await self._process.wait()
             raise UsageError(self._log.read_text(errors="replace").strip()[-2000:] or "it ended at once")

@@ -130,7 +130,7 @@ class DeviceRunner:
             notices=(Equipped(profile, repository, registry), *self._early),
         )
         try:
-            async with asyncio.timeout(JOIN_TIME):  # `wait_for` of Python 3.11 loses a cancellation that comes with the result
+            async with asyncio.timeout(JOIN_TIME):
                 await asyncio.shield(self._joined)
         except TimeoutError:
             raise RemoteError(

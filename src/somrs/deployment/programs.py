@@ -224,7 +224,8 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
     world = Follower(f"{runtime.url}/simulator", addresses.repository, kind)
     runtime.add("/simulator", lambda address: world)
     try:
-        await asyncio.wait_for(world.read.wait(), MAP_TIME)
+        async with asyncio.timeout(MAP_TIME):
+            await world.read.wait()
         assert world.simulation is not None, "made when the map has been read"
         await _serve_robots(world.simulation, host, port, speed)
     except TimeoutError:

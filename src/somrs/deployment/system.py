@@ -283,7 +283,8 @@ def _describe_exit(code: int | None) -> str:
 
 async def _end(program: Program) -> None:
     try:
-        await asyncio.wait_for(program.process.wait(), STOP_TIME)
+        async with asyncio.timeout(STOP_TIME):
+            await program.process.wait()
     except TimeoutError:
         program.process.kill()
         await program.process.wait()

@@ -168,7 +168,8 @@ class Node:
                 await self.output.on_disk()
                 if not reply.done() and not is_waited_for(message):
                     return None
-                return await asyncio.wait_for(reply, ANSWER_TIME)
+                async with asyncio.timeout(ANSWER_TIME):
+                    return await reply
             except TimeoutError:
                 raise RemoteError(f"no answer to {type(message.body).__name__} within {ANSWER_TIME:.0f} s") from None
             except NotTaken as error:
@@ -217,12 +218,14 @@ class Node:
             self._journal.snapshot(self._journaled)
             self.output.position = self._journal.disk.position
         with contextlib.suppress(RemoteError, TimeoutError):  # every waiting request gets the error; there is no other place to report it
-            await asyncio.wait_for(self.output.on_disk(), DISK_TIME)
+            async with asyncio.timeout(DISK_TIME):
+                await self.output.on_disk()
 
     async def flush(self, seconds: float) -> None:
         """Wait until the sent messages are delivered, for at most `seconds`."""
         with contextlib.suppress(RemoteError, TimeoutError):
-            await asyncio.wait_for(self.output.on_disk(), seconds)
+            async with asyncio.timeout(seconds):
+                await self.output.on_disk()
         await self._delivered(seconds)
 
     def _take_snapshot(self) -> None:

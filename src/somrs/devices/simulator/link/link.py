@@ -111,7 +111,8 @@ class RobotLink(Link):
         remaining = self._lost_at + timeout - asyncio.get_running_loop().time()
         if not self.connected and remaining > 0:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._ready.wait(), remaining)
+                async with asyncio.timeout(remaining):
+                    await self._ready.wait()
         return self.connected
 
     async def drive_to(self, x: float, y: float, yaw: float | None = None) -> CommandDone:
