@@ -195,6 +195,40 @@ def test_what_a_device_reports_was_so_when_it_reported_it(tmp_path: Path) -> Non
     assert received == expected
 
 
+class FaultyHardware(Carrier):
+    released = 0
+    """How often it was closed."""
+
+    async def open(self) -> None:
+        raise DeviceError("nothing answers at its port")
+
+    async def close(self) -> None:
+        self.released += 1
+
+
+class Misdescribed(FaultyHardware):
+    type = 7  # type: ignore[assignment]  # what no author's checker would accept
+
+
+@pytest.mark.parametrize(
+    ("kind", "error", "released"), [(FaultyHardware, "nothing answers at its port", 1), (Misdescribed, "has no object type", 0)]
+)
+def test_a_device_is_closed_if_opening_it_failed_and_not_if_it_was_never_opened(
+    tmp_path: Path, kind: type[FaultyHardware], error: str, released: int
+) -> None:
+    device = kind("Robot1")
+
+    async def scenario() -> None:
+        nowhere = "http://127.0.0.1:9"
+        runner = DeviceRunner(device, Addresses(repository=nowhere, registry=nowhere, task_manager=nowhere), tmp_path)
+        with pytest.raises(DeviceError, match=error):
+            await runner.start()
+        await runner.stop()
+
+    asyncio.run(scenario())
+    assert device.released == released
+
+
 def arrange_message(device: str, step: str) -> Received:
     header = Header(
         sender="desk",

@@ -68,8 +68,8 @@ class Lab:
         for setting, value in settings.items():
             setattr(device, setting, value)
         device.map = MapReader(make_ask(self.repository, lambda: 0.0))
-        await device.open()
         self.devices[name] = device
+        await device.open()
         return device
 
     async def run_task(self, device: Device, work: Quote | Perform | Halt | Undo) -> object:

@@ -58,8 +58,8 @@ async def simulated(kind: type[SimulatedDevice], name: str, site: str, speed: fl
         knowledge = repository(site)
         device = kind(name, f"{server.host}:{server.port}")
         device.map = MapReader(make_ask(knowledge, lambda: 0.0))
-        await device.open()
         try:
+            await device.open()
             yield SimulatedDeviceHarness(device, operator, knowledge, site)
         finally:
             await device.close()

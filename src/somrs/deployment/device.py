@@ -105,6 +105,8 @@ class DeviceRunner:
         self._node: Node | None = None
         self._early: list[Observed] = []
         """What the device observed before it joined."""
+        self._was_opened = False
+        """Whether the device was told to connect to its hardware, successfully or not."""
         self._joined: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     async def start(self) -> str:
@@ -118,6 +120,7 @@ class DeviceRunner:
         self.device.tasks = TaskSubmitter(lambda body: self._request(body, self._addresses.task_manager, client_address(self.device.name)))
         self.device.observer = self._observed
         self.device.publisher = self._services_changed
+        self._was_opened = True
         await self.device.open()
         profile = self.device.profile()
         repository, registry = self._addresses.repository, self._addresses.registry
@@ -159,7 +162,8 @@ class DeviceRunner:
                 await self._host.remove(self._node)
         if self._runtime is not None and self._runtime is not self._host:
             await self._runtime.stop()
-        await self._close_device()
+        if self._was_opened:
+            await self._close_device()
         if self._own_journal:
             self._journal.close()
 
@@ -175,7 +179,7 @@ class DeviceRunner:
         try:
             await self.device.close()
         except Exception:
-            # A device that was not opened may have nothing to close.
+            # When `open` has failed, there may be nothing to close.
             log.log(logging.ERROR if self._node is not None else logging.DEBUG, "%s cannot be closed", self.device.name, exc_info=True)
 
     def _observed(self, situation: str | None, observation: Observation) -> None:

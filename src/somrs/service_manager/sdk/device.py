@@ -280,7 +280,7 @@ class Device:
         """Connect to the hardware. Called once before the device joins."""
 
     async def close(self) -> None:
-        """Release the hardware. Called once after the device has left."""
+        """Release the hardware. Called once after the device has left, or after `open` failed."""
 
     def services(self) -> Mapping[str, Service]:
         """Return the services, including inherited ones, by the names of their methods.

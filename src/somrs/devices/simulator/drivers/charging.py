@@ -76,12 +76,7 @@ class ChargingRobot(SimulatedDevice):
         self._reported_charge = number_of(rows[0]["Charge"]) if rows else -math.inf
         if self._link.state is not None:
             self._note_charge(self._link.state)
-        self._keeping_charged = asyncio.create_task(self._keep_charged())
-
-    async def close(self) -> None:
-        self._keeping_charged.cancel()
-        await asyncio.wait({self._keeping_charged})
-        await super().close()
+        self.keep_doing(self._keep_charged())
 
     async def _keep_charged(self) -> None:
         """Submit a task to charge the battery when the robot is idle and its charge is low, one at a time."""

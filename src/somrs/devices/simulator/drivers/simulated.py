@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Coroutine, Iterable
+from contextlib import AsyncExitStack
 from typing import TypeVar
 
 from somrs.devices.simulator.drivers.outage import Outage
@@ -56,6 +57,11 @@ class SimulatedDevice(Device):
     mobile: bool = True
     """Whether the device can change its position."""
 
+    def __init__(self, name: str, simulator: str | None = None) -> None:
+        super().__init__(name, simulator)
+        self._opened = AsyncExitStack()
+        """What `close` has to end, the last first; `open` may have failed on the way."""
+
     async def open(self) -> None:
         host, _, port = (self.simulator or "").rpartition(":")
         if not host or not port.isdigit():
@@ -64,19 +70,17 @@ class SimulatedDevice(Device):
         self._reported_pose: Pose | None = None
         self._known_broken = await self.map.holds(f"{self.name}.Working = FALSE")
         self._link = RobotLink(host, int(port), self.name, silence=self.silence, on_state=self._notice_state)
-        await self._link.connect()
-        try:
-            await self._link.status()
-            self.attributes = {name: value for name in self.features for value in await self._feature(name)}
-        except BaseException:  # also when cancelled: nothing else closes the link
-            await self._link.close()
-            raise
-        self._noticing = asyncio.create_task(self._notice())
+        await self._opened.enter_async_context(self._link)
+        await self._link.status()
+        self.attributes = {name: value for name in self.features for value in await self._feature(name)}
+        self.keep_doing(self._notice())
 
     async def close(self) -> None:
-        self._noticing.cancel()
-        await asyncio.wait({self._noticing})
-        await self._link.close()
+        await self._opened.aclose()
+
+    def keep_doing(self, work: Coroutine[object, object, None]) -> None:
+        """Do something beside the services until the device is closed."""
+        self._opened.push_async_callback(_end, asyncio.create_task(work))
 
     @property
     def idle_state(self) -> RobotState | None:
@@ -218,6 +222,11 @@ def _is_same_pose(first: Pose, second: Pose) -> bool:
     if not all(map(math.isfinite, second)):
         return False
     return math.dist(first[:2], second[:2]) < STANDING and abs(math.remainder(first[2] - second[2], math.tau)) < 2 * STANDING
+
+
+async def _end(work: asyncio.Task[None]) -> None:
+    work.cancel()
+    await asyncio.wait({work})
 
 
 async def is_of_type(task: Task, object: str, kind: str) -> bool:

@@ -78,12 +78,7 @@ class WatchingDevice(SimulatedDevice):
         accuracies = await self._feature("Accuracy")
         self._watch = Watch(self, sum(accuracy for accuracy in accuracies if isinstance(accuracy, float)))
         self._outage = Outage(self.name, "compare what it sees with the map")
-        self._watching = asyncio.create_task(self._keep_watching())
-
-    async def close(self) -> None:
-        self._watching.cancel()
-        await asyncio.wait({self._watching})
-        await super().close()
+        self.keep_doing(self._keep_watching())
 
     async def _keep_watching(self) -> None:
         while True:
