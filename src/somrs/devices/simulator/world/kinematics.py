@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,13 +17,14 @@ from somrs.devices.simulator.world.driven_joints import DrivenJoints
 from somrs.devices.simulator.world.hands import Hands
 from somrs.devices.simulator.world.joints import ARM_SEEN, wrapped
 from somrs.devices.simulator.world.layout import Layout
+from somrs.devices.simulator.world.opaque import opaque_parts, whole_leaf
 from somrs.devices.simulator.world.scene import Place, Scene
 from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology
 from somrs.space.dimensions import FINGER, dimensions_of
 from somrs.space.distances import Array
-from somrs.space.leaves import HANDLE, HANDLE_LENGTH, JAMB, Leaf, inside, leaves_of, panels
-from somrs.space.sightlines import Prisms, hull
+from somrs.space.leaves import HANDLE, HANDLE_LENGTH, Leaf, inside, leaves_of
+from somrs.space.sightlines import Prisms
 from somrs.space.solids import Role, Solid
 
 if TYPE_CHECKING:
@@ -39,7 +40,6 @@ FINGER_WIDTH = 0.014
 """Half the width of a finger, m."""
 HOLDING_SPEED = 0.3
 """Speed at which a drive brings its leaf to the position at which it holds it, m/s."""
-_OPAQUE = (Role.WALL, Role.SUPPORT, Role.STATIC, Role.CAMERA)
 
 ThingPose = tuple[float, float, float, float]
 
@@ -109,6 +109,8 @@ class KinematicScene(Scene):
 
     def remove(self, name: str) -> None:
         self.hands.remove(name)
+        if name in self._things:
+            self.hands.detach(name)
         solid = self.world.remove(name)
         self._map = self._map.changed([ObjectRemoved(name)])
         joints = self.joints.pop(name, None)
@@ -126,6 +128,7 @@ class KinematicScene(Scene):
         holder = self.hands.holder(thing)
         if holder is not None:
             self.hands.release(holder)
+        self.hands.detach(thing)
         self._things[thing] = x, y, z, yaw
         self.disturb()
         self._settle()
@@ -149,10 +152,17 @@ class KinematicScene(Scene):
         surface, (x, y, _, yaw) = self._surface_below(thing), self._things[thing]
         if surface is not None:
             self._things[thing] = x, y, surface[1], yaw
+            self.hands.attach(thing, surface[0])
+
+    def standing_on(self, carrier: str) -> list[str]:
+        """The things that stand on another one."""
+        top = self._things[carrier][2] + self.world.solids[carrier].height
+        return [name for name, pose in self._things.items() if abs(pose[2] - top) < TOUCH and carrier in self.supporters(name)]
 
     def _surface_below(self, thing: str) -> tuple[str, float] | None:
         """The highest object below a thing, and the height of its surface."""
         x, y, z, _ = self._things[thing]
+        own_top = z + self.world.solids[thing].height
         surfaces: list[tuple[str, float]] = []
         support, container = self.support_below(x, y, z + STEP_UP, thing), self.container_at(x, y, z)
         if support is not None:
@@ -162,7 +172,8 @@ class KinematicScene(Scene):
         for name, (lower_x, lower_y, lower_z, _) in self._things.items():
             solid = self.world.solids[name]
             top = lower_z + solid.height
-            if name != thing and top <= z + STEP_UP and math.hypot(lower_x - x, lower_y - y) < solid.extent:
+            is_above = lower_z > own_top - TOUCH / 2  # a thin thing on it may be within `STEP_UP`
+            if name != thing and not is_above and top <= z + STEP_UP and math.hypot(lower_x - x, lower_y - y) < solid.extent:
                 surfaces.append((name, top))
         return max(surfaces, key=lambda surface: surface[1], default=None)
 
@@ -264,7 +275,7 @@ class KinematicScene(Scene):
     def _standing_prisms(self) -> Prisms:
         """What stands still and hides what is behind it."""
         if self._standing is None or self._standing[0] != self.edition:
-            parts = [(solid.name, part) for solid in self.world.solids.values() for part in _opaque_parts(solid)]
+            parts = [(solid.name, part) for solid in self.world.solids.values() for part in opaque_parts(solid)]
             self._standing = self.edition, Prisms([name for name, _ in parts], [part for _, part in parts])
         return self._standing[1]
 
@@ -275,12 +286,12 @@ class KinematicScene(Scene):
         if self._movable is None or self._movable[0] != self.edition:
             prisms = Prisms(
                 [*names, *(leaf.owner.name for leaf in leaves)],
-                [*(solids[name] for name in names), *(_whole_leaf(leaf, self._leaf_positions[leaf.name]) for leaf in leaves)],
+                [*(solids[name] for name in names), *(whole_leaf(leaf, self._leaf_positions[leaf.name]) for leaf in leaves)],
             )
             self._movable = self.edition, -1, prisms
         edition, changes, prisms = self._movable
         if changes != self._changes:
-            panes = (_whole_leaf(leaf, self._leaf_positions[leaf.name]) for leaf in leaves)
+            panes = (whole_leaf(leaf, self._leaf_positions[leaf.name]) for leaf in leaves)
             prisms.place([*(self.pose(name) for name in names), *((pane.x, pane.y, pane.z, pane.yaw) for pane in panes)])
             self._movable = edition, self._changes, prisms
         return prisms
@@ -336,6 +347,19 @@ class AttachedHands(Hands):
         """Whether a hand holds the thing, or what it stands on."""
         return any(grip.thing == thing for grips in self._grips.values() for grip in grips)
 
+    def attach(self, thing: str, carrier: str) -> None:
+        """Let a thing that comes to stand on another one follow the hand that carries that one, if one does."""
+        for robot, grips in self._grips.items():
+            if any(grip.thing == carrier for grip in grips):
+                grips.append(self._grip(robot, thing))
+                return
+
+    def detach(self, thing: str) -> None:
+        """Let a thing, and what stands on it, follow no hand any more."""
+        stack = self._stack(thing)
+        for grips in self._grips.values():
+            grips[:] = [grip for grip in grips if grip.thing not in stack]
+
     def follow(self, robot: str) -> None:
         """Let what a robot holds follow its hand."""
         if robot in self._grips:
@@ -352,16 +376,21 @@ class AttachedHands(Hands):
             self._scene.pull_leaf(leaf, min(max(moved, 0.0), leaf.travel))
 
     def _take(self, robot: str, thing: str) -> None:
+        self.detach(thing)
+        self._grips[robot] = [self._grip(robot, name) for name in self._stack(thing)]
+
+    def _stack(self, thing: str) -> list[str]:
+        """A thing, and what stands on it."""
         stack = [thing]
         for carrier in stack:
-            stack += [name for name in self._scene.things() if carrier in self._scene.supporters(name)]
+            stack += [name for name in self._scene.standing_on(carrier) if name not in stack]
+        return stack
+
+    def _grip(self, robot: str, thing: str) -> _Grip:
         x, y, z, angle = self._scene.hand(robot)
-        c, s = math.cos(angle), math.sin(angle)
-        poses = {name: self._scene.thing_pose(name) for name in stack}
-        self._grips[robot] = [
-            _Grip(name, c * (px - x) + s * (py - y), c * (py - y) - s * (px - x), pz - z, yaw - angle)
-            for name, (px, py, pz, yaw) in poses.items()
-        ]
+        thing_x, thing_y, thing_z, yaw = self._scene.thing_pose(thing)
+        c, s, dx, dy = math.cos(angle), math.sin(angle), thing_x - x, thing_y - y
+        return _Grip(thing, c * dx + s * dy, c * dy - s * dx, thing_z - z, yaw - angle)
 
     def _drop(self, robot: str) -> None:
         for grip in self._grips.pop(robot):
@@ -390,28 +419,3 @@ def _half_width(solid: Solid, turn: float) -> float:
     if solid.form != "Box":
         return solid.extent
     return abs(solid.width / 2 * math.cos(turn)) + abs(solid.depth / 2 * math.sin(turn))
-
-
-def _opaque_parts(solid: Solid) -> list[Solid]:
-    """The boxes and cylinders of what stands still behind which nobody sees anything."""
-    leaves = leaves_of(solid)
-    if solid.container and leaves:
-        boards = []
-        for panel in panels(solid):
-            x, y = solid.world(panel.x, panel.y)
-            boards.append(replace(solid, x=x, y=y, z=solid.z + panel.z, width=panel.width, depth=panel.depth, height=panel.height))
-        return boards
-    if solid.role is Role.DOOR:
-        return [] if leaves or solid.open else [solid]
-    if solid.role is Role.FLOOR:
-        return [hull(solid)]
-    return [solid] if solid.role in _OPAQUE and solid.form != "Polygon" else []
-
-
-def _whole_leaf(leaf: Leaf, position: float) -> Solid:
-    """A leaf with the strip that stays in the doorway, through which nobody sees either."""
-    pane = leaf.solid(position)
-    if not leaf.slides:
-        return pane
-    x, y = pane.x + JAMB / 2 * math.cos(pane.yaw), pane.y + JAMB / 2 * math.sin(pane.yaw)
-    return replace(pane, x=x, y=y, width=pane.width + JAMB)

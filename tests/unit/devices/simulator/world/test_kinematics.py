@@ -50,6 +50,48 @@ def test_what_a_robot_holds_follows_its_hand_with_what_stands_on_it() -> None:
     assert cup_state.z == pytest.approx(height, abs=0.001)
 
 
+def carried_stack() -> Run:
+    """Robot1 carries Carton1, on which Cup1 stands."""
+    run = Run(Map([*room().objects.values(), thing("Carton1", "Carton", 4.0, 5.0, 0.74)]), KINEMATIC)
+    run.simulation.add(thing("Cup1", "Cup", 4.0, 5.0, 2.0))
+    run.execute_all("Robot1", Grip(object="Carton1"))
+    return run
+
+
+def test_what_is_taken_from_a_carried_thing_follows_it_no_more() -> None:
+    run = carried_stack()
+    run.simulation.move("Cup1", 6.5, 1.5, 0.3)
+    run.execute_all("Robot1", DriveTo(x=3, y=2.5))
+    assert run.simulation.observe("Cup1").support == "Platform001"
+
+
+def test_what_is_removed_from_a_carried_thing_is_gone() -> None:
+    run = carried_stack()
+    run.simulation.remove("Cup1")
+    run.execute_all("Robot1", DriveTo(x=3, y=2.5), PutDown())
+    assert [*run.simulation.scene.things()] == ["Jar002", "Carton1"]
+
+
+def test_what_is_put_on_a_carried_thing_follows_it() -> None:
+    run = carried_stack()
+    x, y, z, _ = run.simulation.scene.pose("Carton1")
+    run.simulation.add(thing("Cup2", "Cup", x, y, z + 1.0))
+    run.simulation.move("Jar002", x, y, z + 1.0)
+    run.execute_all("Robot1", DriveTo(x=3, y=2.5))
+    assert run.simulation.observe("Cup2").support == "Cup1"
+    assert run.simulation.observe("Jar002").support == "Cup2"
+
+
+def test_a_stack_of_thin_things_stays_as_it_is() -> None:
+    run = Run(room(), KINEMATIC)
+    for name in ("Plate1", "Plate2", "Plate3"):
+        run.simulation.add(thing(name, "Cup", 4.0, 5.0, 1.0, **{"Shape.Height": 0.008}))
+    run.simulation.move("Jar002", 6.5, 1.5, 0.3)
+    plates = [run.simulation.observe(name) for name in ("Plate1", "Plate2", "Plate3")]
+    assert [plate.support for plate in plates] == ["Table001", "Plate1", "Plate2"]
+    assert [plate.z for plate in plates] == pytest.approx([0.74, 0.748, 0.756])
+
+
 def test_things_fall_to_what_is_below_them() -> None:
     cupboard = box("Cupboard9", "Cupboard", (2.0, 5.5, 0), (0.5, 1.2, 0.8), RotationZ=-math.pi / 2, Open=True)
     things = [thing("High", "Cup", 4.0, 5.2, 1.5), thing("Inside", "Cup", 2.0, 5.5, 0.2), thing("Nowhere", "Cup", 30.0, 5.0, 0.4)]
