@@ -16,7 +16,7 @@ from somrs.errors import InputError, ModelError, UsageError
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.files.site import dump_site
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.objects import Fact, FactRemoved, Map, Object
 from somrs.ontology.types import PART_OF, Value
 from somrs.sites import IMPORTERS, ImportOptions, Site
 from somrs.sites.lif.reading import import_bytes
@@ -170,6 +170,40 @@ def test_exported_layouts_are_imported_as_they_were(site: Site) -> None:
     assert {f.arguments[0] for f in again.map.facts("interactsAt")} == {"rack_7", "press"}
 
 
+def test_vehicles_stand_at_a_node_as_the_file_says() -> None:
+    layouts = works()
+    charger = layouts["layouts"][0]["nodes"][1]
+    for properties in charger["vehicleTypeNodeProperties"]:
+        properties["theta"] = -1.5
+    layouts["layouts"][0]["nodes"][2]["vehicleTypeNodeProperties"][0]["theta"] = 1.0
+    layouts["layouts"][0]["nodes"][2]["vehicleTypeNodeProperties"][1]["theta"] = 2.0
+    site = imported(layouts)
+    assert site.map.objects["n_2"].values["RotationZ"] == -1.5
+    assert any("n-3: the headings at a node" in str(note) for note in site.notes)
+    written = json.loads(export_layouts(site.ontology, site.map, exported_at=NOW))
+    (again,) = (node for node in written["layouts"][0]["nodes"] if node["nodeId"] == "n-2")
+    assert [properties["theta"] for properties in again["vehicleTypeNodeProperties"]] == [-1.5, -1.5]
+    assert "theta" not in again["nodePosition"], "the format has the heading of vehicles, not of nodes"
+
+
+@given(st.floats(-1000, 1000))
+def test_headings_are_from_minus_half_a_turn_to_half_a_turn(turn: float) -> None:
+    objects = [Object(name=name, type="Waypoint", values={"PositionX": 0.0, "PositionY": 0.0, "RotationZ": turn}) for name in "AB"]
+    lane = [Object(name="L", type="Lane")]
+    written = json.loads(
+        export_layouts(upper(), Map([*objects, *lane], [Fact("startsAt", ("L", "A")), Fact("endsAt", ("L", "B"))]), exported_at=NOW)
+    )
+    theta = written["layouts"][0]["nodes"][0]["vehicleTypeNodeProperties"][0]["theta"]
+    assert -math.pi <= theta <= math.pi
+    assert math.cos(theta - turn) == pytest.approx(1.0)
+
+
+def test_station_beside_the_storeys_is_in_the_layout_of_its_waypoint(site: Site) -> None:
+    elsewhere = site.map.changed([FactRemoved(Fact(PART_OF, ("press", "Level_0")))])
+    written = json.loads(export_layouts(site.ontology, elsewhere, exported_at=NOW))
+    assert [station["stationId"] for station in written["layouts"][0]["stations"]] == ["rack 7", "press"]
+
+
 def test_map_without_lanes_is_not_exported() -> None:
     with pytest.raises(UsageError, match="no lanes"):
         export_layouts(upper(), Map([Object(name="B", type="Building")]), exported_at=NOW)
@@ -182,14 +216,17 @@ spots = st.lists(st.tuples(st.integers(-50, 50), st.integers(-50, 50)), min_size
 
 @st.composite
 def tracks(draw: st.DrawFn) -> Map:
-    """A storey with waypoints and lanes between them, of different types of vehicles."""
+    """A storey with waypoints and lanes between them, of different types of vehicles. Other systems may know several by one name."""
     points = draw(spots)
+    external_ids: st.SearchStrategy[dict[str, Value]] = st.fixed_dictionaries(
+        {}, optional={"ExternalId": st.sampled_from(["W1", "L1", "L1_reverse", "7"])}
+    )
     objects = [Object(name="B", type="Building"), Object(name="S", type="Storey")]
     floor: dict[str, Value] = {"PositionX": 0.0, "PositionY": 0.0, "PositionZ": -0.1, "Shape.Form": "Box", "Shape.Width": 200.0}
     objects.append(Object(name="F", type="Floor", values=floor | {"Shape.Depth": 200.0, "Shape.Height": 0.1}))
     facts = [Fact(PART_OF, ("S", "B")), Fact(PART_OF, ("F", "S"))]
     for index, (x, y) in enumerate(points):
-        values: dict[str, Value] = {"PositionX": float(x), "PositionY": float(y), "PositionZ": 0.0}
+        values: dict[str, Value] = {"PositionX": float(x), "PositionY": float(y), "PositionZ": 0.0, **draw(external_ids)}
         objects.append(Object(name=f"W{index}", type=draw(st.sampled_from(["Waypoint", "Place", "Charger"])), values=values))
         facts.append(Fact(PART_OF, (f"W{index}", "S")))
     for index in range(draw(st.integers(1, 6))):
@@ -205,7 +242,7 @@ def tracks(draw: st.DrawFn) -> Map:
                 },
             )
         )
-        objects.append(Object(name=f"L{index}", type="Lane", values=stated))
+        objects.append(Object(name=f"L{index}", type="Lane", values=stated | draw(external_ids)))
         facts += [Fact("startsAt", (f"L{index}", f"W{start}")), Fact("endsAt", (f"L{index}", f"W{end}")), Fact(PART_OF, (f"L{index}", "S"))]
     return Map(objects, facts)
 

@@ -126,11 +126,18 @@ class _Import:
         interactions = {node for station in layout.stations or () for node in station.interaction_node_ids}
         for node in layout.nodes:
             name = self.draft.fresh(identifier(node.node_id))
-            position = pose(Box(node.node_position.x, node.node_position.y, 0, 0), elevation)
+            position = pose(Box(node.node_position.x, node.node_position.y, 0, 0, self._heading(node)), elevation)
             values: dict[str, Value] = {**position, **_external(node.node_id, name)}
             if node.node_name:
                 values["Label"] = node.node_name
             self.objects[node.node_id] = self.draft.add(name, self._type(node, interactions), values, storey)
+
+    def _heading(self, node: Node) -> float:
+        """How vehicles stand at the node."""
+        headings = {properties.theta for properties in node.vehicle_type_node_properties if properties.theta is not None}
+        if len(headings) > 1:
+            self.draft.notes.add(Rank.LEFT_OUT, node.node_id, "the headings at a node, which differ by the type of vehicle, are left out")
+        return headings.pop() if len(headings) == 1 else 0.0
 
     def _type(self, node: Node, interactions: set[str]) -> str:
         actions = {action.action_type for properties in node.vehicle_type_node_properties for action in properties.actions}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import defaultdict
+from collections.abc import Iterable, Iterator
 
 import msgspec
 
@@ -57,6 +59,8 @@ class _Export:
         self.stations: dict[str, list[str]] = defaultdict(list)
         for fact in map.facts("interactsAt"):
             self.stations[fact.arguments[0]].append(fact.arguments[1])
+        waypoints = [*(waypoint for _, *ends in self.lanes for waypoint in ends), *itertools.chain(*self.stations.values())]
+        self.node_ids = _unique_ids(map.objects[waypoint] for waypoint in dict.fromkeys(waypoints))
 
     def layouts(self) -> tuple[Layout, ...]:
         nodes, edges, stations = self._nodes(), self._edges(), self._stations()
@@ -88,7 +92,7 @@ class _Export:
             label = object.values.get("Label")
             nodes[storey].append(
                 Node(
-                    node_id=self._id(object),
+                    node_id=self.node_ids[waypoint],
                     node_name=None if label is None else str(label),
                     map_id=storey,
                     node_position=self._position(object),
@@ -100,26 +104,32 @@ class _Export:
     def _node_property(self, object: Object, graph: str) -> VehicleTypeNodeProperty:
         charging = Action(action_type=CHARGING, requirement_type="OPTIONAL", blocking_type="HARD")
         return VehicleTypeNodeProperty(
-            vehicle_type_id=graph, actions=(charging,) if self.ontology.is_subtype(object.type, "Charger") else ()
+            vehicle_type_id=graph,
+            theta=self._heading(object),
+            actions=(charging,) if self.ontology.is_subtype(object.type, "Charger") else (),
         )
 
     def _edges(self) -> dict[str, list[Edge]]:
         """The edges by storey. Lanes with one ID and the same ends are one edge for several types of vehicles."""
-        properties: dict[tuple[str, str, str], dict[str, VehicleTypeEdgeProperty]] = {}
-        for lane, start, end in self.lanes:
-            directions = [(self._id(lane), start, end, False)]
+        drawn: dict[str, tuple[str, str, dict[str, VehicleTypeEdgeProperty]]] = {}
+        for lane, start, end in sorted(self.lanes, key=lambda lane: _has_no_external_id(lane[0])):
+            directions = [(start, end, "")]
             if self._value(lane, "Bidirectional"):
-                directions.append((f"{self._id(lane)}_reverse", end, start, True))
-            for id, edge_start, edge_end, is_reverse in directions:
+                directions.append((end, start, "_reverse"))
+            for edge_start, edge_end, ending in directions:
                 for graph in self._vehicles(lane):
-                    properties.setdefault((id, edge_start, edge_end), {})[graph] = self._edge_property(lane, graph, is_reverse=is_reverse)
+                    for id in _ids(lane, ending):
+                        drawn_start, drawn_end, by_vehicle = drawn.setdefault(id, (edge_start, edge_end, {}))
+                        if (drawn_start, drawn_end) == (edge_start, edge_end) and graph not in by_vehicle:
+                            by_vehicle[graph] = self._edge_property(lane, graph, is_reverse=bool(ending))
+                            break
         edges: dict[str, list[Edge]] = defaultdict(list)
-        for (id, start, end), by_vehicle in properties.items():
+        for id, (start, end, by_vehicle) in drawn.items():
             edges[self._storey(start)].append(
                 Edge(
                     edge_id=id,
-                    start_node_id=self._id(self.map.objects[start]),
-                    end_node_id=self._id(self.map.objects[end]),
+                    start_node_id=self.node_ids[start],
+                    end_node_id=self.node_ids[end],
                     vehicle_type_edge_properties=tuple(by_vehicle.values()),
                 )
             )
@@ -137,15 +147,16 @@ class _Export:
 
     def _stations(self) -> dict[str, list[Station]]:
         stations: dict[str, list[Station]] = defaultdict(list)
+        ids = _unique_ids(self.map.objects[name] for name in self.stations)
         for name, waypoints in self.stations.items():
             object = self.map.objects[name]
             label = object.values.get("Label")
-            stations[self._storey(name) or self._storey(waypoints[0])].append(
+            stations[self._storey(name, waypoints[0])].append(
                 Station(
-                    station_id=self._id(object),
-                    interaction_node_ids=tuple(self._id(self.map.objects[waypoint]) for waypoint in waypoints),
+                    station_id=ids[name],
+                    interaction_node_ids=tuple(self.node_ids[waypoint] for waypoint in waypoints),
                     station_name=None if label is None else str(label),
-                    station_position=self._position(object),
+                    station_position=msgspec.structs.replace(self._position(object), theta=self._heading(object)),
                 )
             )
         return stations
@@ -154,25 +165,46 @@ class _Export:
         graph = lane.values.get("NavigationGraph")
         return self.graphs if graph is None else [str(graph)]
 
-    def _storey(self, name: str) -> str:
-        """The storey that the object is a part of; the map's first whole if there is none."""
-        seen = {name}
-        whole = self.wholes.get(name)
-        while whole is not None and whole not in seen:
-            if self.ontology.is_subtype(self.map.objects[whole].type, "Storey"):
-                return whole
-            seen.add(whole)
-            whole = self.wholes.get(whole)
+    def _storey(self, *names: str) -> str:
+        """The storey that the first of the objects, or else the next one, is a part of; the map's first whole if there is none."""
+        for name in names:
+            seen = {name}
+            whole = self.wholes.get(name)
+            while whole is not None and whole not in seen:
+                if self.ontology.is_subtype(self.map.objects[whole].type, "Storey"):
+                    return whole
+                seen.add(whole)
+                whole = self.wholes.get(whole)
         return next(iter(self.map.roots()), "map")
-
-    def _id(self, object: Object) -> str:
-        return str(object.values.get("ExternalId") or object.name)
 
     def _position(self, object: Object) -> Position:
         x, y = (float(self._value(object, path) or 0.0) for path in ("PositionX", "PositionY"))
+        return Position(x=x, y=y)
+
+    def _heading(self, object: Object) -> float | None:
+        """The heading, which the format has from -π to π."""
         turn = object.values.get("RotationZ")
-        return Position(x=x, y=y, theta=None if turn is None else float(turn))
+        return None if turn is None else math.remainder(float(turn), math.tau)
 
     def _value(self, object: Object, path: str) -> Value | None:
         own_value = object.values.get(path)
         return self.ontology.default(object.type, path) if own_value is None else own_value
+
+
+def _ids(object: Object, ending: str = "") -> Iterator[str]:
+    """The IDs that an object may have, the best first: that by which other systems know it, its name, and this with a number."""
+    stems = [str(external_id)] if (external_id := object.values.get("ExternalId")) else []
+    yield from (f"{stem}{ending}" for stem in (*stems, object.name))
+    yield from (f"{object.name}{ending}_{number}" for number in itertools.count(2))
+
+
+def _unique_ids(objects: Iterable[Object]) -> dict[str, str]:
+    """An ID for each object, by its name. The IDs by which other systems know objects come before names that are equal to them."""
+    owners: dict[str, str] = {}
+    for object in sorted(objects, key=_has_no_external_id):
+        owners[next(id for id in _ids(object) if id not in owners)] = object.name
+    return {name: id for id, name in owners.items()}
+
+
+def _has_no_external_id(object: Object) -> bool:
+    return not object.values.get("ExternalId")
