@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from somrs.space.distances import distances_from
+from somrs.space.distances import distances_from, distances_from_segment
 from somrs.space.solids import Point, Solid
 
 CELL = 0.05
@@ -159,9 +159,7 @@ def mark(grid: Grid, solid: Solid, margin: float, ground: NDArray[np.bool_]) -> 
         for (start_x, start_y), (end_x, end_y) in pairwise(points.tolist()):
             low_x, high_x, low_y, high_y = min(start_x, end_x), max(start_x, end_x), min(start_y, end_y), max(start_y, end_y)
             slices, x, y = grid.window(low_x - margin, low_y - margin, high_x + margin, high_y + margin)
-            dx, dy = end_x - start_x, end_y - start_y
-            share = np.clip(((x - start_x) * dx + (y - start_y) * dy) / (dx * dx + dy * dy or 1.0), 0.0, 1.0)
-            ground[slices] |= np.hypot(x - start_x - share * dx, y - start_y - share * dy) <= margin
+            ground[slices] |= distances_from_segment(x, y, (start_x, start_y), (end_x, end_y)) <= margin
 
 
 def fill(grid: Grid, corners: NDArray[np.float64], ground: NDArray[np.bool_]) -> None:
@@ -188,8 +186,8 @@ def _distances(grid: Grid, solid: Solid, margin: float) -> tuple[tuple[slice, sl
 
 
 def _corners(solid: Solid) -> Sequence[Point]:
-    """The corners of an outline around a solid, in its own frame: its polygon, or a box."""
-    if solid.form == "Polygon":
-        return solid.outline
-    w, d = (solid.width / 2, solid.depth / 2) if solid.form == "Box" else (solid.radius, solid.radius)
-    return [(-w, -d), (w, -d), (w, d), (-w, d)]
+    """The corners of an outline around a solid, in its own frame: its own, or a square around a cylinder."""
+    if solid.form in ("Box", "Polygon"):
+        return solid.corners()
+    radius = solid.radius
+    return (-radius, -radius), (radius, -radius), (radius, radius), (-radius, radius)

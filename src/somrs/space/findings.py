@@ -12,29 +12,22 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology
 from somrs.space.dimensions import dimensions_of
-from somrs.space.distances import distances_from
-from somrs.space.reachability import Ground, outline_of
+from somrs.space.distances import STEP, distances_from, distances_from_segment, points_along
+from somrs.space.fitting import TOLERANCE, is_in_the_way, overlaps
+from somrs.space.reachability import Ground
 from somrs.space.solids import Point, Role, Solid, solid_of
 
-STANDING = (Role.WALL, Role.SUPPORT, Role.STATIC)
-_PASSABLE = ("Lift", "Pedestrian")
-"""Types of what stands there, and yet is not in the way: robots drive into lifts, and people walk on."""
 ROBOT_RADIUS, ROBOT_HEIGHT = 0.25, 1.85
 """The size of a robot where the map has none, m."""
-TOLERANCE = 0.02
-"""How far objects may overlap, m: drawings are not more exact."""
 _LEVEL_DISTANCE = 0.3
 """The largest difference between the height of an object and of the floor that it stands on, m."""
 _NARROW = 0.05
 """By how much a lane may be too narrow, m: drawn lanes are not in the middle of doors."""
-_STEP = 0.05
-"""Distance between the points at which outlines and lanes are sampled, m; walls are thicker."""
 _SMALLEST_SITE, _LARGEST_SITE = 1.0, 20_000.0
 _FARTHEST = 100_000.0
 """How far from the origin of its map an object may be, m: a building is not, and computations would become inexact."""
@@ -81,12 +74,12 @@ class _Site:
         self.walls = [solid for solid in solids if solid.role is Role.WALL]
         self.robots = [solid for solid in solids if solid.role is Role.ROBOT]
         self.passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
-        in_lifts = {fact.arguments[0] for fact in map.facts("isIn") if ontology.is_subtype(map.objects[fact.arguments[1]].type, "Lift")}
-        self.standing = [
-            solid for solid in solids if solid.role in STANDING and not any(ontology.is_subtype(solid.type, type) for type in _PASSABLE)
-        ]
-        self.places = [spot for spot in self._spots("Place") if spot.name not in in_lifts]
-        self.waypoints = [spot for spot in self._spots("Waypoint") if spot.name not in in_lifts]
+        self.in_lifts = {
+            fact.arguments[0] for fact in map.facts("isIn") if ontology.is_subtype(map.objects[fact.arguments[1]].type, "Lift")
+        }
+        self.standing = [solid for solid in solids if is_in_the_way(solid, ontology)]
+        self.places = [spot for spot in self._spots("Place") if spot.name not in self.in_lifts]
+        self.waypoints = [spot for spot in self._spots("Waypoint") if spot.name not in self.in_lifts]
         self.robot_radius = min((dimensions_of(robot).radius for robot in self.robots), default=ROBOT_RADIUS)
         self.levels = self._levels()
 
@@ -149,47 +142,29 @@ class _Site:
     # Things in walls
 
     def in_walls(self) -> Iterator[Finding]:
-        """Robots that overlap something, and furniture that overlaps a wall or a window."""
-        for robot in self.robots:
-            radius = robot.extent
-            nearest = min(self._overlapping(robot, self.standing), key=lambda solid: solid.distance(robot.x, robot.y), default=None)
-            if nearest is not None and (overlap := radius - nearest.distance(robot.x, robot.y)) > TOLERANCE:
-                yield Finding(
-                    subject=robot.name, rule="in-wall", message=f"it stands {_length(overlap)} deep in {nearest.name}; move it away"
-                )
-        for solid in self.standing:
-            if solid.role is Role.WALL or self.ontology.is_subtype(solid.type, "BuildingElement"):
-                continue
-            outline = _outline(solid)
-            for wall in self._overlapping(solid, self.walls):
-                depth = -float(distances_from(wall, outline).min())
-                if depth > TOLERANCE:
-                    message = f"it stands {_length(depth)} deep in {wall.name}; move it away, or correct its Shape"
-                    yield Finding(subject=solid.name, rule="in-wall", message=message)
-                    break
-
-    def _overlapping(self, solid: Solid, candidates: Sequence[Solid]) -> list[Solid]:
-        """The candidates that may overlap the solid: those at its height whose circles meet its own."""
-        return [
-            candidate
-            for candidate in candidates
-            if candidate.z < solid.top - TOLERANCE
-            and candidate.top > solid.z + TOLERANCE
-            and math.hypot(candidate.x - solid.x, candidate.y - solid.y) < candidate.extent + solid.extent
-        ]
+        """Robots that overlap something, and furniture that overlaps a wall or a window: what each of them is deepest in."""
+        deepest: dict[str, tuple[float, Solid, Solid]] = {}
+        for solid, obstacle, depth in overlaps([*self.robots, *self.standing], self.solids, self.map, self.ontology):
+            is_told_of_the_robot = obstacle.role is Role.ROBOT and solid.role is not Role.ROBOT
+            if not is_told_of_the_robot and (solid.name not in deepest or depth > deepest[solid.name][0]):
+                deepest[solid.name] = depth, solid, obstacle
+        for name, (depth, solid, obstacle) in deepest.items():
+            correction = "move it away" if solid.role is Role.ROBOT else "move it away, or correct its Shape"
+            yield Finding(subject=name, rule="in-wall", message=f"it stands {_length(depth)} deep in {obstacle.name}; {correction}")
 
     def without_floor(self) -> Iterator[Finding]:
         """Robots and places that are on no floor."""
         if not self.floors:
             return
-        for spot in (*(_Spot(robot.name, robot.type, (robot.x, robot.y), robot.z) for robot in self.robots), *self.places):
+        robots = [_Spot(robot.name, robot.type, (robot.x, robot.y), robot.z) for robot in self.robots if robot.name not in self.in_lifts]
+        for spot in (*robots, *self.places):
             if not self._is_on_floor(spot):
                 message = "there is no floor under it; move it, correct its height, or add a floor"
                 yield Finding(subject=spot.name, rule="no-floor", message=message)
 
     def _is_on_floor(self, spot: _Spot) -> bool:
         level = self._level_of(spot.z)
-        return level is not None and any(floor.distance(*spot.point) <= _STEP for floor in self._floors_of(level))
+        return level is not None and any(floor.distance(*spot.point) <= STEP for floor in self._floors_of(level))
 
     # Lanes
 
@@ -208,8 +183,8 @@ class _Site:
         radii = self._radii()
         for lane, start, end in sorted(self._lanes()):
             radius = radii.get(self._graph(lane), 0.0)
-            points = _along(start.point, end.point)
-            near = np.nonzero(_distances_from_segment(centres, start.point, end.point) < extents + radius)[0]
+            points = points_along(start.point, end.point)
+            near = np.nonzero(distances_from_segment(centres[:, 0], centres[:, 1], start.point, end.point) < extents + radius)[0]
             distances = {
                 solid.name: float(distances_from(solid, points).min())
                 for solid in (self.standing[index] for index in near.tolist())
@@ -268,27 +243,6 @@ def _spot(object: Object) -> _Spot | None:
     if not isinstance(x, float | int) or not isinstance(y, float | int) or not math.isfinite(x + y):
         return None
     return _Spot(object.name, object.type, (float(x), float(y)), float(z) if isinstance(z, float | int) else 0.0)
-
-
-def _outline(solid: Solid) -> npt.NDArray[np.float64]:
-    """Points on the outline of a solid, and its middle."""
-    on_map = outline_of(solid)
-    edges = [_along(start, end) for start, end in zip(on_map, [*on_map[1:], on_map[0]], strict=True)]
-    return np.concatenate([*edges, [(solid.x, solid.y)]])
-
-
-def _along(start: Point, end: Point) -> npt.NDArray[np.float64]:
-    """Points on the line from start to end."""
-    share = np.linspace(0, 1, max(2, math.ceil(math.dist(start, end) / _STEP)))[:, None]
-    return np.asarray(start) * (1 - share) + np.asarray(end) * share
-
-
-def _distances_from_segment(points: npt.NDArray[np.float64], start: Point, end: Point) -> npt.NDArray[np.float64]:
-    direction = np.asarray(end) - np.asarray(start)
-    offset = points - np.asarray(start)
-    share = np.clip(offset @ direction / (direction @ direction or 1.0), 0, 1)
-    distances: npt.NDArray[np.float64] = np.hypot(*(offset - share[:, None] * direction).T)
-    return distances
 
 
 def _length(metres: float) -> str:

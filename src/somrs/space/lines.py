@@ -1,9 +1,8 @@
-"""Distances between points, line segments and paths in the plane."""
+"""Distances between points and line segments in the plane."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from somrs.space.solids import Point
 
@@ -32,16 +31,4 @@ def segment_distance(start: Point, end: Point, other_start: Point, other_end: Po
         point_distance(end, other_start, other_end),
         point_distance(other_start, start, end),
         point_distance(other_end, start, end),
-    )
-
-
-def path_distance(path: Sequence[Point], other_path: Sequence[Point]) -> float:
-    """Distance between two paths of points; infinite if a path is empty."""
-    segments = [(path[i], path[min(i + 1, len(path) - 1)]) for i in range(max(1, len(path) - 1))] if path else []
-    other_segments = (
-        [(other_path[i], other_path[min(i + 1, len(other_path) - 1)]) for i in range(max(1, len(other_path) - 1))] if other_path else []
-    )
-    return min(
-        (segment_distance(start, end, other_start, other_end) for start, end in segments for other_start, other_end in other_segments),
-        default=math.inf,
     )

@@ -20,10 +20,9 @@ from somrs.ontology.types import Ontology
 from somrs.space.clearance import FAR, Disc, Field, Grid, clearances
 from somrs.space.leaves import leaf_obstacles
 from somrs.space.lines import point_distance
-from somrs.space.solids import Point, Role, Solid, path_length, solid_of
+from somrs.space.solids import STANDING, Point, Role, Solid, path_length, solid_of
 from somrs.space.wayfinding import FreeGround
 
-STANDING = {Role.WALL, Role.SUPPORT, Role.STATIC}
 COMFORT = 0.25
 """Distance that robots keep from obstacles where there is space, m."""
 ESCAPE = 0.8
@@ -276,21 +275,10 @@ def edge_targets(solid: Solid, inset: float, spacing: float = 0.2) -> Iterator[t
 
 def _edges(solid: Solid) -> list[tuple[Point, Point]]:
     """The edges of the outline in the solid's own frame, counter-clockwise: the inside is on the left."""
-    if solid.form == "Polygon":
-        corners = list(solid.outline)
-        if (
-            sum(
-                start_x * end_y - end_x * start_y
-                for (start_x, start_y), (end_x, end_y) in zip(corners, corners[1:] + corners[:1], strict=True)
-            )
-            < 0
-        ):
-            corners.reverse()
-    elif solid.form == "Box":
-        w, d = solid.width / 2, solid.depth / 2
-        corners = [(-w, -d), (w, -d), (w, d), (-w, d)]
-    else:
-        corners = [(solid.radius * math.cos(i * math.pi / 8), solid.radius * math.sin(i * math.pi / 8)) for i in range(16)]
+    corners = list(solid.corners(sides=16))
+    ends = corners[1:] + corners[:1]
+    if sum(start[0] * end[1] - end[0] * start[1] for start, end in zip(corners, ends, strict=True)) < 0:
+        corners.reverse()
     return list(zip(corners, corners[1:] + corners[:1], strict=True))
 
 

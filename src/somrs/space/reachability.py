@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
-from somrs.space.clearance import CELL, Grid, clearances, fill
+from somrs.space.clearance import CELL, Grid, clearances
 from somrs.space.solids import Point, Solid
 
 COARSE = 0.1
@@ -28,13 +28,7 @@ class Ground:
         fine = Grid.enclosing(floors or standing, margin=0.5)
         size = max(COARSE, CELL * math.sqrt(fine.rows * fine.columns / _MOST_CELLS))
         self.grid = replace(fine, rows=math.ceil(fine.rows * CELL / size), columns=math.ceil(fine.columns * CELL / size), size=size)
-        field = clearances(self.grid, standing, [], [])
-        if floors:
-            ground = np.zeros(field.shape, dtype=bool)
-            for solid in (*floors, *(_enlarged(passage, 2 * size) for passage in passages)):
-                fill(self.grid, np.array(outline_of(solid)), ground)
-            ground = ndimage.binary_closing(ground, np.ones((3, 3)))  # floors may be drawn a little apart
-            field = np.minimum(field, (ndimage.distance_transform_edt(ground) - 0.5) * size)
+        field = clearances(self.grid, standing, floors, passages)
         # Half a cell less: a way that is just wide enough may have no cell in its middle.
         self.labels, self.count = ndimage.label(field >= radius - size / 2, structure=np.ones((3, 3)))
 
@@ -60,22 +54,3 @@ class Ground:
         """The region with the most of the points."""
         counts = Counter(region for point in points if (region := self.region(point)) is not None)
         return {counts.most_common(1)[0][0]} if counts else set()
-
-
-def _enlarged(solid: Solid, margin: float) -> Solid:
-    """The map may have no floor under a passage, and floors that end at the wall that it is in."""
-    return replace(solid, width=solid.width + 2 * margin, depth=solid.depth + 2 * margin, radius=solid.radius + margin)
-
-
-def outline_of(solid: Solid) -> Sequence[Point]:
-    """The corners of the outline on the map; of a cylinder, those of a polygon."""
-    match solid.form:
-        case "Box":
-            width, depth = solid.width / 2, solid.depth / 2
-            corners: Sequence[Point] = [(-width, -depth), (width, -depth), (width, depth), (-width, depth)]
-        case "Polygon":
-            corners = solid.outline
-        case _:
-            turns = [i * math.tau / 24 for i in range(24)]
-            corners = [(solid.radius * math.cos(turn), solid.radius * math.sin(turn)) for turn in turns]
-    return [solid.world(*corner) for corner in corners]

@@ -67,6 +67,8 @@ _ROLES = (
 
 CARRYING = (Role.SUPPORT, Role.FLOOR, Role.MARK)
 """The roles of the objects on which robots put things."""
+STANDING = (Role.WALL, Role.SUPPORT, Role.STATIC)
+"""The roles of the objects around which robots drive, besides shut doors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,6 +138,17 @@ class Solid:
             case "Polygon":
                 return max(math.hypot(*corner) for corner in self.outline)
         return self.radius
+
+    def corners(self, sides: int = 24) -> Sequence[Point]:
+        """The corners of its outline in its own frame; those of a regular polygon with so many sides for a cylinder."""
+        match self.form:
+            case "Box":
+                width, depth = self.width / 2, self.depth / 2
+                return (-width, -depth), (width, -depth), (width, depth), (-width, depth)
+            case "Polygon":
+                return self.outline
+        turns = [side * math.tau / sides for side in range(sides)]
+        return [(self.radius * math.cos(turn), self.radius * math.sin(turn)) for turn in turns]
 
     def world(self, x: float, y: float) -> Point:
         """Transform a point from the solid's own frame to the map."""

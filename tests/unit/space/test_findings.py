@@ -113,6 +113,13 @@ def test_lift_is_no_obstacle_to_the_lane_into_it() -> None:
     assert mistakes(text) == []
 
 
+def test_robot_in_a_lift_needs_no_floor() -> None:
+    lift = "Lift1: {type: Lift, at: [20, 3, 0], Shape: {Form: Box, Width: 2, Depth: 2, Height: 2.4}}"
+    ridden = HALL.replace("Robot1: {type: DeliveryRobot, at: [3, 2, 0]}", f"Robot1: {{type: DeliveryRobot, at: [20, 3, 0]}}\n  {lift}")
+    assert [finding.subject for finding in mistakes(ridden)] == ["Robot1"]
+    assert mistakes(ridden.replace("facts:\n", "facts:\n  - Robot1 isIn Lift1\n")) == []
+
+
 def test_people_walk_on() -> None:
     assert mistakes(HALL.replace("  Robot1:", "  Pedestrian1: {type: Pedestrian, at: [7, 3, 0]}\n  Robot1:")) == []
 

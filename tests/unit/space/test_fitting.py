@@ -8,7 +8,8 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.ontology.objects import Map
+from somrs.ontology.objects import Map, Object
+from somrs.space.findings import find_mistakes
 from somrs.space.fitting import misfits, overlap
 from somrs.space.solids import Solid, solid_of
 from tests.support.simulator_room import ONTOLOGY, box, room
@@ -38,6 +39,33 @@ def test_what_has_a_point_in_common_overlaps(x: float, y: float, width: float) -
         assert depth > 0.02
     if depth == 0.0:
         assert not have_common_point(first, second, 0.0)
+
+
+def test_what_is_beside_the_outline_of_a_polygon_fits_where_its_position_is() -> None:
+    corner_desk = Object(
+        name="Desk9",
+        type="Table",
+        values={
+            "PositionX": 3.0,
+            "PositionY": 2.0,
+            "Shape.Form": "Polygon",
+            "Shape.Height": 0.7,
+            "Shape.Outline": "-2,-2 2,-2 2,-1 -1,-1 -1,2 -2,2",
+        },
+    )
+    desk = solid_of(corner_desk, ONTOLOGY)
+    assert desk is not None
+    assert overlap(desk, table(3, 2)) == 0.0
+    assert overlap(desk, table(2, 0.5)) > 0.05
+
+
+def test_a_robot_fits_in_a_lift_and_not_in_another_robot() -> None:
+    lift = box("Lift9", "Lift", (4, 3, 0), (2, 2, 2.4))
+    map = room((4, 3, 0), (4.3, 3, 0))
+    put = Map([*map.objects.values(), lift], map.facts())
+    assert [(name, obstacle) for name, obstacle, _ in misfits(put, ONTOLOGY, ["Robot1", "Lift9"])] == [("Robot1", "Robot2")]
+    (finding,) = {mistake.subject: mistake for mistake in find_mistakes(put, ONTOLOGY) if mistake.subject == "Robot2"}.values()
+    assert (finding.rule, "deep in Robot1; move it away" in finding.message) == ("in-wall", True)
 
 
 def test_a_table_fits_neither_in_a_wall_nor_on_a_robot() -> None:
