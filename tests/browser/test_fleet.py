@@ -119,6 +119,35 @@ def test_everything_is_stopped_on_one_page_and_released_on_another(system: Runni
     expect(release).to_be_hidden()
 
 
+def test_a_fire_is_stated_on_one_page_seen_on_another_and_ended_there(system: RunningSystem, window: OpenPage) -> None:
+    fleet_page, tasks_page = window(f"{system.url}/fleet"), window(f"{system.url}/tasks", "390", dark=True)
+    fleet_page.get_by_role("button", name="Fire, emergency, out of order").click()
+    fleet_page.get_by_role("menuitem", name="Fire alarm in Building001").click()
+    fleet_page.get_by_role("alertdialog").get_by_role("button", name="Fire alarm").click()
+    expect(fleet_page.get_by_text("Fire alarm in Building001: all robots stand still")).to_be_visible()
+    take_screenshot(fleet_page, "fleet-fire")
+    normal = tasks_page.get_by_role("button", name="Building001 back to normal")
+    expect(normal).to_be_visible()
+    assert fits(tasks_page)
+    take_screenshot(tasks_page, "tasks-fire-390")
+    normal.click()
+    tasks_page.get_by_role("alertdialog").get_by_role("button", name="Back to normal").click()
+    expect(fleet_page.get_by_text("Fire alarm in Building001")).to_be_hidden()
+
+
+def test_a_door_is_out_of_order_until_it_is_back_to_normal(system: RunningSystem, window: OpenPage) -> None:
+    page = window(f"{system.url}/map")
+    page.get_by_role("button", name="Fire, emergency, out of order").click()
+    page.get_by_role("menuitem", name="A lift or a door is out of order").click()
+    page.get_by_role("dialog", name="What is out of order").get_by_role("combobox").click()
+    page.get_by_role("option", name="Door001").click()
+    expect(page.get_by_text("Door001 is out of order: robots go another way, or wait.")).to_be_visible()
+    take_screenshot(page, "map-door-out-of-order")
+    page.get_by_role("button", name="Door001 back to normal").click()
+    page.get_by_role("alertdialog").get_by_role("button", name="Back to normal").click()
+    expect(page.get_by_text("Door001 is out of order")).to_be_hidden()
+
+
 def test_a_robot_is_taken_out_of_service_and_sent_to_a_place_from_its_card(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/fleet")
     menu = device(page, "Robot2").get_by_role("button", name="Orders to Robot2")

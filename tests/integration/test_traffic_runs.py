@@ -44,6 +44,17 @@ def test_robots_touch_each_other_at_berths_that_exclude_nothing(monkeypatch: pyt
     assert any("touch each other" in outcome.violation for outcome in outcomes(range(30)))
 
 
+def test_it_is_noticed_if_robots_are_granted_ways_while_traffic_is_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert any(draw(seed).holds for seed in range(10))
+
+    def goal(dispatcher: Dispatcher, robot: str) -> int | None:
+        trip = dispatcher.state.robots[robot].trip
+        return trip.destination if trip is not None else None
+
+    monkeypatch.setattr(Dispatcher, "_goal", goal)
+    assert any("while traffic was held" in outcome.violation for outcome in outcomes(range(10)))
+
+
 def test_robots_that_are_granted_nothing_do_not_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Dispatcher, "_grant_next", lambda *_: False)
     assert any("not arrived" in outcome.violation for outcome in outcomes(range(3)))

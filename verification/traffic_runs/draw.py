@@ -10,7 +10,7 @@ from msgspec import structs
 
 from somrs.protocol.messages.traffic import Berth
 from somrs.traffic.roadmap import Lane, Place, Roadmap
-from verification.traffic_runs.scenario import Incident, Scenario, Trouble
+from verification.traffic_runs.scenario import Hold, Incident, Scenario, Trouble
 
 RADIUS = 0.3
 """The radius of robots that go to berths, in metres: robots on lanes of 1 m whose ends are 0.9 m apart do not touch each other."""
@@ -47,7 +47,16 @@ def draw(seed: int) -> Scenario:
         work=tuple(dice.choice((0.0, 0.0, 3.0, 15.0)) for _ in starts),
         incidents=incidents,
         worker=worker,
+        holds=_holds(Random(f"holds {seed}")),
     )
+
+
+def _holds(dice: Random) -> tuple[Hold, ...]:
+    """In two of five runs, traffic is held once or several times."""
+    if dice.random() < 0.6:
+        return ()
+    moments = sorted(dice.uniform(0, SPAN) for _ in range(2 * dice.randint(1, 3)))
+    return tuple(Hold(at=start, seconds=end - start) for start, end in zip(moments[::2], moments[1::2], strict=True))
 
 
 def _mixed(dice: Random, way: tuple[str, ...], berths: Collection[str]) -> tuple[str, ...]:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 from random import Random
 
 from somrs.kernel.component import Input, Received
-from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.traffic import RequestTrip, TripEnded, TripResult
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.traffic import Granted, HoldTraffic, RequestTrip, TripEnded, TripResult
 from somrs.runtime.virtual_time import QUIET, Work, World
 from somrs.space.lines import segment_distance
 from somrs.traffic.berths import SPEED
@@ -66,6 +66,9 @@ class Play:
             Robot(name=f"Robot{number}", place=start, trips=list(trips), berths=own)
             for number, (start, trips, own) in enumerate(zip(scenario.starts, scenario.trips, scenario.berths, strict=True))
         ]
+        self._hold_count = 0
+        self._grants: dict[tuple[str, int], tuple[int, str]] = {}
+        """By robot and fence: the number of the last grant, and the last place of the way."""
         self._worker = Robot(name="Worker", place=scenario.worker, trips=[], berths={}) if scenario.worker is not None else None
 
     def run(self) -> Outcome:
@@ -91,17 +94,26 @@ class Play:
             self._start(number)
         if self._worker is not None:
             world.add(self._worker.name, Vehicle(self._worker, TRAFFIC, partial(self._seconds, 1.0), 0.0, works=True))
-        moments = [
-            (at, number, mended)
-            for number, incident in enumerate(self.scenario.incidents)
-            for at, mended in ((incident.at, False), (incident.at + incident.seconds, True))
-        ]
-        for at, number, mended in sorted(moments):
+        for at, event in sorted(self._events(), key=lambda moment: moment[0]):
             world.run(started_at + at - world.now)
-            self._meddle(self.scenario.incidents[number], mended=mended)
+            event()
         if not world.run(LONGEST, lambda: not any(robot.trips for robot in self.robots)):
             places = ", ".join(f"{robot.name} at {robot.place} to {robot.trips[0]}" for robot in self.robots if robot.trips)
             raise Violation(f"not arrived: {places}")
+
+    def _events(self) -> Iterator[tuple[float, Callable[[], None]]]:
+        """What happens to robots and traffic, and when."""
+        for incident in self.scenario.incidents:
+            yield incident.at, partial(self._meddle, incident, mended=False)
+            yield incident.at + incident.seconds, partial(self._meddle, incident, mended=True)
+        for hold in self.scenario.holds:
+            yield hold.at, partial(self._hold, "fire alarm")
+            yield hold.at + hold.seconds, partial(self._hold, "")
+
+    def _hold(self, reason: str) -> None:
+        self._hold_count += 1
+        header = Header(sender="map", recipient=TRAFFIC, message_id=message_id("map", self._hold_count))
+        self.world.send(Message(header=header, body=HoldTraffic(reason=reason, number=self._hold_count)))
 
     def _start(self, number: int) -> None:
         scenario, robot = self.scenario, self.robots[number]
@@ -136,11 +148,23 @@ class Play:
 
     def _medium(self, message: Message) -> list[float]:
         """Messages take a while, and some arrive twice, or only when they are sent again."""
+        if isinstance(message.body, Granted):
+            self._note_grant(message.body)
         drawn = self._dice.random()
         if drawn < 0.02:
             return []
         delay = self._dice.choice((0.001, 0.01, 0.05))
         return [delay, delay + self._dice.uniform(0.1, 3.0)] if drawn < 0.04 else [delay]
+
+    def _note_grant(self, granted: Granted) -> None:
+        """Raise Violation if a robot is granted more than before while traffic is held."""
+        traffic, entry = self.world.components.get(TRAFFIC), (granted.robot, granted.fence)
+        number, end = self._grants.get(entry, (0, granted.way[-1]))
+        if granted.number <= number:
+            return  # it is sent again
+        if isinstance(traffic, Traffic) and traffic.state.hold and granted.way[-1] != end:
+            raise Violation(f"{granted.robot} was granted its way to {granted.way[-1]} while traffic was held")
+        self._grants[entry] = granted.number, granted.way[-1]
 
     def _watch(self, address: str, event: Input) -> None:
         self._apart()

@@ -29,10 +29,18 @@ class Incident:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Hold:
+    """Traffic is held, such as in a fire, from a time on, for so many seconds."""
+
+    at: float
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """`starts` and `trips`: places, by robot. `berths`: by robot, those of its destinations that are beside the roadmap. `slowness`: by
     robot, the factor of the time for lanes. `work`: the seconds for which a robot works where it has arrived. `worker`: the place of a
-    further robot, which works all the time, and is in nobody's way."""
+    further robot, which works all the time, and is in nobody's way. `holds`: one after the other."""
 
     seed: int
     roadmap: Roadmap
@@ -43,3 +51,4 @@ class Scenario:
     work: tuple[float, ...]
     incidents: tuple[Incident, ...]
     worker: str | None = None
+    holds: tuple[Hold, ...] = ()

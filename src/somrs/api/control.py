@@ -1,12 +1,12 @@
-"""What an operator tells devices directly: stop and go on, out of service and back, go there, charge.
+"""What an operator tells devices directly: stop and go on, out of service and back, go there, charge; and the modes of a building.
 
-That a device is stopped or out of service is a value of its object on the map. So the history has who did it and when, it survives
-restarts, and all who follow the map act on it: the simulator holds its robots, the Task Manager gives the device no work.
+That a device is stopped or out of service, and a mode, is a value of its object on the map. So the history has who did it and when, it
+survives restarts, and all who follow the map act on it: the simulator holds its robots, the Task Manager gives the device no work.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import msgspec
 
@@ -16,8 +16,9 @@ from somrs.client.operations import operation
 from somrs.client.refusals import NotFound
 from somrs.entish.parse import nearest
 from somrs.errors import UsageError
+from somrs.ontology.modes import BUILDING, BUILDING_MODES, PASSAGE_MODES, Mode, modes, reason_of
 from somrs.ontology.objects import Change, ValueSet
-from somrs.ontology.types import IN_SERVICE, PAUSED
+from somrs.ontology.types import IN_SERVICE, MODE, PAUSED, Value
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.submission import Submit, Submitted
@@ -28,6 +29,20 @@ class StoppedDevices(msgspec.Struct, frozen=True, kw_only=True):
 
     stopped: tuple[str, ...]
     all: bool
+
+
+class ObjectMode(msgspec.Struct, frozen=True, kw_only=True):
+    """A building, a lift or a door with its mode. `reason`: why something waits because of it; empty in the mode `Normal`."""
+
+    object: str
+    mode: Mode
+    reason: str = ""
+
+
+class Modes(msgspec.Struct, frozen=True, kw_only=True):
+    """The modes of all buildings, and the lifts and doors that are out of order."""
+
+    modes: tuple[ObjectMode, ...]
 
 
 class ControlService:
@@ -54,6 +69,24 @@ class ControlService:
         """Let a device, all devices of a storey, or all devices go on after a stop."""
         return await self._set(self._selected(PAUSED, device, storey), PAUSED, False, by)
 
+    @operation("GET", "/control/mode")
+    async def modes(self) -> Modes:
+        """The modes of all buildings, and the lifts and doors that are out of order."""
+        return self._modes_with({})
+
+    @operation("POST", "/control/mode")
+    async def set_mode(
+        self, mode: Mode, building: str | None = None, lift: str | None = None, door: str | None = None, by: str = ""
+    ) -> Modes:
+        """Set the mode of a building, a lift or a door, or without them that of all buildings.
+
+        `Fire` and `Emergency` are modes of buildings: robots stay where they may stand, and get no new work. `OutOfOrder` is one of lifts
+        and doors: nobody uses them. `Normal` ends the other ones.
+        """
+        names = self._with_mode(mode, building, lift, door)
+        await self._change(names, MODE, mode.value, by)
+        return self._modes_with(dict.fromkeys(names, mode))
+
     @operation("POST", "/control/service/{device}")
     async def service(self, device: str, active: bool = True, by: str = "") -> None:
         """Take a device out of service (`active=false`), or back. Out of service, it finishes the work that it has, and gets no more."""
@@ -76,17 +109,19 @@ class ControlService:
         return Submitted(task=await self._context.client.submit(Submit(effect=effect), patience=PATIENCE, author=author))
 
     async def _set(self, names: list[str], attribute: str, value: bool, author: str) -> StoppedDevices:
-        """Set the attribute of all devices at once, without regard to what others change meanwhile."""
-        map, ontology = self._context.map, self._context.ontology
-        changes: list[Change] = [
-            ValueSet(name, attribute, value) for name in names if value_of(name, attribute, map, ontology) is not value
-        ]
-        if changes:
-            await self._context.client.report(UpdateMap(changes=tuple(changes), author=author))
+        """Set the attribute of all devices at once."""
+        await self._change(names, attribute, value, author)
         stopped = {name for name in self._devices(PAUSED) if self._is_stopped(name)}
         if attribute == PAUSED:  # the map of this program may not have it yet
             stopped = stopped | {*names} if value else stopped - {*names}
         return StoppedDevices(stopped=tuple(sorted(stopped)), all=bool(stopped) and stopped >= {*self._devices(PAUSED)})
+
+    async def _change(self, names: list[str], attribute: str, value: Value, author: str) -> None:
+        """Set the attribute of the objects at once, without regard to what others change meanwhile."""
+        map, ontology = self._context.map, self._context.ontology
+        changes: list[Change] = [ValueSet(name, attribute, value) for name in names if value_of(name, attribute, map, ontology) != value]
+        if changes:
+            await self._context.client.report(UpdateMap(changes=tuple(changes), author=author))
 
     def _is_stopped(self, name: str) -> bool:
         return value_of(name, PAUSED, self._context.map, self._context.ontology) is True
@@ -111,6 +146,37 @@ class ControlService:
             self._known(storey)
             return [name for name in names if storey in self._wholes(name)]
         return names
+
+    def _with_mode(self, mode: Mode, building: str | None, lift: str | None, door: str | None) -> list[str]:
+        """The objects that are to have a mode. Raises UsageError."""
+        chosen = [(type, name) for type, name in ((BUILDING, building), ("Lift", lift), ("Door", door)) if name is not None]
+        if len(chosen) > 1:
+            raise UsageError("a building, a lift or a door has a mode; name one of them at a time")
+        if not chosen and mode is Mode.OUT_OF_ORDER:
+            raise UsageError("a lift or a door is out of order; name it")
+        type, name = chosen[0] if chosen else (BUILDING, None)
+        names = [*self._of_type(type)]
+        if name is None and not names:
+            raise UsageError(f"no object of the map is a {type}, so that none can be in the mode {mode}; add a {type} to the map")
+        if name is not None and name not in names:
+            raise NotFound(f"there is no {type.lower()} {name} on the map; {nearest(name, names) or 'GET /map lists the objects'}")
+        if MODE not in self._context.ontology.attributes_of(type):
+            raise UsageError(f"the type {type} has no attribute {MODE}; add the attribute to it in the ontology of this site")
+        if mode not in (allowed := BUILDING_MODES if type == BUILDING else PASSAGE_MODES):
+            raise UsageError(f"a {type.lower()} is in one of the modes {', '.join(allowed)}, and not in {mode}")
+        return [name] if name is not None else names
+
+    def _modes_with(self, latest: Mapping[str, Mode]) -> Modes:
+        """The modes on the map. `latest`: modes that the map of this program may not have yet."""
+        current = {**dict.fromkeys(self._of_type(BUILDING), Mode.NORMAL), **modes(self._context.map), **latest}
+        buildings = {*self._of_type(BUILDING)}
+        shown = ((name, mode) for name, mode in current.items() if mode is not Mode.NORMAL or name in buildings)
+        return Modes(modes=tuple(ObjectMode(object=name, mode=mode, reason=reason_of(name, mode)) for name, mode in shown))
+
+    def _of_type(self, type: str) -> Iterator[str]:
+        """The objects of a type or of its subtypes, by name."""
+        map, ontology = self._context.map, self._context.ontology
+        yield from sorted(name for kind in ontology.types if ontology.is_subtype(kind, type) for name in map.of_type(kind))
 
     def _wholes(self, name: str) -> set[str]:
         """What the object is part of, directly or indirectly."""

@@ -1,17 +1,20 @@
-"""The commands by which an operator tells devices directly: stop and go on, out of service and back, go there, charge."""
+"""The commands by which an operator tells devices directly: stop and go on, out of service and back, go there, charge; and the modes of a
+building."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
 from somrs.cli.ontology import DEFAULT_AUTHOR, Author
-from somrs.cli.options import DEFAULT_FOLDER, Data, awaited
+from somrs.cli.options import DEFAULT_FOLDER, Data, Json, awaited, fail
 
 if TYPE_CHECKING:
+    from somrs.api.control import Modes
     from somrs.api.remote import Api
 
 control_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
@@ -20,6 +23,15 @@ Result = TypeVar("Result")
 DeviceName = Annotated[str, typer.Argument(help="The device.")]
 AnyDevice = Annotated[str | None, typer.Argument(help="The device; by default, all devices.", show_default=False)]
 StoreyOption = Annotated[str | None, typer.Option(help="Only the devices of this storey.", show_default=False)]
+
+
+class ModeName(StrEnum):
+    """The modes, as the command has them."""
+
+    NORMAL = "normal"
+    FIRE = "fire"
+    EMERGENCY = "emergency"
+    OUT_OF_ORDER = "out-of-order"
 
 
 async def _with_api(data: Path, call: Callable[[Api], Awaitable[Result]]) -> Result:
@@ -70,3 +82,38 @@ def go(
 def charge(device: DeviceName, data: Data = DEFAULT_FOLDER) -> None:
     """Let a device charge its battery, as a task."""
     print(awaited(_with_api(data, lambda api: api.control.charge(device))).task)
+
+
+@control_app.command()
+def mode(
+    mode: Annotated[ModeName | None, typer.Argument(help="The mode; without it, the modes are shown.", show_default=False)] = None,
+    building: Annotated[str | None, typer.Option(help="Only this building; by default, all.", show_default=False)] = None,
+    lift: Annotated[str | None, typer.Option(help="This lift.", show_default=False)] = None,
+    door: Annotated[str | None, typer.Option(help="This door.", show_default=False)] = None,
+    author: Author = DEFAULT_AUTHOR,
+    data: Data = DEFAULT_FOLDER,
+    json: Json = False,
+) -> None:
+    """Show the modes of buildings, lifts and doors, or set one.
+
+    In a fire or an emergency, robots stand still until the building is normal again. Nobody uses a lift or a door that is out of order.
+    """
+    from somrs.client import terminal
+    from somrs.ontology.modes import Mode
+
+    if mode is None and (building, lift, door) != (None, None, None):
+        fail("say which mode it is to have: fire, emergency, out-of-order or normal", 2)
+
+    async def call(api: Api) -> Modes:
+        if mode is None:
+            return await api.control.modes()
+        return await api.control.set_mode(Mode[mode.name], building=building, lift=lift, door=door, by=author)
+
+    current = awaited(_with_api(data, call))
+    if json:
+        terminal.print_json(current)
+    elif not current.modes:
+        print("no building is on the map, and no lift or door is out of order")
+    else:
+        rows = ((entry.object, ModeName[entry.mode.name], entry.reason) for entry in current.modes)
+        terminal.console().print(terminal.table("Modes", ("object", "mode", "reason"), rows))

@@ -13,6 +13,7 @@ from nicegui import app, ui
 from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
 from somrs.gui.address import AddressBanner
+from somrs.gui.mode_control import ModeBanner, ModeControl
 from somrs.gui.stop_control import StopControl
 from somrs.gui.unavailable_banner import ApiUnavailableBanner
 
@@ -74,10 +75,12 @@ def page(title: str, path: str, api: LiveApi, parameters: Collection[str] = (), 
             ui.label("SO-MRS").classes("somrs-home")
             ui.space()
         StopControl(api)
+        ModeControl(api)
         button = ui.button().props("flat round dense").classes("somrs-turn")
         button.props(f"icon={_icon(dark.value)} aria-label='Colour theme'").tooltip("Colour theme: light, dark, or as in the system")
         button.on_click(lambda: _switch_theme(dark, button))
     with ui.element("div").classes("somrs-main"):
+        ModeBanner(api)
         yield AddressBanner(path, parameters)
     ApiUnavailableBanner(api.context.hub)
     [main] = ui.context.client.page_container.default_slot.children  # Quasar's page, a `main` element

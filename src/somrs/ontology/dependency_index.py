@@ -21,7 +21,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
             "OperationRange", "FieldOfView", "Accuracy", "Payload", "Speed", "Price", "Charge", "Supporting",
             "ExternalId", "DoorKind", "SwingAngle", "NavigationGraph", "Bidirectional", "SpeedLimit", "Travel", "Mutex", "LaneWidth",
             "HoldingPoint", "ParkingSpot", "PassthroughPoint", "CleaningZone", "DockName", "Latitude", "Longitude",
-            "Offers", "StepTime", "AnswerTime", "Unknown", "Working", "Paused", "InService",
+            "Offers", "StepTime", "AnswerTime", "Unknown", "Working", "Paused", "InService", "Mode",
         )
     ),
     Section.RELATIONS: frozenset(
@@ -30,7 +30,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
     Section.FUNCTIONS: frozenset(("distance",)),
     Section.TYPES: frozenset(
         (
-            "Object", "PhysicalObject", "AbstractObject", "Storey", "Space",
+            "Object", "PhysicalObject", "AbstractObject", "Building", "Storey", "Space",
             "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "PoweredDoor", "Place", "Charger",
             "Waypoint", "Lane", "Station", "Hole", "Pedestrian",
             "Furniture", "FurnitureLeg", "Support", "Cupboard", "Graspable",

@@ -29,6 +29,12 @@ PAUSED = "Paused"
 IN_SERVICE = "InService"
 """The attribute that is FALSE for a device that an operator has taken out of service (upper ontology)."""
 
+MODE = "Mode"
+"""The attribute of buildings, lifts and doors that says whether they can be used as usual (upper ontology); `modes.py` has its values."""
+
+OUT_OF_ORDER = "OutOfOrder"
+"""The mode of a lift or a door that nobody uses."""
+
 DEVICE = "Device"
 ABSTRACT = "AbstractObject"
 PART_OF = "isPartOf"

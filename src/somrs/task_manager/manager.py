@@ -21,8 +21,8 @@ from somrs.kernel.component import (
     TimerFired,
 )
 from somrs.kernel.replica import ReplicaUpdate
-from somrs.ontology.objects import ValueSet, objects_of
-from somrs.ontology.types import IN_SERVICE, PAUSED
+from somrs.ontology.modes import freed_devices
+from somrs.ontology.objects import objects_of
 from somrs.protocol.messages import directory, frp, previews, records, submission, task_news
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
@@ -325,9 +325,7 @@ class TaskManager:
             changed_objects = {name for change in news.changes for name in objects_of(change)}
             for task in state.running:
                 yield from self._transaction(task).objects_changed(changed_objects, now)
-        allowed = {PAUSED: (False, None), IN_SERVICE: (True, None)}
-        sets = [change for change in news.changes if isinstance(change, ValueSet)]
-        if freed := {change.object for change in sets if change.value in allowed.get(change.path, ())}:
+        if freed := freed_devices(news.changes, state.replica.map, state.replica.ontology):
             for task in state.running:
                 yield from self._transaction(task).devices_freed(freed, now)
 

@@ -22,6 +22,7 @@ from somrs.protocol.messages.traffic import (
     CancelTrip,
     CloseWays,
     EnterTraffic,
+    HoldTraffic,
     LeaveTraffic,
     Mobility,
     ReadTraffic,
@@ -133,9 +134,14 @@ class Traffic:
                 yield self._answer(message, TrafficLeft(robot=name))
             case CloseWays() as body:
                 self._close(body)
+            case HoldTraffic() as body if body.number > self.state.held_by:
+                self._hold(body, now)
+            case HoldTraffic():
+                pass  # a later one has overtaken it
             case ReadTraffic():
                 robots = tuple(view(self.state, self._schedule, self._berths))
-                yield self._answer(message, TrafficView(robots=robots, berths=tuple(used.berth for used in self.state.berths if used)))
+                berths = tuple(used.berth for used in self.state.berths if used)
+                yield self._answer(message, TrafficView(robots=robots, berths=berths, hold=self.state.hold))
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
             case body:
@@ -247,6 +253,14 @@ class Traffic:
         self.state.closed = Closed(tuple(map(number, body.places)), tuple((number(lane.start), number(lane.end)) for lane in body.lanes))
         self._berths.close(self.state.closed)
         self._schedule.graph = self._berths.graph
+        self._obstacles_changed()
+
+    def _hold(self, body: HoldTraffic, now: float) -> None:
+        """Hold traffic, or let it go on: what was planned ends. The time in which it was held counts for no trip."""
+        self.state.hold, self.state.held_by = body.reason, body.number
+        for record in self.state.robots.values():
+            if record.trip is not None:
+                record.trip.progressed_at = now
         self._obstacles_changed()
 
     def _drop_berths(self) -> None:

@@ -108,6 +108,8 @@ class Dispatcher:
         state = self.state
         if state.is_planning or not (state.changed or self._is_exhausted()) or (state.whole and any(state.planned.values())):
             return
+        if state.hold and not any(self._goal(name) is not None for name in state.robots):
+            return
         pause = PAUSE * 2**state.failures if state.changed or not any(state.planned.values()) else RENEWAL
         due_at = state.planned_at + min(pause, LONGEST_PAUSE)
         if now < due_at:
@@ -132,12 +134,17 @@ class Dispatcher:
         )
         yield Ask(PlanQuestion(state.serial), problem)
 
+    def _goal(self, name: str) -> int | None:
+        """Where the robot is to go now, if anywhere: nowhere while traffic is held."""
+        trip = self.state.robots[name].trip if not self.state.hold else None
+        return trip.destination if trip is not None else None
+
     def _planned_robot(self, name: str, record: RobotRecord, now: float) -> PlannedRobot:
-        trip, place = record.trip, self._schedule.last(name)
+        trip = record.trip if not self.state.hold else None
         return PlannedRobot(
             name=name,
-            place=place,
-            goal=trip.destination if trip is not None else None,
+            place=self._schedule.last(name),
+            goal=self._goal(name),
             waiting=now - trip.since if trip is not None else 0.0,
             nearest=trip.nearest if trip is not None else FAR,
             movable=not record.silent and record.mobility is Mobility.FREE,
@@ -146,7 +153,7 @@ class Dispatcher:
 
     def _is_stalled(self, name: str, record: RobotRecord, now: float) -> bool:
         """Whether a robot has come no nearer to its goal for a while, though nobody works there."""
-        trip = record.trip
+        trip = record.trip if not self.state.hold else None
         return trip is not None and not record.silent and now > trip.progressed_at + STALL and self.occupant(name, trip) is None
 
     def occupant(self, name: str, trip: Trip) -> str | None:
@@ -157,8 +164,8 @@ class Dispatcher:
     def _is_exhausted(self) -> bool:
         """Whether the plan has come to its end for a robot that is not at its goal."""
         return any(
-            record.trip is not None and not self.state.planned[name] and self._schedule.last(name) != record.trip.destination
-            for name, record in self.state.robots.items()
+            not planned and (goal := self._goal(name)) is not None and goal != self._schedule.last(name)
+            for name, planned in self.state.planned.items()
         )
 
     def apply(self, value: object) -> Effects:
@@ -171,7 +178,9 @@ class Dispatcher:
         moves = any(self.state.planned.values())
         self.state.whole = value.whole and moves
         robots = self.state.robots
-        self.state.failures = 0 if moves or not any(record.trip for record in robots.values()) else self.state.failures + 1
+        self.state.failures = 0 if moves or all(self._goal(name) is None for name in robots) else self.state.failures + 1
+        if self.state.hold:
+            return  # the trips go on afterwards
         fixed = tuple(name for name, record in robots.items() if record.silent or record.mobility is Mobility.IMMOBILE)
         for name in value.stuck:
             if robots[name].trip is not None and fixed:

@@ -110,7 +110,8 @@ class TrafficState(Struct, kw_only=True):
 
     `held` and `planned` belong to the schedule, `berths` to `Berths`. `serial` is that of the last plan that was asked for; `is_planning`:
     its answer is awaited. `changed`: robots, their trips or their mobility are others than in the last plan that was asked for. `whole`:
-    what is planned is to be followed to its end. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans
+    what is planned is to be followed to its end. `hold`: why nobody is granted a way, if that is so; `held_by`: the number of the message
+    that said so. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans
     moved nobody. `searched_at`: when ways were searched for last because a robot had not come nearer to its goal.
     """
 
@@ -129,6 +130,8 @@ class TrafficState(Struct, kw_only=True):
     is_planning: bool = False
     changed: bool = False
     whole: bool = False
+    hold: str = ""
+    held_by: int = 0
     planned_at: float = 0.0
     failures: int = 0
     searched_at: float = 0.0

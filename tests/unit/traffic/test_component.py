@@ -19,6 +19,7 @@ from somrs.protocol.messages.traffic import (
     CloseWays,
     EnterTraffic,
     Granted,
+    HoldTraffic,
     LeaveTraffic,
     Mobility,
     ReadTraffic,
@@ -58,6 +59,8 @@ class Harness:
         self._planner, self._ids, self._numbers = TrafficPlanner(map, Random()), count(), count(1)
         self.fences: dict[str, int] = {}
         self.sent: list[tuple[str, Body]] = []
+        self.postponed: list[Ask] | None = None
+        """The plans that were asked for, while none are made."""
         self._handle(Started("traffic"))
 
     def _handle(self, event: Started | Received | TimerFired | Answered) -> None:
@@ -68,8 +71,19 @@ class Harness:
             if isinstance(effect, Send):
                 self.sent.append((effect.message.header.recipient, effect.message.body))
             elif isinstance(effect, Ask):
-                assert isinstance(effect.task, PlanTraffic)
-                self._handle(Answered(effect.question, self._planner.plan(effect.task)))
+                if self.postponed is not None:
+                    self.postponed.append(effect)
+                else:
+                    self._make_plan(effect)
+
+    def _make_plan(self, effect: Ask) -> None:
+        assert isinstance(effect.task, PlanTraffic)
+        self._handle(Answered(effect.question, self._planner.plan(effect.task)))
+
+    def make_postponed_plans(self) -> None:
+        postponed, self.postponed = self.postponed or [], None
+        for effect in postponed:
+            self._make_plan(effect)
 
     def send(self, sender: str, body: Body, id: str | None = None) -> list[Body]:
         """The bodies that are sent because of this message."""
@@ -277,6 +291,43 @@ def test_a_cancelled_trip_is_not_driven() -> None:
     harness.report("R1", "C", 3)
     assert harness.way("R1")[-1] == "C", "what it holds is not taken away, and nothing is added"
     harness.send("R1", CancelTrip(robot="R1", fence=harness.fences["R1"], trip="another"))
+
+
+def test_nobody_is_granted_a_way_while_traffic_is_held_and_trips_go_on_afterwards() -> None:
+    harness = Harness(roadmap((*LINE, "Further", "Farthest")))
+    harness.enter("R1", "West")
+    harness.trip("R1", "Further")
+    harness.wait(1)
+    assert harness.way("R1") == ("West", "A", "B", "C")
+    harness.send("map", HoldTraffic(reason="fire alarm in House", number=7))
+    assert harness.view().hold == "fire alarm in House"
+    harness.enter("R2", "Further")
+    assert isinstance(harness.trip("R2", "Farthest")[0], TripBegun)
+    harness.report("R1", "C", 3)
+    harness.restart()
+    for _ in range(5):
+        sent = harness.wait(20)
+        harness.report("R1", "C", 3), harness.report("R2", "Further", 0)
+        assert not [body for body in sent if isinstance(body, Granted | TripEnded)]
+    assert (harness.view().robots[0].held, harness.view().robots[1].held) == (("C",), ("Further",))
+    harness.send("map", HoldTraffic(number=8))
+    harness.send("map", HoldTraffic(reason="fire alarm in House", number=7))
+    results = {body.robot: body.result for body in drive(harness) if isinstance(body, TripEnded)}
+    assert results == {"R1": TripResult.ARRIVED, "R2": TripResult.ARRIVED}
+
+
+def test_a_plan_that_was_asked_for_before_a_hold_is_not_followed() -> None:
+    harness = Harness(roadmap(LINE))
+    harness.enter("R1", "West")
+    harness.postponed = []
+    harness.trip("R1", "East")
+    harness.wait(1)
+    harness.send("map", HoldTraffic(reason="fire alarm in House", number=1))
+    assert harness.postponed
+    harness.make_postponed_plans()
+    assert harness.way("R1") == ("West",)
+    harness.send("map", HoldTraffic(number=2))
+    assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.ARRIVED) in drive(harness)
 
 
 def test_nobody_is_sent_through_places_that_are_closed() -> None:

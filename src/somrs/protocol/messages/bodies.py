@@ -39,7 +39,7 @@ OrderBody = (
 TrafficBody = (
     traffic.EnterTraffic | traffic.TrafficEntered | traffic.ReportPlace | traffic.RequestTrip | traffic.TripBegun
     | traffic.CancelTrip | traffic.TripEnded | traffic.Granted | traffic.LeaveTraffic | traffic.TrafficLeft
-    | traffic.CloseWays | traffic.ReadTraffic | traffic.TrafficView
+    | traffic.CloseWays | traffic.HoldTraffic | traffic.ReadTraffic | traffic.TrafficView
 )  # fmt: skip
 if TYPE_CHECKING:
     # For type checkers, `Body` is the common base class: checking a union of this size would take half of their time.

@@ -171,6 +171,17 @@ class CloseWays(MessageBody, frozen=True, kw_only=True, tag=True):
     lanes: tuple[ClosedLane, ...] = ()
 
 
+class HoldTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Nobody is granted a way from now on, such as in a fire. Robots stay where their granted ways end; their trips go on afterwards.
+
+    `reason`: why, for users, such as `fire alarm in Building1`; without one, traffic goes on. `number` grows with each such message, as the
+    version of the map does, because messages may overtake each other. Sent by whoever follows the map; nothing is answered.
+    """
+
+    reason: str = ""
+    number: int
+
+
 class ReadTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
     """Read where all robots are, what they hold, and whom they wait for."""
 
@@ -195,3 +206,5 @@ class TrafficView(MessageBody, frozen=True, kw_only=True, tag=True):
     robots: tuple[RobotInTraffic, ...]
     berths: tuple[Berth, ...] = ()
     """The points beside the roadmap that have names in it."""
+    hold: str = ""
+    """Why nobody is granted a way; empty if traffic is not held."""

@@ -7,8 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from msgspec import Struct, field, structs
 
 from somrs.kernel.component import Effect, Effects, EffectsReturning, Send, SetTimer
-from somrs.ontology.types import PAUSED
-from somrs.ontology.values import value_of
+from somrs.ontology.modes import stands_still
 from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.frp.session import CoordinatorBody, ReceiveResult, participant_id
 from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDING_STATES, WORKING
@@ -294,7 +293,7 @@ class Participants:
         member = self._members.find_member(participant)
         if member is None or not (member.state in WORKING or member.halting):
             return None
-        if value_of(member.offer.provider, PAUSED, self._context.replica.map, self._context.replica.ontology) is True:
+        if stands_still(member.offer.provider, self._context.replica.map, self._context.replica.ontology):
             yield SetTimer(self._overdue(member), now + self._silence_time)
             return None
         if member.state is State.COMPENSATING:

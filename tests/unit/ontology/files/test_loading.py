@@ -397,10 +397,10 @@ objects:
 """
     assert [(p.line, p.subject, p.rule, p.message) for p in problems(text)] == [
         (3, "A", "parts", "a Building has at least 1 of type Storey among its parts; this one has 0"),
-        (5, "A", "unknown-attribute", "a Building has no attribute RotationZ; it has Label, Latitude, Longitude, Supporting"),
-        (6, "A", "unknown-attribute", "a Building has no attribute PositionX; it has Label, Latitude, Longitude, Supporting"),
-        (6, "A", "unknown-attribute", "a Building has no attribute PositionY; it has Label, Latitude, Longitude, Supporting"),
-        (9, "A", "unknown-attribute", "a Building has no attribute Shape.Form; it has Label, Latitude, Longitude, Supporting"),
+        (5, "A", "unknown-attribute", "a Building has no attribute RotationZ; it has Label, Latitude, Longitude, Mode, Supporting"),
+        (6, "A", "unknown-attribute", "a Building has no attribute PositionX; it has Label, Latitude, Longitude, Mode, Supporting"),
+        (6, "A", "unknown-attribute", "a Building has no attribute PositionY; it has Label, Latitude, Longitude, Mode, Supporting"),
+        (9, "A", "unknown-attribute", "a Building has no attribute Shape.Form; it has Label, Latitude, Longitude, Mode, Supporting"),
         (10, "B", "structure", "B should be keys with values (B: {...}), not 5.0"),
         (11, "D", "structure", "D should be keys with values (D: {...}), not 7.0"),
     ]

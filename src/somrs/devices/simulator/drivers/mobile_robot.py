@@ -13,6 +13,7 @@ from somrs.devices.simulator.link.commands import CommandDone, ObjectState, Robo
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Formula, Name, Relation, conjuncts
 from somrs.errors import RemoteError, UsageError
+from somrs.ontology.modes import Mode, hold_reason
 from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.device import Result, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
@@ -63,6 +64,16 @@ async def _looking_time(device: MobileRobot, task: Task) -> float:
 
 class MobileRobot(ChargingRobot):
     """A mobile robot in the simulator."""
+
+    async def check_working(self) -> RobotState:
+        """As for every device. Raises Refusal also in a fire or an emergency, in which robots stand still."""
+        try:
+            buildings = await self.map.query("?It: Building.Mode = ?Mode")
+        except RemoteError:  # the ontology of a map that an earlier version made has no modes
+            buildings = []
+        if reason := hold_reason({str(row["It"]): Mode(str(row["Mode"])) for row in buildings}):
+            raise Refusal(reason, not_now=True)
+        return await super().check_working()
 
     async def check_able(self, task: Task) -> RobotState:
         """Return the robot's state. Raises Refusal when it cannot work, also because its battery is almost empty."""

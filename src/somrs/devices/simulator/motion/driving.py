@@ -112,6 +112,8 @@ def _travel(robot: Robot, goal: Point, patience: float) -> Routine:
             if (yield from drive_on(robot)):
                 progressed_at = robot.scene.time
                 continue
+            if road.office.is_held:
+                progressed_at = robot.scene.time
             occupant = road.office.occupant(robot.name) if robot.scene.time > progressed_at + patience else None
             if occupant is not None:
                 raise GivenUp("blocked", f"{occupant} works where {robot.name} wants to go")

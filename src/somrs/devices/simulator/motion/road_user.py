@@ -40,6 +40,10 @@ class Office(Protocol):
     def occupant(self, robot: str) -> str | None:
         """The robot that works where the trip of this one leads; None if there is none."""
 
+    @property
+    def is_held(self) -> bool:
+        """Whether nobody is granted a way."""
+
     def is_awaited(self, robot: str) -> bool:
         """Whether others wait for places that this robot holds."""
 

@@ -20,6 +20,7 @@ from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.devices.simulator.world.recognition import are_alike
 from somrs.kernel.component import Effect, Input, Started
 from somrs.kernel.replica import Replica
+from somrs.ontology.modes import hold_reason, modes
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Change, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
 from somrs.ontology.types import PAUSED
@@ -55,6 +56,7 @@ class Follower:
             self.simulation = Simulation(self.replica.map, self.replica.ontology, self._kind)
             for name, object in self.replica.map.objects.items():
                 self.simulation.set_paused(name, object.values.get(PAUSED) is True)
+            self.simulation.hold(hold_reason(modes(self.replica.map)))
             self.read.set()
         elif self.simulation is not None:
             if news.ontology_changed:
@@ -66,6 +68,7 @@ class Follower:
             renamed = [renaming for renaming in news.renamed if renaming.section is Section.OBJECTS] if not news.reloaded else []
             merged = {merging.name: merging.into for merging in news.merged} if not news.reloaded else {}
             self._follow(self.simulation, changes, renamed, merged)
+            self.simulation.hold(hold_reason(modes(self.replica.map)))
         return news.effects
 
     def _follow(self, simulation: Simulation, changes: Iterable[Change], renamed: list[Renaming], merged: Mapping[str, str]) -> None:

@@ -36,6 +36,7 @@ class SimulatedTraffic:
         self.changed, self.outdated = True, False
         self._looked_at = self._joined_at = 0.0
         self._standing: dict[float, list[Disc]] = {}
+        self._hold = ""
 
     @property
     def is_planning(self) -> bool:
@@ -70,11 +71,17 @@ class SimulatedTraffic:
         levels = {_level(solid) for solid in solids}
         roadmap = lay_out(map, ontology, radius=radius, levels=sorted(levels))
         self.office = TrafficOffice(roadmap, radius)
+        self.office.hold(self._hold)
         for robot in self._robots.values():
             robot.road = self.user(robot.solid)
         self.changed, self.outdated = True, False
         self._join()
         self._close()
+
+    def hold(self, reason: str) -> None:
+        """Let no robot drive on for a reason, such as a fire; or without one let them go on."""
+        self._hold = reason
+        self.office.hold(reason)
 
     def advance(self, map: Map, ontology: Ontology) -> None:
         """Let time pass."""

@@ -292,6 +292,10 @@ class Simulation:
         else:
             self._paused.discard(device)
 
+    def hold(self, reason: str) -> None:
+        """Let no robot drive on for a reason, such as a fire; or without one let them go on."""
+        self._traffic.hold(reason)
+
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
         """Move a thing to another pose without a robot. Raises UsageError."""
         solid = self.scene.world.solids.get(thing)

@@ -13,7 +13,7 @@ from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.kernel.component import Answered, Ask, Input, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
-from somrs.protocol.messages.traffic import ClosedLane, CloseWays
+from somrs.protocol.messages.traffic import ClosedLane, CloseWays, HoldTraffic
 from somrs.space.clearance import Disc
 from somrs.space.navigation import SLACK, Navigator
 from somrs.traffic.component import Traffic
@@ -43,6 +43,8 @@ class TrafficOffice:
         self._now = 0.0
         self._renewed_at = 0.0
         self._closed = CloseWays()
+        self._hold_count = 0
+        """How often traffic was held or let go on."""
         self._ends = self._find_ends()
 
     @property
@@ -107,6 +109,17 @@ class TrafficOffice:
                 case Ask(question=question, task=PlanTraffic() as problem):
                     self._problems[question] = problem
         return answer
+
+    @property
+    def is_held(self) -> bool:
+        """Whether nobody is granted a way."""
+        return bool(self.component.state.hold)
+
+    def hold(self, reason: str) -> None:
+        """Hold traffic for a reason, or without one let it go on."""
+        if reason != self.component.state.hold:
+            self._hold_count += 1
+            self.tell("map", HoldTraffic(reason=reason, number=self._hold_count))
 
     # What stands in the way
 

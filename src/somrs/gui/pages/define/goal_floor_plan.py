@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from somrs.gui.components.confirm_dialog import choose
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.pages.define.builder import Builder
-from somrs.gui.pages.define.confirm_dialog import choose
 from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.define.goal_lines import add_placement, lines_of, text_of
 from somrs.gui.shell import guarded, notify

@@ -10,10 +10,10 @@ from nicegui import ui
 
 from somrs.errors import SomrsError, UsageError
 from somrs.gui.author import author
+from somrs.gui.components.confirm_dialog import confirm
 from somrs.gui.components.rebuilt import RebuiltElement
 from somrs.gui.icons import OUTCOMES, Badge, Sign, format_time
 from somrs.gui.news import follow
-from somrs.gui.pages.define.confirm_dialog import confirm
 from somrs.gui.pages.define.draft import DAILY, INTERVAL, ONE_TIME, Repeat, number
 from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.task_text import task_path

@@ -8,10 +8,10 @@ from nicegui import ui
 
 from somrs.errors import SomrsError
 from somrs.gui.author import author
+from somrs.gui.components.confirm_dialog import confirm
 from somrs.gui.components.fields.picker import Choice, Picker, things
 from somrs.gui.news import follow
 from somrs.gui.pages.define.blanks import mentioned_things, propose_blank_names, replace_with_blanks, types_of
-from somrs.gui.pages.define.confirm_dialog import confirm
 from somrs.gui.pages.define.form import Form
 from somrs.gui.shell import guarded, notify
 from somrs.protocol.messages.orders import Blank, Filled, Template, TemplateSaved

@@ -1,0 +1,76 @@
+"""The modes of a building and of its lifts and doors: in a fire or an emergency, robots stand still; what is out of order is not used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from enum import StrEnum
+
+from somrs.ontology.objects import Change, Map, ValueSet
+from somrs.ontology.types import IN_SERVICE, MODE, OUT_OF_ORDER, PAUSED, Ontology, Value
+from somrs.ontology.values import value_of
+
+
+class Mode(StrEnum):
+    """The values of the attribute `Mode`."""
+
+    NORMAL = "Normal"
+    FIRE = "Fire"
+    """There is a fire alarm in the building: robots stay where they may stand, and get no new work."""
+    EMERGENCY = "Emergency"
+    """As `FIRE`, for another reason."""
+    OUT_OF_ORDER = OUT_OF_ORDER
+    """Nobody uses the lift or the door."""
+
+
+BUILDING, MOBILE_ROBOT = "Building", "MobileRobot"
+
+BUILDING_MODES = (Mode.NORMAL, Mode.FIRE, Mode.EMERGENCY)
+PASSAGE_MODES = (Mode.NORMAL, Mode.OUT_OF_ORDER)
+"""The modes of a lift or a door."""
+
+_REASONS = {Mode.NORMAL: "", Mode.FIRE: "fire alarm in {}", Mode.EMERGENCY: "emergency in {}", Mode.OUT_OF_ORDER: "{} is out of order"}
+
+
+def mode_of(name: str, map: Map, ontology: Ontology) -> Mode:
+    """The mode of an object; Normal for one that has none."""
+    value = value_of(name, MODE, map, ontology)
+    return Mode(value) if value in set(Mode) else Mode.NORMAL
+
+
+def modes(map: Map) -> dict[str, Mode]:
+    """The objects with another mode than Normal, by name."""
+    abnormal = (mode for mode in Mode if mode is not Mode.NORMAL)
+    return dict(sorted((name, mode) for mode in abnormal for name in map.with_value(MODE, mode.value)))
+
+
+def hold_reason(modes: Mapping[str, Mode]) -> str:
+    """Why robots stand still: the fire alarms and emergencies, such as `fire alarm in Building1`. Empty if there are none."""
+    return " and ".join(reason_of(name, mode) for name, mode in sorted(modes.items()) if mode in (Mode.FIRE, Mode.EMERGENCY))
+
+
+def stands_still(device: str, map: Map, ontology: Ontology) -> bool:
+    """Whether a device must not move now: an operator has stopped it, or it is a robot in a fire or an emergency."""
+    if value_of(device, PAUSED, map, ontology) is True:
+        return True
+    object = map.objects.get(device)
+    return object is not None and ontology.is_subtype(object.type, MOBILE_ROBOT) and bool(hold_reason(modes(map)))
+
+
+def freed_devices(changes: Iterable[Change], map: Map, ontology: Ontology) -> set[str]:
+    """The devices that may work again by these changes of the map, which are made."""
+    allowed: dict[str, tuple[Value | None, ...]] = {PAUSED: (False, None), IN_SERVICE: (True, None), MODE: (Mode.NORMAL.value, None)}
+    freed = {change.object for change in changes if isinstance(change, ValueSet) and change.value in allowed.get(change.path, ())}
+    if any(ontology.is_subtype(object.type, BUILDING) for name in freed if (object := map.objects.get(name)) is not None):
+        kinds = (type for type in ontology.types if ontology.is_subtype(type, MOBILE_ROBOT))
+        freed |= {robot for kind in kinds for robot in map.of_type(kind)}
+    return freed
+
+
+def passages_out_of_order(modes: Mapping[str, Mode]) -> tuple[str, ...]:
+    """The lifts and doors that nobody uses, by name."""
+    return tuple(name for name, mode in modes.items() if mode is Mode.OUT_OF_ORDER)
+
+
+def reason_of(name: str, mode: Mode) -> str:
+    """The reason for which something waits, for users."""
+    return _REASONS[mode].format(name)
