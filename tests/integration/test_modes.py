@@ -17,10 +17,11 @@ from somrs.api.control import ObjectMode
 from somrs.api.remote import LiveApi
 from somrs.client.refusals import NotFound
 from somrs.devices.simulator.drivers.manipulator import Manipulator
-from somrs.devices.simulator.link.commands import CommandDone, DriveTo
+from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
 from somrs.ontology.modes import Mode
+from somrs.ontology.objects import Map
 from somrs.protocol.messages.events import ServiceOverdue
 from somrs.protocol.messages.frp import Outcome
 from somrs.runtime.virtual_time import Work
@@ -30,7 +31,7 @@ from tests.support.command import somrs
 from tests.support.hang import HANG_TIME
 from tests.support.robot_lab import run as run_in_room
 from tests.support.simulated_device_harness import simulated
-from tests.support.simulator_room import Run, room
+from tests.support.simulator_room import Run, box, robot, room, shell
 from tests.support.small_system import Porter, SmallSystem, api_at, running
 from tests.support.virtual_system import Robot, VirtualSystem, transfer_effect
 
@@ -77,6 +78,45 @@ def test_in_a_fire_robots_drive_no_further_than_they_were_granted_and_all_arrive
     run.simulation.hold("")
     run.run_until(lambda: all(ends.values()))
     assert all(isinstance(end[0], CommandDone) for end in ends.values()), ends
+
+
+def two_doors() -> Map:
+    """Two rooms, with a door between them on the straight way of the robot, and another one aside."""
+    walls = [
+        box(f"Wall{number}", "Wall", (4, y, 0), (0.1, depth, 2.5)) for number, y, depth in ((1, 0.45, 0.9), (2, 3, 1.8), (3, 5.55, 0.9))
+    ]
+    doors = [box(name, "Door", (4, y, 0), (0.1, 1.2, 2.1), Open=True) for name, y in (("Door1", 1.5), ("Door2", 4.5))]
+    return Map([*shell(), *walls, *doors, robot("Robot1", (1, 1.5, 0))])
+
+
+def test_a_robot_goes_another_way_if_a_door_is_out_of_order_and_is_told_which_if_there_is_none(world: WorldKind) -> None:
+    run = Run(two_doors(), world)
+    run.simulation.close_passages(("Door1",))
+    end, pose = run.start("Robot1", DriveTo(x=7, y=1.5)), run.simulation.robots["Robot1"].pose
+    northernmost = 0.0
+    while not end:
+        run.run_for(0.5)
+        northernmost = max(northernmost, pose()[1])
+    assert isinstance(end[0], CommandDone)
+    assert northernmost > 4, "through the other door"
+    run.simulation.close_passages(("Door1", "Door2"))
+    refused = run.execute("Robot1", DriveTo(x=1, y=1.5))
+    assert isinstance(refused, CommandGivenUp)
+    assert "Door1 is out of order" in refused.description
+    run.simulation.close_passages(())
+    assert isinstance(run.execute("Robot1", DriveTo(x=1, y=1.5)), CommandDone)
+
+
+def test_a_robot_under_way_is_told_that_the_only_door_is_out_of_order(world: WorldKind) -> None:
+    run = Run(two_doors(), world)
+    run.simulation.close_passages(("Door2",))
+    end = run.start("Robot1", DriveTo(x=7, y=4.5))
+    run.run_for(2.0)
+    run.simulation.close_passages(("Door1", "Door2"))
+    run.run_until(lambda: end)
+    assert isinstance(end[0], CommandGivenUp)
+    assert end[0].reason == "blocked"
+    assert "out of order" in end[0].description
 
 
 def test_a_mistake_in_a_mode_is_answered_with_what_there_is(tmp_path: Path) -> None:

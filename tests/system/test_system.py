@@ -53,8 +53,10 @@ async def accomplish(client: Client, effect: str, *, waits: bool = True) -> Task
 
 
 @asynccontextmanager
-async def running(data: Path, *site: Path, world: WorldKind = WorldKind.PHYSICS) -> AsyncIterator[tuple[System, Client, OperatorLink]]:
-    async with System(site, data, speed="max", world=world, launcher=warm.launcher()) as system, Client(system.addresses) as client:
+async def running(
+    data: Path, *site: Path, world: WorldKind = WorldKind.PHYSICS, speed: str = "max"
+) -> AsyncIterator[tuple[System, Client, OperatorLink]]:
+    async with System(site, data, speed=speed, world=world, launcher=warm.launcher()) as system, Client(system.addresses) as client:
         host, _, port = (system.addresses.simulator or "").rpartition(":")
         async with OperatorLink(host, int(port)) as operator:
             yield system, client, operator

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 
 from somrs.ontology.objects import Change, Map, ValueSet
@@ -28,7 +28,7 @@ BUILDING_MODES = (Mode.NORMAL, Mode.FIRE, Mode.EMERGENCY)
 PASSAGE_MODES = (Mode.NORMAL, Mode.OUT_OF_ORDER)
 """The modes of a lift or a door."""
 
-_REASONS = {Mode.NORMAL: "", Mode.FIRE: "fire alarm in {}", Mode.EMERGENCY: "emergency in {}", Mode.OUT_OF_ORDER: "{} is out of order"}
+_REASONS = {Mode.NORMAL: "", Mode.FIRE: "fire alarm in {}", Mode.EMERGENCY: "emergency in {}"}
 
 
 def mode_of(name: str, map: Map, ontology: Ontology) -> Mode:
@@ -71,6 +71,11 @@ def passages_out_of_order(modes: Mapping[str, Mode]) -> tuple[str, ...]:
     return tuple(name for name, mode in modes.items() if mode is Mode.OUT_OF_ORDER)
 
 
+def out_of_order(names: Sequence[str]) -> str:
+    """Such as `Door1 and Door2 are out of order`."""
+    return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'} out of order"
+
+
 def reason_of(name: str, mode: Mode) -> str:
     """The reason for which something waits, for users."""
-    return _REASONS[mode].format(name)
+    return out_of_order([name]) if mode is Mode.OUT_OF_ORDER else _REASONS[mode].format(name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -67,6 +68,16 @@ class Berths:
         self._closed = closed
         self.graph = self._make_graph()
 
+    def passages_out_of_order(self, robot: str, start: int, destination: int) -> tuple[str, ...]:
+        """The passages that are out of order on the shortest way that there would be with them, if there would be one."""
+        passages = self._closed.passages
+        if not passages:
+            return ()
+        graph = with_berths(self.roadmap.graph, Closed(self._closed.places, self._closed.lanes), self.private_places)
+        way = [*graph.way(start, destination, robot)]
+        lanes = {*pairwise((start, *way))}
+        return tuple(passage.name for passage in passages if not (lanes.isdisjoint(passage.lanes) and {*way}.isdisjoint(passage.places)))
+
     def keep(self, numbers: Collection[int]) -> bool:
         """Use only the berths of these numbers any more. Returns whether there were others."""
         unused = [slot for slot, used in enumerate(self.slots, self.roadmap.graph.size) if used is not None and slot not in numbers]
@@ -110,7 +121,8 @@ class Berths:
 
     def _planned(self, used: UsedBerth) -> PlannedBerth:
         exclusions = dict.fromkeys((*self._near_places(used), *self._near_berths(used)))
-        return PlannedBerth(used.robot, tuple(lane for lane in used.lanes if lane[0] not in self._closed.places), tuple(exclusions))
+        closed = self._closed.all_places
+        return PlannedBerth(used.robot, tuple(lane for lane in used.lanes if lane[0] not in closed), tuple(exclusions))
 
     def _near_places(self, used: UsedBerth) -> Iterator[int]:
         """The places at which another robot would be too near."""
@@ -153,5 +165,5 @@ def with_berths(graph: Graph, closed: Closed, berths: Sequence[PlannedBerth | No
         else None
         for berth in berths
     ]
-    is_closed = closed.places or closed.lanes
-    return (graph.without_lanes_to({*closed.places}, closed.lanes) if is_closed else graph).with_private(private)
+    places, lanes = closed.all_places, closed.all_lanes
+    return (graph.without_lanes_to(places, lanes) if places or lanes else graph).with_private(private)

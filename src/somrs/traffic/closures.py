@@ -43,10 +43,8 @@ class Closures:
         return self._open[2]
 
     def _in_the_way(self, name: str, start: int, destination: int, closed: frozenset[int]) -> Iterator[str]:
-        graph, place = self._schedule.graph, start
-        distances = graph.distances(destination)
-        while place != destination:
-            place = min(graph.options(place, name), key=lambda following: graph.length(place, following) + distances[following])
+        graph = self._schedule.graph
+        for place in graph.way(start, destination, name):
             holder = self._schedule.holder(place, besides=name)
             if holder is not None and not closed.isdisjoint((place, *graph.exclusions[place])):
                 yield holder

@@ -13,6 +13,7 @@ from typing import Self
 from somrs.errors import InputError, UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Answered, Effect, Effects, Input, Received, Send, SetTimer, TimerFired
+from somrs.ontology.modes import out_of_order
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
@@ -20,6 +21,7 @@ from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.traffic import (
     Berth,
     CancelTrip,
+    ClosedLane,
     CloseWays,
     EnterTraffic,
     HoldTraffic,
@@ -41,6 +43,7 @@ from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
     Closed,
     LeasesDue,
+    OutOfOrder,
     PlanDue,
     PlanQuestion,
     PlanTraffic,
@@ -250,7 +253,12 @@ class Traffic:
 
     def _close(self, body: CloseWays) -> None:
         number = self._berths.roadmap.number
-        self.state.closed = Closed(tuple(map(number, body.places)), tuple((number(lane.start), number(lane.end)) for lane in body.lanes))
+
+        def lanes(closed: tuple[ClosedLane, ...]) -> tuple[tuple[int, int], ...]:
+            return tuple((number(lane.start), number(lane.end)) for lane in closed)
+
+        passages = tuple(OutOfOrder(passage.name, tuple(map(number, passage.places)), lanes(passage.lanes)) for passage in body.passages)
+        self.state.closed = Closed(tuple(map(number, body.places)), lanes(body.lanes), passages)
         self._berths.close(self.state.closed)
         self._schedule.graph = self._berths.graph
         self._obstacles_changed()
@@ -284,7 +292,9 @@ class Traffic:
         destination, start = self._berths.number(body.destination, body.robot), self._schedule.last(body.robot)
         distance = self._berths.graph.distances(destination)[start]
         if distance == FAR:
-            raise UsageError(f"no lanes lead from {self._berths.name(start)} to {body.destination}")
+            passages = self._dispatcher.passages_out_of_order(body.robot, destination)
+            reason = f": {out_of_order(passages)}" if passages else ""
+            raise UsageError(f"no lanes lead from {self._berths.name(start)} to {body.destination}{reason}")
         if body.number > record.requested:  # the same request may arrive again
             record.requested = body.number
             record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance, progressed_at=now)

@@ -48,12 +48,17 @@ class Dispatcher:
             elif record.mobility is Mobility.IMMOBILE:
                 yield self._end_trip(name, TripResult.IMMOBILE)
             elif (blockers := self._closures.blockers(name, record.trip, closed)) is not None:
-                yield self._end_trip(name, TripResult.CLOSED, blockers)
+                passages = self.passages_out_of_order(name, record.trip.destination) if not blockers else ()
+                yield self._end_trip(name, TripResult.CLOSED, blockers, passages)
 
-    def _end_trip(self, name: str, result: TripResult, robots: tuple[str, ...] = ()) -> Send:
+    def passages_out_of_order(self, name: str, destination: int) -> tuple[str, ...]:
+        """The passages that are out of order on the robot's way to a place to which no other way leads."""
+        return self._berths.passages_out_of_order(name, self._schedule.last(name), destination)
+
+    def _end_trip(self, name: str, result: TripResult, robots: tuple[str, ...] = (), passages: tuple[str, ...] = ()) -> Send:
         record = self.state.robots[name]
         assert record.trip is not None, "only trips end"
-        ended = TripEnded(robot=name, trip=record.trip.id, result=result, robots=robots)
+        ended = TripEnded(robot=name, trip=record.trip.id, result=result, robots=robots, passages=passages)
         record.trip = None
         self.state.changed = True
         return self._send(record, ended)

@@ -68,11 +68,28 @@ class PlannedRobot(Struct, frozen=True, array_like=True):
     busy: bool
 
 
+class OutOfOrder(Struct, frozen=True, array_like=True):
+    """A lift or a door that nobody uses, with its places and lanes."""
+
+    name: str
+    places: tuple[int, ...]
+    lanes: tuple[tuple[int, int], ...]
+
+
 class Closed(Struct, frozen=True, array_like=True):
-    """Places and lanes that are closed, because of what stands there."""
+    """Places and lanes that are closed: because of what stands there, and through passages that are out of order."""
 
     places: tuple[int, ...] = ()
     lanes: tuple[tuple[int, int], ...] = ()
+    passages: tuple[OutOfOrder, ...] = ()
+
+    @property
+    def all_places(self) -> set[int]:
+        return {*self.places, *(place for passage in self.passages for place in passage.places)}
+
+    @property
+    def all_lanes(self) -> set[tuple[int, int]]:
+        return {*self.lanes, *(lane for passage in self.passages for lane in passage.lanes)}
 
 
 class PlannedBerth(Struct, frozen=True, array_like=True):

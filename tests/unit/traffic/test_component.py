@@ -16,6 +16,7 @@ from somrs.protocol.messages.traffic import (
     Berth,
     CancelTrip,
     ClosedLane,
+    ClosedPassage,
     CloseWays,
     EnterTraffic,
     Granted,
@@ -291,6 +292,25 @@ def test_a_cancelled_trip_is_not_driven() -> None:
     harness.report("R1", "C", 3)
     assert harness.way("R1")[-1] == "C", "what it holds is not taken away, and nothing is added"
     harness.send("R1", CancelTrip(robot="R1", fence=harness.fences["R1"], trip="another"))
+
+
+def test_a_passage_that_is_out_of_order_is_avoided_and_named_if_there_is_no_other_way() -> None:
+    harness = Harness(roadmap(LINE, ("A", "Bay", "C")))
+    harness.enter("R1", "West")
+    door = ClosedPassage(name="Door1", lanes=(ClosedLane(start="A", end="B"), ClosedLane(start="B", end="A")))
+    harness.send("map", CloseWays(passages=(door,)))
+    harness.trip("R1", "East")
+    harness.wait(1)
+    assert harness.way("R1") == ("West", "A", "Bay", "C")
+    lift = ClosedPassage(name="Lift1", places=("East",))
+    ended = harness.send("map", CloseWays(passages=(door, lift)))
+    assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.CLOSED, passages=("Lift1",)) in [*ended, *harness.wait(1)]
+    harness.restart()
+    assert text_of(harness.trip("R1", "East")[0]) == "no lanes lead from C to East: Lift1 is out of order"
+    harness.send("map", CloseWays(places=("East",), passages=(door, lift)))
+    assert text_of(harness.trip("R1", "East")[0]) == "no lanes lead from C to East"
+    harness.send("map", CloseWays(passages=(door,)))
+    assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.ARRIVED) in [*harness.trip("R1", "East"), *drive(harness)]
 
 
 def test_nobody_is_granted_a_way_while_traffic_is_held_and_trips_go_on_afterwards() -> None:

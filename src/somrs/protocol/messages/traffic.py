@@ -114,7 +114,7 @@ class TripResult(StrEnum):
 
     ARRIVED = "arrived"
     CLOSED = "closed"
-    """Robots that cannot move stand in all ways, or where others would have to make room."""
+    """Robots that cannot move stand in all ways, or where others would have to make room; or a passage is out of order."""
     NO_ROOM = "no room"
     """The other robots have no room to let this one pass, wherever they go."""
     IMMOBILE = "immobile"
@@ -122,12 +122,13 @@ class TripResult(StrEnum):
 
 
 class TripEnded(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The trip is over. `robots`: those that are in the way."""
+    """The trip is over. `robots`: those that are in the way; `passages`: the lifts and doors on the way that are out of order."""
 
     robot: str
     trip: str
     result: TripResult
     robots: tuple[str, ...] = ()
+    passages: tuple[str, ...] = ()
 
 
 class Granted(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -162,13 +163,22 @@ class ClosedLane(Struct, frozen=True, kw_only=True):
     end: str
 
 
+class ClosedPassage(Struct, frozen=True, kw_only=True):
+    """A lift or a door that is out of order, with the places and lanes to which nobody comes without it."""
+
+    name: str
+    places: tuple[str, ...] = ()
+    lanes: tuple[ClosedLane, ...] = ()
+
+
 class CloseWays(MessageBody, frozen=True, kw_only=True, tag=True):
-    """These places and lanes are closed from now on, and all others are open: doors are shut, or things stand in the way. Robots that are
-    there may leave. Sent by whoever follows the map; nothing is answered.
+    """These places and lanes are closed from now on, and all others are open: doors are shut, or things stand in the way; or they are ways
+    through `passages` that are out of order. Robots that are there may leave. Sent by whoever follows the map; nothing is answered.
     """
 
     places: tuple[str, ...] = ()
     lanes: tuple[ClosedLane, ...] = ()
+    passages: tuple[ClosedPassage, ...] = ()
 
 
 class HoldTraffic(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Collection, Hashable, Iterable, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -105,6 +105,13 @@ class Graph:
         if known is None:
             known = self._distances[goal] = self._find_distances(goal)
         return known
+
+    def way(self, start: int, goal: int, robot: Hashable) -> Iterator[int]:
+        """The places after the start on a shortest way of the robot to the goal; none without a way."""
+        distances, place = self.distances(goal), start
+        while place != goal and distances[place] < FAR:
+            place = min(self.options(place, robot), key=lambda following: self.length(place, following) + distances[following])
+            yield place
 
     def _find_distances(self, goal: int) -> array[float]:
         return array("d", dijkstra(self._backwards, indices=goal))

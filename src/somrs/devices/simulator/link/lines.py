@@ -108,13 +108,15 @@ class Legs(Struct, frozen=True):
     """The way through several stops: the driving distance of each leg in metres, None where there is no path.
 
     `shut`: the shut doors that have to be opened for it; `open`: the open doors that have to stay open. `carries`: whether robots can put
-    things on the last stop; True for a point.
+    things on the last stop; True for a point. `out_of_order`: if there is no path, the doors without which there is none, because they are
+    out of order.
     """
 
     lengths: tuple[float | None, ...]
     shut: tuple[str, ...] = ()
     open: tuple[str, ...] = ()
     carries: bool = True
+    out_of_order: tuple[str, ...] = ()
 
 
 class Idle(Struct, frozen=True, kw_only=True, tag="idle", tag_field="ask"):
@@ -252,6 +254,8 @@ class Answer(Struct, frozen=True, kw_only=True, tag="answer", tag_field="say"):
     open: tuple[str, ...] | None = None
     """The open doors on the only way."""
     carries: bool | None = None
+    out_of_order: tuple[str, ...] | None = None
+    """The doors that are out of order on the only way."""
     """Whether robots can put things on the last stop."""
 
 

@@ -10,6 +10,7 @@ from somrs.devices.simulator.motion.road_user import ASTRAY
 from somrs.devices.simulator.motion.robot import BRAKING, GivenUp, Robot, Routine, stand, wait, wrap
 from somrs.devices.simulator.motion.traffic import GAP
 from somrs.devices.simulator.world.scene import Scene
+from somrs.ontology.modes import out_of_order
 from somrs.protocol.messages.traffic import TripEnded, TripResult
 from somrs.space.clearance import Disc
 from somrs.space.lines import point_distance
@@ -138,7 +139,8 @@ def _check_arrival(robot: Robot, goal: Point, ended: TripEnded) -> None:
     way = f"the path of {robot.name} to ({goal[0]:.2f}, {goal[1]:.2f})"
     match ended.result:
         case TripResult.CLOSED:
-            raise GivenUp("blocked", f"{way} is blocked{names or ' by what stands there'}")
+            reason = f": {out_of_order(ended.passages)}" if ended.passages else names or " by what stands there"
+            raise GivenUp("blocked", f"{way} is blocked{reason}")
         case TripResult.NO_ROOM:
             raise GivenUp("blocked", f"on {way} there is no room: {' and '.join(ended.robots)} cannot let it pass")
         case TripResult.IMMOBILE:

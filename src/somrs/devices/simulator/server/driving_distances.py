@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -78,16 +78,18 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
         raise UsageError(f"there is no robot {robot}; there are {', '.join(simulation.robots) or 'none'}")
     solids = simulation.scene.world.solids
     promised = _Promised.read(situation, solids)
-    doors = {solid.name: promised.doors.get(solid.name, solid.open) for solid in solids.values() if solid.role is Role.DOOR}
+    unusable = simulation.out_of_order
+    promised_doors = {solid.name: promised.doors.get(solid.name, solid.open) for solid in solids.values() if solid.role is Role.DOOR}
+    doors = {name: is_open and name not in unusable for name, is_open in promised_doors.items()}
     planner = _LegPlanner(simulation, simulation.robots[robot], promised)
     last = solids.get(stops[-1]) if stops and isinstance(stops[-1], str) else None
     carries = last is None or last.role in CARRYING
     paths = planner.paths(stops, doors)
     if None not in paths or all(doors.values()):
         return Legs(_lengths(paths), (), _needed(planner, stops, doors, paths), carries)
-    open_paths = planner.paths(stops, dict.fromkeys(doors, True))
+    open_paths = planner.paths(stops, {name: name not in unusable for name in doors})
     if None in open_paths:
-        return Legs(_lengths(paths), carries=carries)
+        return Legs(_lengths(paths), carries=carries, out_of_order=_out_of_order(planner, stops, doors, unusable))
     shut = [door for door, is_open in doors.items() if not is_open and planner.passes(door, open_paths)]
     for door in [*shut] if len(shut) > 1 else ():  # a longer way may need fewer doors
         fewer = planner.paths(stops, {**doors, **dict.fromkeys(shut, True), door: False})
@@ -96,6 +98,14 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
             open_paths = fewer
     needed = _needed(planner, stops, {**doors, **dict.fromkeys(shut, True)}, open_paths)
     return Legs(_lengths(open_paths), tuple(shut), tuple(door for door in needed if door not in shut), carries)
+
+
+def _out_of_order(planner: _LegPlanner, stops: Stops, doors: Iterable[str], unusable: frozenset[str]) -> tuple[str, ...]:
+    """The doors that are out of order on the way that there would be with all doors open."""
+    if not unusable:
+        return ()
+    paths = planner.paths(stops, dict.fromkeys(doors, True))
+    return tuple(door for door in sorted(unusable) if None not in paths and planner.passes(door, paths))
 
 
 def _needed(planner: _LegPlanner, stops: Stops, doors: Mapping[str, bool], paths: list[list[Point] | None]) -> tuple[str, ...]:

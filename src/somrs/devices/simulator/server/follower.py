@@ -20,7 +20,7 @@ from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.devices.simulator.world.recognition import are_alike
 from somrs.kernel.component import Effect, Input, Started
 from somrs.kernel.replica import Replica
-from somrs.ontology.modes import hold_reason, modes
+from somrs.ontology.modes import hold_reason, modes, passages_out_of_order
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Change, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
 from somrs.ontology.types import PAUSED
@@ -56,7 +56,7 @@ class Follower:
             self.simulation = Simulation(self.replica.map, self.replica.ontology, self._kind)
             for name, object in self.replica.map.objects.items():
                 self.simulation.set_paused(name, object.values.get(PAUSED) is True)
-            self.simulation.hold(hold_reason(modes(self.replica.map)))
+            self._follow_modes(self.simulation)
             self.read.set()
         elif self.simulation is not None:
             if news.ontology_changed:
@@ -68,7 +68,7 @@ class Follower:
             renamed = [renaming for renaming in news.renamed if renaming.section is Section.OBJECTS] if not news.reloaded else []
             merged = {merging.name: merging.into for merging in news.merged} if not news.reloaded else {}
             self._follow(self.simulation, changes, renamed, merged)
-            self.simulation.hold(hold_reason(modes(self.replica.map)))
+            self._follow_modes(self.simulation)
         return news.effects
 
     def _follow(self, simulation: Simulation, changes: Iterable[Change], renamed: list[Renaming], merged: Mapping[str, str]) -> None:
@@ -92,6 +92,11 @@ class Follower:
                     simulation.set_paused(name, value is True)
                 case ValueSet(name, "Supporting") if (support := self.replica.map.objects.get(name)) is not None:
                     simulation.set_carrying(support)
+
+    def _follow_modes(self, simulation: Simulation) -> None:
+        current = modes(self.replica.map)
+        simulation.hold(hold_reason(current))
+        simulation.close_passages(passages_out_of_order(current))
 
     def _remove(self, simulation: Simulation, name: str, into: str | None) -> None:
         """Follow an object that leaves the map. `into`: the object that it turned out to be.

@@ -282,7 +282,14 @@ class Server:
                 return
             case Ways(robot=robot, stops=stops, situation=situation):
                 legs = find_legs(self.simulation, robot, stops, situation)
-                answer = Answer(id=id, lengths=legs.lengths, shut=legs.shut, open=legs.open, carries=legs.carries)
+                answer = Answer(
+                    id=id,
+                    lengths=legs.lengths,
+                    shut=legs.shut,
+                    open=legs.open,
+                    carries=legs.carries,
+                    out_of_order=legs.out_of_order or None,
+                )
             case SetWeight(object=name, weight=weight):
                 self.simulation.set_weight(name, weight)
             case Move(object=name, x=x, y=y, z=z, yaw=yaw):

@@ -37,6 +37,7 @@ class SimulatedTraffic:
         self._looked_at = self._joined_at = 0.0
         self._standing: dict[float, list[Disc]] = {}
         self._hold = ""
+        self._out_of_order: tuple[str, ...] = ()
 
     @property
     def is_planning(self) -> bool:
@@ -83,6 +84,11 @@ class SimulatedTraffic:
         self._hold = reason
         self.office.hold(reason)
 
+    def close_passages(self, names: tuple[str, ...]) -> None:
+        """Let no robot use these doors, which are out of order, and only these."""
+        self.changed |= names != self._out_of_order
+        self._out_of_order = names
+
     def advance(self, map: Map, ontology: Ontology) -> None:
         """Let time pass."""
         time = self._scene.time
@@ -122,7 +128,9 @@ class SimulatedTraffic:
         rounded = {level: [Disc(round(disc.x, 2), round(disc.y, 2), disc.radius) for disc in discs] for level, discs in standing.items()}
         if self.changed or rounded != self._standing:
             self.changed, self._standing = False, rounded
-            self.office.close({level: robot.navigator for level, robot in levels.items()}, rounded)
+            solids = self._scene.world.solids
+            doors = [solids[name] for name in self._out_of_order if name in solids]
+            self.office.close({level: robot.navigator for level, robot in levels.items()}, rounded, doors)
 
 
 def _is_silent(robot: Robot) -> bool:

@@ -51,6 +51,8 @@ class Simulation:
         """Everything with a robot link."""
         self._work = RobotWork(self.scene, self.robots)
         self._traffic = SimulatedTraffic(self.scene, self.robots)
+        self.out_of_order: frozenset[str] = frozenset()
+        """The doors that no robot uses."""
         self._pulled: set[str] = set()
         """The leaves that robots held by their handles in the last period."""
         self._to_shut: dict[str, tuple[Leaf, ...]] = {}
@@ -295,6 +297,11 @@ class Simulation:
     def hold(self, reason: str) -> None:
         """Let no robot drive on for a reason, such as a fire; or without one let them go on."""
         self._traffic.hold(reason)
+
+    def close_passages(self, names: tuple[str, ...]) -> None:
+        """Let no robot use these doors, which are out of order, and only these."""
+        self.out_of_order = frozenset(names)
+        self._traffic.close_passages(names)
 
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
         """Move a thing to another pose without a robot. Raises UsageError."""

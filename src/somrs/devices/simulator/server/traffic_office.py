@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from itertools import count
 from random import Random
 
@@ -13,9 +14,10 @@ from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.kernel.component import Answered, Ask, Input, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
-from somrs.protocol.messages.traffic import ClosedLane, CloseWays, HoldTraffic
+from somrs.protocol.messages.traffic import ClosedLane, ClosedPassage, CloseWays, HoldTraffic
 from somrs.space.clearance import Disc
 from somrs.space.navigation import SLACK, Navigator
+from somrs.space.solids import Point, Solid
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import SAMPLES
 from somrs.traffic.planner import TrafficPlanner
@@ -23,6 +25,8 @@ from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.state import PlanTraffic
 
 ADDRESS = "traffic"
+SAME_FLOOR = 0.5
+"""Difference in height up to which a door is one of a floor, m."""
 RENEWAL = 3.0
 """The time after which robots renew their leases, in simulated seconds."""
 
@@ -123,8 +127,9 @@ class TrafficOffice:
 
     # What stands in the way
 
-    def close(self, navigators: Mapping[float, Navigator], things: Mapping[float, list[Disc]]) -> None:
-        """Close the places and lanes where something stands: by level, what the navigator knows, and things on the floor."""
+    def close(self, navigators: Mapping[float, Navigator], things: Mapping[float, list[Disc]], out_of_order: Sequence[Solid] = ()) -> None:
+        """Close the places and lanes where something stands: by level, what the navigator knows, and things on the floor; and those in
+        doors that are out of order."""
         places, need = self.roadmap.roadmap.places, self._radius + MARGIN - 1.2 * SLACK
         closed_places: list[str] = []
         closed_lanes: list[ClosedLane] = []
@@ -141,10 +146,30 @@ class TrafficOffice:
                 least = np.minimum(least, _room(navigator, discs, starts * (1 - share) + ends * share))
             shut = lanes[(least < need) & ~blocked[lanes[:, 0]] & ~blocked[lanes[:, 1]]]
             closed_lanes += (ClosedLane(start=places[numbers[a]].name, end=places[numbers[b]].name) for a, b in shut)
-        closing = CloseWays(places=tuple(closed_places), lanes=tuple(closed_lanes))
+        passages = tuple(self._closed_passage(door, need) for door in out_of_order)
+        closing = CloseWays(places=tuple(closed_places), lanes=tuple(closed_lanes), passages=passages)
         if closing != self._closed:
             self._closed = closing
             self.tell("map", closing)
+
+    def _closed_passage(self, door: Solid, need: float) -> ClosedPassage:
+        """The places and lanes at which a robot would be in a door."""
+        roadmap, graph = self.roadmap.roadmap, self.roadmap.graph
+        reach = max(door.width, door.depth) + need + roadmap.spacing
+        near = {
+            number
+            for number, place in enumerate(roadmap.places)
+            if abs(place.level - door.z) < SAME_FLOOR and math.dist((place.x, place.y), (door.x, door.y)) < reach
+        }
+        points = {number: (roadmap.places[number].x, roadmap.places[number].y) for number in near}
+        closed = {number for number in near if door.distance(*points[number]) < need}
+        lanes = (
+            ClosedLane(start=roadmap.places[start].name, end=roadmap.places[end].name)
+            for start in near - closed
+            for end in graph.successors[start]
+            if end in near and end not in closed and _touches(door, points[start], points[end], need)
+        )
+        return ClosedPassage(name=door.name, places=tuple(roadmap.places[number].name for number in sorted(closed)), lanes=tuple(lanes))
 
     def _find_ends(self) -> dict[float, tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """By level: the numbers of the places, their points, and the lanes by the rows of their ends in these."""
@@ -157,6 +182,12 @@ class TrafficOffice:
             lanes = np.array([(rows[start], rows[end]) for start in rows for end in graph.successors[start] if end in rows], dtype=int)
             found[level] = numbers, points, lanes.reshape(-1, 2)
         return found
+
+
+def _touches(door: Solid, start: Point, end: Point, need: float) -> bool:
+    """Whether a robot comes into a door on the straight line between two points."""
+    shares = (number / SAMPLES for number in range(1, SAMPLES))
+    return any(door.distance(start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share) < need for share in shares)
 
 
 def _room(navigator: Navigator, discs: list[Disc], points: np.ndarray) -> np.ndarray:

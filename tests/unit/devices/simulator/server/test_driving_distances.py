@@ -67,6 +67,19 @@ def test_the_shut_doors_on_the_only_way_are_named_and_counted_as_open() -> None:
     assert legs(simulation, None, "Table2").shut == (), "the table is in the same room"
 
 
+def test_a_door_that_is_out_of_order_is_not_driven_through_and_named_if_there_is_no_other_way() -> None:
+    simulation = two_rooms(door("Door1", 1.5, is_open=True), door("Door2", 4.5, is_open=True))
+    (near,), (far,) = legs(simulation, None).lengths, legs(simulation, "Door1.Open = FALSE").lengths
+    simulation.close_passages(("Door1",))
+    assert legs(simulation, None) == Legs(lengths=(far,), open=("Door2",), carries=False)
+    assert legs(simulation, "Door2.Open = FALSE").shut == ("Door2",)
+    simulation.close_passages(("Door1", "Door2"))
+    assert legs(simulation, None) == Legs(lengths=(None,), carries=False, out_of_order=("Door1",)), "the one on the shortest way"
+    assert legs(simulation, None, "Table2").out_of_order == (), "the table is in the same room"
+    simulation.close_passages(())
+    assert legs(simulation, None).lengths == (near,)
+
+
 def test_no_door_helps_where_there_is_no_way_at_all() -> None:
     simulation = two_rooms(*BOTH_SHUT)
     assert find_legs(simulation, "Robot1", ((30.0, 30.0),)) == Legs(lengths=(None,))
