@@ -163,10 +163,10 @@ class _Storey:
 
     def _joints(self, points: Points) -> Points:
         """Further points at which parts of the roadmap meet that are one part of the free space: two neighbouring cells, of which each sees
-        one of the parts."""
+        one of the parts, and between which a robot can drive."""
         pairs = self._pairs(points)
-        starts, ends = zip(*pairs, strict=True) if pairs else ((), ())
-        parts = connected_components(coo_array((np.ones(len(pairs)), (starts, ends)), shape=(len(points), len(points))))[1]
+        edges = zip(*pairs, strict=True) if pairs else ((), ())
+        parts = connected_components(coo_array((np.ones(len(pairs)), tuple(edges)), shape=(len(points), len(points))))[1]
         part_of: NDArray[np.int64] = np.full(self._labels.shape, -1)
         part_of[self._cells[:, 0], self._cells[:, 1]] = parts[self._seen_by]
         joints: dict[tuple[int, int], Points] = {}
@@ -175,8 +175,10 @@ class _Storey:
             beside[: part_of.shape[0] - rows, max(-columns, 0) : part_of.shape[1] - max(columns, 0)] = part_of[
                 rows:, max(columns, 0) : part_of.shape[1] + min(columns, 0)
             ]
-            for row, column in np.argwhere((part_of >= 0) & (beside >= 0) & (part_of != beside)):
-                meeting = sorted((int(part_of[row, column]), int(beside[row, column])))
-                cells = np.array([(row, column), (row + rows, column + columns)])
-                joints.setdefault((meeting[0], meeting[1]), self._grid.centres(cells))
+            cells = np.argwhere((part_of >= 0) & (beside >= 0) & (part_of != beside))
+            starts, ends = self._grid.centres(cells), self._grid.centres(cells + np.array([rows, columns]))
+            clear = self._are_clear(starts, ends)  # it may not be, from corner to corner of two cells
+            for cell, start, end in zip(cells[clear], starts[clear], ends[clear], strict=True):
+                meeting = sorted((int(part_of[*cell]), int(beside[*cell])))
+                joints.setdefault((meeting[0], meeting[1]), np.array([start, end]))
         return np.vstack([*joints.values()]) if joints else np.zeros((0, 2))

@@ -51,6 +51,15 @@ def test_an_open_floor_is_covered_by_places_that_do_not_exclude_each_other() -> 
     assert all(len(numbered.graph.successors[number]) == 6 and not numbered.graph.exclusions[number] for number in inner)
 
 
+@pytest.mark.parametrize(("x", "y"), [(0.238, 0.157), (0.195, 0.2)])
+def test_parts_that_meet_only_between_the_corners_of_two_walls_stay_apart(x: float, y: float) -> None:
+    """The free space is one part there by the cells of its grid, but no robot drives from the one cell to the next."""
+    width, depth = 1.5 - x, 1.25 - y
+    walls = [box("Wall1", "Wall", width / 2, depth / 2, width, depth), box("Wall2", "Wall", 3 - width / 2, 2.5 - depth / 2, width, depth)]
+    numbered = laid_out(room(3, 2.5, *walls))
+    assert distance(numbered, (0.4, 2.1), (2.6, 0.4)) == FAR
+
+
 def test_a_shut_door_has_a_place_in_its_middle() -> None:
     wall = [box(f"Wall{side}", "Wall", 3, 2.5 + side * 1.5, 0.2, 2.0) for side in (-1, 1)]
     numbered = laid_out(room(6, 5, *wall, box("Door1", "Door", 3, 2.5, 0.2, 1.0, 2.0, Open=False)))
