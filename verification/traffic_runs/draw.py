@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from itertools import pairwise, product
 from random import Random
 
 from msgspec import structs
@@ -16,6 +17,8 @@ RADIUS = 0.3
 """The radius of robots that go to berths, in metres: robots on lanes of 1 m whose ends are 0.9 m apart do not touch each other."""
 ISLAND = Place(name="Island", x=100.0, y=100.0)
 """A place to which no lane leads."""
+LEVEL = 4.0
+"""The height of the second storey, m."""
 SPAN = 60.0
 """The time within which things go wrong, in seconds."""
 
@@ -33,6 +36,9 @@ def draw(seed: int) -> Scenario:
     if roadmap.spacing > 0 and berth_dice.random() < 0.7:
         berths = tuple(_berths(berth_dice, f"Robot{number}", roadmap) for number in range(count))
         trips = tuple(_mixed(berth_dice, way, own) for way, own in zip(trips, berths, strict=True))
+    storey_dice = Random(-1_000_000 - seed)
+    if storey_dice.random() < 0.3:
+        roadmap, trips = _with_storey(storey_dice, roadmap, trips)
     worker = ISLAND.name if Random(-1 - seed).random() < 0.4 else None
     if worker is not None:
         roadmap = structs.replace(roadmap, places=(*roadmap.places, ISLAND))
@@ -57,6 +63,36 @@ def _holds(dice: Random) -> tuple[Hold, ...]:
         return ()
     moments = sorted(dice.uniform(0, SPAN) for _ in range(2 * dice.randint(1, 3)))
     return tuple(Hold(at=start, seconds=end - start) for start, end in zip(moments[::2], moments[1::2], strict=True))
+
+
+def _with_storey(dice: Random, roadmap: Roadmap, trips: tuple[tuple[str, ...], ...]) -> tuple[Roadmap, tuple[tuple[str, ...], ...]]:
+    """The roadmap with a copy of it as a second storey, one or two lifts between them, and some of the trips leading there.
+
+    Each lift has one or two places on each storey, at one of which robots ride.
+    """
+    places, lanes = [*roadmap.places], [*roadmap.lanes]
+    places += (structs.replace(place, name=_above(place.name), level=LEVEL) for place in roadmap.places)
+    lanes += (structs.replace(lane, start=_above(lane.start), end=_above(lane.end)) for lane in roadmap.lanes)
+    number, wanted = 0, dice.choice((1, 1, 2))
+    for beside, (along_x, along_y) in dice.sample([*product(roadmap.places, ((0, 1), (1, 0), (0, -1), (-1, 0)))], 4 * len(roadmap.places)):
+        lift, depth = f"Lift{number}", dice.choice((1, 2))
+        points = [(beside.x + (place + 1) * along_x, beside.y + (place + 1) * along_y) for place in range(depth)]
+        if number == wanted or any(math.dist((place.x, place.y), point) < 1 for place in places for point in points):
+            continue
+        number += 1
+        for level, landing in ((0.0, beside.name), (LEVEL, _above(beside.name))):
+            cabin = [f"{lift}-{place}" if not level else _above(f"{lift}-{place}") for place in range(depth)]
+            places += (Place(name=name, x=x, y=y, level=level, zone=lift) for name, (x, y) in zip(cabin, points, strict=True))
+            for start, end in pairwise((landing, *cabin)):
+                lanes += (Lane(start=a, end=b, seconds=1.0) for a, b in ((start, end), (end, start)))
+        last = f"{lift}-{depth - 1}"
+        lanes += (Lane(start=a, end=b, seconds=10.0) for a, b in ((last, _above(last)), (_above(last), last)))
+    ways = tuple(tuple(_above(stop) if "/" not in stop and dice.random() < 0.4 else stop for stop in way) for way in trips)
+    return structs.replace(roadmap, places=tuple(places), lanes=tuple(lanes)), ways
+
+
+def _above(place: str) -> str:
+    return f"{place}^"
 
 
 def _mixed(dice: Random, way: tuple[str, ...], berths: Collection[str]) -> tuple[str, ...]:

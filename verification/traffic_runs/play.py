@@ -61,6 +61,8 @@ class Play:
         berths = [berth for own in scenario.berths for berth in own.values()]
         self._points = {place.name: (place.x, place.y) for place in scenario.roadmap.places}
         self._points |= {berth.name: (berth.x, berth.y) for berth in berths}
+        self._levels = {place.name: place.level for place in scenario.roadmap.places}
+        self._levels |= {berth.name: self._levels[berth.places[0]] for berth in berths}
         self._has_berths = bool(berths)
         self.robots = [
             Robot(name=f"Robot{number}", place=start, trips=list(trips), berths=own)
@@ -200,9 +202,12 @@ class Play:
             occupied |= {self._graph.numbers[name]: robot for name in (robot.place, robot.towards) if name in self._graph.numbers}
 
     def _lines_apart(self) -> None:
-        lines = [(robot.name, self._points[robot.place], self._points[robot.towards or robot.place]) for robot in self.robots]
-        for (name, start, end), (near_name, near_start, near_end) in combinations(lines, 2):
-            if segment_distance(start, end, near_start, near_end) < 2 * RADIUS:
+        lines = [
+            (robot.name, self._levels[robot.place], self._points[robot.place], self._points[robot.towards or robot.place])
+            for robot in self.robots
+        ]
+        for (name, level, start, end), (near_name, near_level, near_start, near_end) in combinations(lines, 2):
+            if level == near_level and segment_distance(start, end, near_start, near_end) < 2 * RADIUS:
                 raise Violation(f"{name} and {near_name} touch each other")
 
 

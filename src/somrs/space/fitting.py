@@ -24,8 +24,8 @@ _OBSTACLES = {
     Role.STATIC: frozenset((Role.WALL, Role.ROBOT)),
 }
 """What a solid must not overlap, by its role."""
-_PASSABLE = ("Lift", "Pedestrian")
-"""Types of what stands there, and yet is not in the way: robots drive into lifts, and people walk on."""
+_PASSABLE = ("Pedestrian",)
+"""Types of what stands there, and yet is not in the way: people walk on."""
 
 
 def misfits(map: Map, ontology: Ontology, names: Iterable[str]) -> Iterator[tuple[str, str, float]]:

@@ -20,6 +20,7 @@ from somrs.ontology.types import Ontology
 from somrs.space.clearance import FAR, Disc, Field, Grid, clearances
 from somrs.space.leaves import leaf_obstacles
 from somrs.space.lines import point_distance
+from somrs.space.shafts import shafts_of
 from somrs.space.solids import STANDING, Point, Role, Solid, path_length, solid_of
 from somrs.space.wayfinding import FreeGround
 
@@ -62,11 +63,16 @@ class Navigator:
     ) -> None:
         solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
         self.solids = {solid.name: solid for solid in solids if _stands(solid) and solid.z < level + height and solid.top > level + 0.02}
+        shafts = shafts_of(map, ontology)
+        for fact in map.facts("leadsInto"):  # the doors of a lift are open for whoever may use it
+            self.solids.pop(fact.arguments[0], None)
         floors = [solid for solid in solids if solid.role is Role.FLOOR and abs(solid.top - level) < 0.1]
         leaves = [leaf for solid in self.solids.values() for leaf in leaf_obstacles(solid, leaf_positions)]
         passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
-        self.grid = Grid.enclosing(floors or solids, margin=0.5 if floors else 4.0)
-        self._clearance = clearances(self.grid, [*self.solids.values(), *leaves], floors, passages if floors else [])
+        cabins = [part for shaft in shafts for part in shaft.ground(level)]
+        walls = [wall for shaft in shafts for wall in shaft.obstacles(level)]
+        self.grid = Grid.enclosing([*floors, *cabins] if floors else solids, margin=0.5 if floors else 4.0)
+        self._clearance = clearances(self.grid, [*self.solids.values(), *leaves, *walls], floors, [*passages, *cabins] if floors else [])
         self._grounds: dict[tuple[float, tuple[Disc, ...]], FreeGround] = {}
 
     @property

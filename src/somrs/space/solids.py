@@ -40,6 +40,8 @@ class Role(StrEnum):
     ROBOT = "robot"
     CAMERA = "camera"
     """A stationary camera."""
+    LIFT = "lift"
+    """The cabin of a lift: `shafts.py` says what of it is in the way on each storey."""
 
 
 # The first supertype in this order determines the role, so special types come before general types.
@@ -56,6 +58,7 @@ _ROLES = (
     ("Window", Role.WALL),
     ("Support", Role.SUPPORT),
     ("Camera", Role.CAMERA),
+    ("Lift", Role.LIFT),
     ("StationaryDevice", Role.SUPPORT),  # things on which the device works are put on it
     ("Graspable", Role.THING),
     ("MobileRobot", Role.ROBOT),
@@ -240,7 +243,7 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
         payload=number("Payload", math.inf),
         scale=ontology.is_subtype(object.type, "Scale"),
         open=bool(value("Open")),
-        powered=role is Role.DOOR and ontology.driver(object.type) is not None,
+        powered=role is Role.DOOR and (ontology.driver(object.type) is not None or ontology.is_subtype(object.type, "LiftDoor")),
         charger=ontology.is_subtype(object.type, "Charger"),
         container=ontology.is_subtype(object.type, "Cupboard"),
         speed=number("Speed", 0.8),

@@ -131,6 +131,10 @@ class Berths:
             place = self.roadmap.roadmap.places[number]
             if math.dist((place.x, place.y), point) < spacing:
                 yield number
+        nearest, _ = min(used.lanes, key=lambda lane: lane[1])
+        zone = self.roadmap.roadmap.places[nearest].zone
+        if zone is not None:  # it stands in the zone
+            yield from self.roadmap.zones[zone]
 
     def _may_be_near(self, used: UsedBerth) -> list[int]:
         """The slots of berths to which another robot may drive past this one: no lane to a berth is longer than the spacing."""

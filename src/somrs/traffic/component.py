@@ -37,7 +37,7 @@ from somrs.protocol.messages.traffic import (
 )
 from somrs.traffic.berths import Berths
 from somrs.traffic.dispatcher import Dispatcher
-from somrs.traffic.planning.graph import FAR
+from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
@@ -87,6 +87,15 @@ class Traffic:
         """The robot that works where the trip of this one leads; None if there is none."""
         record = self.state.robots.get(robot)
         return self._dispatcher.occupant(robot, record.trip) if record is not None and record.trip is not None else None
+
+    @property
+    def graph(self) -> Graph:
+        """The places and berths, and the lanes that are open."""
+        return self._berths.graph
+
+    def place(self, robot: str) -> int | None:
+        """The number of the last place that the robot holds; None if it takes no part."""
+        return self._schedule.last(robot) if robot in self.state.robots else None
 
     def is_awaited(self, robot: str) -> bool:
         """Whether others wait for places that this robot holds."""

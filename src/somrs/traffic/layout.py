@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from scipy.spatial import cKDTree
 from somrs.ontology.objects import Map, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.space.navigation import SLACK, Navigator
+from somrs.space.shafts import Shaft, shafts_of
 from somrs.space.solids import Point, Role, Solid, solid_of
 from somrs.space.squares import Squares, box_around
 from somrs.traffic.roadmap import Lane, Place, Roadmap
@@ -30,6 +32,10 @@ GAP = 0.06
 """The least distance between two robots on their lanes, in metres: what they keep, and as much again for corners that they cut."""
 MARGIN = 0.03
 """The distance of robots from obstacles, in metres."""
+DOOR_ROOM = 0.1
+"""The distance from its doors that robots keep in a lift, in metres."""
+DOORS = 6.0
+"""The time that a lift takes to shut its doors and open them again, in seconds."""
 SPEED = 0.8
 """The speed that the time for a lane is computed with, in metres per second."""
 SMALLEST = 0.3
@@ -41,22 +47,69 @@ Points = NDArray[np.float64]
 
 
 def lay_out(map: Map, ontology: Ontology, *, radius: float, levels: Sequence[float]) -> Roadmap:
-    """The roadmap for robots of at most this radius in metres, on floors of these heights. Doors count as open."""
+    """The roadmap for robots of at most this radius in metres, on floors of these heights, and on those to which lifts lead from there.
+    Doors count as open."""
     solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
     opened = map.changed([ValueSet(solid.name, "Open", True) for solid in solids if solid.role is Role.DOOR])
     spacing = (2 * radius + GAP) * 2 / math.sqrt(3)
+    shafts = [shaft for shaft in shafts_of(map, ontology) if shaft.landings]
     places: list[Place] = []
     lanes: list[Lane] = []
-    for number, level in enumerate(sorted(set(levels))):
+    stops: dict[str, list[Place]] = {}
+    for number, level in enumerate(_connected(levels, shafts)):
         passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage") and abs(solid.z - level) < 0.5]
+        cabins = [shaft for shaft in shafts if shaft.landing(level) is not None]
         storey = _Storey(Navigator(opened, ontology, level=level), radius + MARGIN, spacing)
-        points, pairs = storey.lay_out(passages)
-        names = [f"P{number}/{index}" for index in range(len(points))]
-        places += [Place(name=name, x=float(x), y=float(y), level=level) for name, (x, y) in zip(names, points, strict=True)]
-        for start, end in pairs:
-            seconds = max(math.dist(points[start], points[end]) / SPEED, 0.05)
-            lanes += [Lane(start=names[a], end=names[b], seconds=seconds) for a, b in ((start, end), (end, start))]
+        points, pairs = storey.lay_out([*((shaft.cabin.x, shaft.cabin.y) for shaft in cabins), *((s.x, s.y) for s in passages)])
+        on_level = [
+            Place(name=f"P{number}/{index}", x=float(x), y=float(y), level=level, zone=_zone((float(x), float(y)), level, radius, cabins))
+            for index, (x, y) in enumerate(points)
+        ]
+        places += on_level
+        for first, second in pairs:
+            seconds = max(math.dist(points[first], points[second]) / SPEED, 0.05)
+            lanes += _both_ways(on_level[first], on_level[second], seconds)
+        for shaft in cabins:
+            inner = [place for place in on_level if place.zone == shaft.name and _can_ride(place, radius, shaft)]
+            if inner:
+                middle = shaft.cabin.x, shaft.cabin.y
+                stops.setdefault(shaft.name, []).append(min(inner, key=lambda place: math.dist((place.x, place.y), middle)))
+    for shaft in shafts:
+        for start, end in combinations(stops.get(shaft.name, ()), 2):
+            lanes += _both_ways(start, end, ride_seconds(shaft.cabin, start.level, end.level))
     return Roadmap(places=tuple(places), lanes=tuple(lanes), spacing=spacing)
+
+
+def ride_seconds(cabin: Solid, start: float, end: float) -> float:
+    """How long a robot in a lift takes from one height to another, with the doors, in seconds."""
+    return DOORS + abs(end - start) / cabin.speed
+
+
+def _connected(levels: Sequence[float], shafts: Sequence[Shaft]) -> list[float]:
+    """The levels, and those to which lifts lead from them."""
+    known = {round(level, 1) for level in levels}
+    while True:
+        heights = [{round(landing.level, 1) for landing in shaft.landings} for shaft in shafts]
+        reached = {height for stops in heights if not known.isdisjoint(stops) for height in stops}
+        if reached <= known:
+            return sorted(known)
+        known |= reached
+
+
+def _zone(point: Point, level: float, radius: float, cabins: Sequence[Shaft]) -> str | None:
+    """The lift in which, or in whose doorway, a robot at this point is."""
+    return next((shaft.name for shaft in cabins if shaft.contains(point) or shaft.room_to_doors(point, level) < radius), None)
+
+
+def _can_ride(place: Place, radius: float, shaft: Shaft) -> bool:
+    """Whether the doors of the lift can shut while a robot is at this place."""
+    point = place.x, place.y
+    return shaft.contains(point) and shaft.room_to_doors(point, place.level) > radius + DOOR_ROOM
+
+
+def _both_ways(start: Place, end: Place, seconds: float) -> Iterator[Lane]:
+    yield Lane(start=start.name, end=end.name, seconds=seconds)
+    yield Lane(start=end.name, end=start.name, seconds=seconds)
 
 
 class _Storey:
@@ -73,19 +126,13 @@ class _Storey:
         self._seen_by = np.full(len(self._cells), -1)
         """By free cell: the number of the first point that sees it."""
 
-    def lay_out(self, passages: Sequence[Solid]) -> tuple[Points, list[tuple[int, int]]]:
-        """The points, and the pairs of them that a straight lane joins."""
-        points = self._spread([*self._in_passages(passages), *self._lattice()])
+    def lay_out(self, middles: Sequence[Point]) -> tuple[Points, list[tuple[int, int]]]:
+        """The points, and the pairs of them that a straight lane joins. `middles`: those of cabins and passages."""
+        points = self._spread([*filter(self._is_free, middles), *self._lattice()])
         points = self._filled(points)
         while len(joints := self._joints(points)):
             points = np.vstack([points, joints])
         return points, self._pairs(points)
-
-    def _in_passages(self, passages: Sequence[Solid]) -> Iterator[Point]:
-        """The middles of passages."""
-        for solid in passages:
-            if self._is_free((solid.x, solid.y)):
-                yield solid.x, solid.y
 
     def _lattice(self) -> Iterator[Point]:
         grid, step = self._grid, self._spacing * (1 + 1e-9)

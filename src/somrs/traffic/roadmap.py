@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import combinations
 
 from msgspec import Struct
 
@@ -15,12 +16,14 @@ from somrs.traffic.planning.graph import Graph
 
 
 class Place(Struct, frozen=True, kw_only=True):
-    """A place, with its coordinates on the map in metres. `level`: the height of its floor."""
+    """A place, with its coordinates on the map in metres. `level`: the height of its floor. `zone`: the lift or area of which
+    it is a part, in which only one robot may be at a time, on whatever floor."""
 
     name: str
     x: float
     y: float
     level: float = 0.0
+    zone: str | None = None
 
 
 class Lane(Struct, frozen=True, kw_only=True):
@@ -32,7 +35,8 @@ class Lane(Struct, frozen=True, kw_only=True):
 
 
 class Roadmap(Struct, frozen=True, kw_only=True):
-    """Places and lanes. Robots at two places touch each other if these are nearer to each other than `spacing`, in metres."""
+    """Places and lanes. Robots at two places touch each other if these are nearer to each other than `spacing`, in metres, and on one
+    floor. A lane between two floors is a ride in a lift."""
 
     places: tuple[Place, ...]
     lanes: tuple[Lane, ...]
@@ -71,6 +75,11 @@ class NumberedRoadmap:
         self.numbers = {name: number for number, name in enumerate(self.names)}
         lanes = ((self.numbers[lane.start], self.numbers[lane.end], lane.seconds) for lane in roadmap.lanes)
         self._squares = Squares[int](roadmap.spacing or 1.0)
+        self.zones: dict[str, list[int]] = {}
+        """The places of each zone."""
+        for number, place in enumerate(roadmap.places):
+            if place.zone is not None:
+                self.zones.setdefault(place.zone, []).append(number)
         self.graph = Graph(len(self.names), lanes, self._conflicts())
 
     def number(self, place: str) -> int:
@@ -85,10 +94,13 @@ class NumberedRoadmap:
         return (number for number in near if self.roadmap.places[number].level == level)
 
     def _conflicts(self) -> Iterator[tuple[int, int]]:
-        """The pairs of places of one level that are too near to each other."""
+        """The pairs of places of one level that are too near to each other, and those of one zone."""
+        for members in self.zones.values():
+            yield from combinations(members, 2)
         for number, place in enumerate(self.roadmap.places):
             for earlier in self.near((place.x, place.y), place.level):
                 near = self.roadmap.places[earlier]
-                if math.dist((near.x, near.y), (place.x, place.y)) < self.roadmap.spacing:
+                is_known = place.zone is not None and near.zone == place.zone
+                if not is_known and math.dist((near.x, near.y), (place.x, place.y)) < self.roadmap.spacing:
                     yield earlier, number
             self._squares.add(number, box_around((place.x, place.y), 0.0))

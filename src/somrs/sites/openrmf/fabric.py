@@ -139,5 +139,5 @@ def _add_lift_door(draft: Draft, level: Level, lift: str, cabin: Box, name: str,
     kind = _LIFT_DOOR_KINDS.get(int(float(data.get("door_type", 0))))
     if kind is not None:
         values["DoorKind"] = kind
-    object = draft.add(draft.fresh(identifier(f"{lift}_{name}_{level.name}")), "Door", values, level.storey)
+    object = draft.add(draft.fresh(identifier(f"{lift}_{name}_{level.name}")), "LiftDoor", values, level.storey)
     draft.relate("leadsInto", object, lift)

@@ -14,11 +14,12 @@ from somrs.ontology.types import Value
 
 
 class DriveTo(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Drive to a point around obstacles; then turn to `yaw`, if given."""
+    """Drive to a point around obstacles; then turn to `yaw`, if given. `z`: the height of its floor; None: the robot's own."""
 
     x: float
     y: float
     yaw: float | None = None
+    z: float | None = None
 
 
 class Approach(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
@@ -148,7 +149,10 @@ class Fault(StrEnum):
 
 
 class RobotState(Struct, frozen=True, kw_only=True):
-    """The state that a robot reports: time, pose, held object, command in progress, faults as far as it can report them, and battery."""
+    """The state that a robot reports: time, pose, held object, command in progress, faults as far as it can report them, and battery.
+
+    `z`: the height of the floor on which it stands; None from a robot that does not know it.
+    """
 
     time: float
     x: float
@@ -157,6 +161,7 @@ class RobotState(Struct, frozen=True, kw_only=True):
     holding: str | None = None
     activity: str | None = field(default=None, name="doing")
     faults: tuple[Fault, ...] = ()
+    z: float | None = None
     charge: float | None = None
     """Charge of its battery, percent; None for a device without one."""
 

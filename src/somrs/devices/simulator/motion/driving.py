@@ -7,11 +7,11 @@ from collections.abc import Collection, Generator
 from functools import partial
 
 from somrs.devices.simulator.motion.road_user import ASTRAY
-from somrs.devices.simulator.motion.robot import BRAKING, GivenUp, Robot, Routine, stand, wait, wrap
+from somrs.devices.simulator.motion.robot import BRAKING, GivenUp, Lift, Robot, Routine, stand, wait, wrap
 from somrs.devices.simulator.motion.traffic import GAP
 from somrs.devices.simulator.world.scene import Scene
 from somrs.ontology.modes import out_of_order
-from somrs.protocol.messages.traffic import TripEnded, TripResult
+from somrs.protocol.messages.traffic import Berth, TripEnded, TripResult
 from somrs.space.clearance import Disc
 from somrs.space.lines import point_distance
 from somrs.space.solids import Point
@@ -26,6 +26,8 @@ MARGIN = 0.03
 """Distance of a planned path from obstacles, beyond the robot's radius, m."""
 SLACK = 0.02
 """How much nearer to something than planned a robot drives before it counts as in the way, m."""
+SAME_FLOOR = 0.5
+"""Difference in height up to which two heights are those of one floor, m."""
 LOOK = 1.0
 """The time after which a robot looks again whether its way is clear, s."""
 NEAR_FLOOR = 0.3
@@ -96,11 +98,33 @@ def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: floa
         yield from turn_to(robot, yaw)
 
 
+def change_storey(robot: Robot, level: float, goal: Point) -> Routine:
+    """Go to the floor of a height, on the way to a point there. Raises GivenUp."""
+    robot.need_drive()
+    while abs(robot.level - level) > SAME_FLOOR or robot.road.zone is not None:
+        road = robot.road
+        robot.fleet.levels.add(level)
+        _enter(robot)
+        place = road.office.landing(robot.name, level, goal)
+        if place is None:
+            raise GivenUp("unreachable", f"no lift that works takes {robot.name} to the floor at {level:.1f} m")
+        yield from _travel_to(robot, place, road.point(place), PATIENCE)
+
+
+def _enter(robot: Robot) -> None:
+    """Take part in traffic. Raises GivenUp."""
+    if not robot.road.enter(robot.pose()[:2], partial(sees, robot)):
+        raise GivenUp("blocked", f"{robot.name} cannot take part in traffic: {robot.road.refusal}")
+
+
 def _travel(robot: Robot, goal: Point, patience: float) -> Routine:
+    _enter(robot)
+    stop = robot.road.stop_at(goal, partial(sees, robot)) if _is_free(robot, goal) else None
+    yield from _travel_to(robot, stop, goal, patience)
+
+
+def _travel_to(robot: Robot, stop: Berth | str | None, goal: Point, patience: float) -> Routine:
     road = robot.road
-    if not road.enter(robot.pose()[:2], partial(sees, robot)):
-        raise GivenUp("blocked", f"{robot.name} cannot take part in traffic: {road.refusal}")
-    stop = road.stop_at(goal, partial(sees, robot)) if _is_free(robot, goal) else None
     refusal = road.begin(stop) if stop is not None else "something stands there, or no place of the roadmap is in sight"
     if refusal is not None:
         raise GivenUp("unreachable", f"{robot.name} finds no path to ({goal[0]:.2f}, {goal[1]:.2f}): {refusal}")
@@ -148,12 +172,19 @@ def _check_arrival(robot: Robot, goal: Point, ended: TripEnded) -> None:
 
 
 def drive_on(robot: Robot) -> Generator[None, None, bool]:
-    """Drive as far as places are granted. Returns whether the robot has come to one."""
+    """Drive as far as places are granted, or to the end of the trip. Returns whether the robot has come to a place."""
     road, has_moved = robot.road, False
-    here = robot.pose()[:2]
-    while robot.road is road:
+    here, travels = robot.pose()[:2], robot.road.is_travelling
+    while robot.road is road and road.is_travelling == travels:
         following = road.next_place
         if following is None:
+            return has_moved
+        if road.next_level != road.level:
+            yield from _ride(robot)
+            has_moved = True
+            continue
+        lift = _lift_to_pass(robot)
+        if lift is not None and not (yield from _wait_for(robot, lift)):
             return has_moved
         if not (road.is_on_its_way or sees(robot, here, following, SLACK)):
             road.give_back(here, partial(sees, robot))
@@ -163,8 +194,45 @@ def drive_on(robot: Robot) -> Generator[None, None, bool]:
         assert target is not None, "it was granted"
         yield from _drive_lane(robot, here, target)
         road.arrive()
+        if lift is not None and road.zone is None:
+            lift.release(robot.name)
         here, has_moved = target, True
     return has_moved
+
+
+def _lift_to_pass(robot: Robot) -> Lift | None:
+    """The lift through whose door the robot drives to the next place; None if it stays inside or outside."""
+    zone, next_zone = robot.road.zone, robot.road.next_zone
+    return robot.fleet.lifts.get(zone or next_zone or "") if zone != next_zone else None
+
+
+def _wait_for(robot: Robot, lift: Lift) -> Generator[None, None, bool]:
+    """Wait until the robot can drive into the lift, or out of it. Returns False if the lift does not work: then the robot gives its way
+    back, if it is outside."""
+    road = robot.road
+    while not lift.call(robot.name, road.level):
+        robot.need_drive()
+        if not lift.works and road.zone is None and not road.is_on_its_way:
+            lift.release(robot.name)
+            road.give_back(robot.pose()[:2], partial(sees, robot))
+            yield from wait(robot, LOOK)
+            return False
+        yield
+        if robot.road is not road or road.next_place is None:
+            return False
+    return True
+
+
+def _ride(robot: Robot) -> Routine:
+    """Let the lift take the robot to the next place, which is on another floor."""
+    road, level = robot.road, robot.road.next_level
+    lift = robot.fleet.lifts[road.zone or road.next_zone or ""]
+    road.depart()
+    while not lift.call(robot.name, level):
+        if robot.road is not road:
+            return
+        yield
+    road.arrive()
 
 
 def _drive_lane(robot: Robot, start: Point, end: Point) -> Routine:

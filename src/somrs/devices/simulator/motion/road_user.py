@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Protocol
 
 from somrs.protocol.messages.bodies import Body
@@ -14,7 +14,7 @@ from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.traffic import Berth, Granted, Mobility, TrafficEntered, TripEnded
 from somrs.space.solids import Point
 from somrs.traffic.participant import Participant
-from somrs.traffic.roadmap import NumberedRoadmap
+from somrs.traffic.roadmap import NumberedRoadmap, Place
 
 LEASE = 10.0
 """The lease of a robot's places, in simulated seconds."""
@@ -47,13 +47,23 @@ class Office(Protocol):
     def is_awaited(self, robot: str) -> bool:
         """Whether others wait for places that this robot holds."""
 
+    @property
+    def levels(self) -> Collection[float]:
+        """The heights of the floors."""
+
+    def landing(self, robot: str, level: float, goal: Point) -> str | None:
+        """A place on the floor of a height, clear of the lift, to which the robot comes on its way to a point there; None if no way leads
+        there."""
+
 
 class RoadUser:
     """A robot's part in traffic. `radius`: of the robot, m; `level`: the height of its floor, m."""
 
     def __init__(self, robot: str, radius: float, level: float, office: Office) -> None:
         self.robot, self.office = robot, office
-        self._radius, self._level = radius, level
+        self.level = level
+        """The height of its floor, as the roadmap has it, m."""
+        self._radius = radius
         self._participant: Participant | None = None
         self._berths: dict[str, Berth] = {}
         self._count = 0
@@ -116,7 +126,7 @@ class RoadUser:
         """The place at a position, or a berth there; None if no place is in sight."""
         near = [
             (math.dist((place.x, place.y), position), place.name)
-            for place in (self.office.roadmap.roadmap.places[number] for number in self.office.roadmap.near(position, self._level))
+            for place in (self.office.roadmap.roadmap.places[number] for number in self.office.roadmap.near(position, self.level))
         ]
         distance, nearest = min(near, default=(math.inf, ""))
         if distance <= AT_PLACE:
@@ -182,10 +192,28 @@ class RoadUser:
     @property
     def next_place(self) -> Point | None:
         """The point of the next place that was granted, before the robot departs to it."""
+        return self.point(self._next) if self._next is not None else None
+
+    @property
+    def _next(self) -> str | None:
         if self._participant is None:
             return None
-        place = self._participant.towards or next(iter(self._participant.way), None)
-        return self.point(place) if place is not None else None
+        return self._participant.towards or next(iter(self._participant.way), None)
+
+    @property
+    def zone(self) -> str | None:
+        """The zone in which the robot is, such as a lift."""
+        return self._zone_of(self._participant.place) if self._participant is not None else None
+
+    @property
+    def next_zone(self) -> str | None:
+        """The zone of the next place."""
+        return self._zone_of(self._next) if self._next is not None else None
+
+    @property
+    def next_level(self) -> float:
+        """The height of the floor of the next place, m."""
+        return self._level_of(self._next) if self._next is not None else self.level
 
     @property
     def is_on_its_way(self) -> bool:
@@ -209,6 +237,7 @@ class RoadUser:
         """The robot has come to the next place."""
         assert self._participant is not None, "only who takes part is granted places"
         self._participant.arrive()
+        self.level = self._level_of(self._participant.place)
         self.report()
 
     def report(self) -> None:
@@ -233,5 +262,14 @@ class RoadUser:
         return self._points_of(place)
 
     def _points_of(self, place: str) -> Point:
-        known = self.office.roadmap.roadmap.places[self.office.roadmap.numbers[place]]
+        known = self._known(place)
         return known.x, known.y
+
+    def _known(self, place: str) -> Place:
+        return self.office.roadmap.roadmap.places[self.office.roadmap.numbers[place]]
+
+    def _zone_of(self, place: str) -> str | None:
+        return None if place in self._berths else self._known(place).zone
+
+    def _level_of(self, place: str) -> float:
+        return self.level if place in self._berths else self._known(place).level

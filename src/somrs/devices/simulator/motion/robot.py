@@ -7,7 +7,8 @@ Routines are generators that yield once per control period: those for driving ar
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
+from typing import Protocol
 
 from somrs.devices.simulator.battery import PER_ARM_SECOND, PER_METRE, PER_RADIAN, Battery
 from somrs.devices.simulator.link.commands import Fault, RobotState
@@ -61,10 +62,13 @@ def nearest_half_turn(angle: float) -> float:
 
 
 class Robot:
-    """A robot in the scene. `fleet`: all robots by name, including this robot."""
+    """A robot in the scene. `fleet`: all robots by name, including this robot. `navigator`: that of the floor of a height."""
 
-    def __init__(self, solid: Solid, scene: Scene, navigator: Navigator, fleet: Fleet, road: RoadUser) -> None:
-        self.solid, self.scene, self.navigator, self.fleet, self.road = solid, scene, navigator, fleet, road
+    def __init__(self, solid: Solid, scene: Scene, navigator: Callable[[float], Navigator], fleet: Fleet, road: RoadUser) -> None:
+        self.solid, self.scene, self.fleet, self.road = solid, scene, fleet, road
+        self._navigator_at = navigator
+        self.level = solid.z
+        """The height of the floor on which it stands or, in a lift, to which it is taken, m."""
         self.name = solid.name
         self.size: Dimensions = dimensions_of(solid)
         self.faults: set[Fault] = set()
@@ -80,6 +84,11 @@ class Robot:
         self.speed, self._turning, self.heading = 0.0, 0.0, (1.0, 0.0)
         self._moved = False
         self._targets: dict[str, float] = {joint: self.joints[joint] for joint in RATES} if self.size.gripper else {}
+
+    @property
+    def navigator(self) -> Navigator:
+        """Plans its paths on its floor."""
+        return self._navigator_at(self.level)
 
     @property
     def period(self) -> float:
@@ -116,7 +125,15 @@ class Robot:
         faults = tuple(sorted(self.faults))
         self.battery.pass_time(self.scene.time)  # no period has ended while everything rested
         return RobotState(
-            time=self.scene.time, x=x, y=y, yaw=yaw, holding=self.holding, activity=self.activity, faults=faults, charge=self.battery.charge
+            time=self.scene.time,
+            x=x,
+            y=y,
+            yaw=yaw,
+            z=self.solid.z,
+            holding=self.holding,
+            activity=self.activity,
+            faults=faults,
+            charge=self.battery.charge,
         )
 
     # The base
@@ -260,15 +277,32 @@ class Robot:
         return self.size.gripper and self.joints["reach"] > self.size.drawn_in + 0.02
 
 
+class Lift(Protocol):
+    """A lift, as robots use it."""
+
+    @property
+    def works(self) -> bool:
+        """Whether it can take anybody."""
+
+    def call(self, robot: str, level: float) -> bool:
+        """Let a robot have the lift, and send the cabin to a floor. Returns whether the robot can enter or leave it there now."""
+
+    def release(self, robot: str) -> None:
+        """The robot needs the lift no more."""
+
+
 class Fleet(dict[str, Robot]):
     """All robots by name, and which of them are near each other.
 
-    `sweeps`: the space through which a door moves, by the robot that opens or closes it.
+    `sweeps`: the space through which a door moves, by the robot that opens or closes it. `lifts`: by name.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.sweeps: dict[str, Capsule] = {}
+        self.lifts: dict[str, Lift] = {}
+        self.levels: set[float] = set()
+        """The heights of the floors on which robots are, or to which they are on their way, as the roadmap has them."""
         self._squares = Squares[Robot](CELL)
         self._reach = 0.0
         """How far a claim of a robot can be from the middle of its base, m."""

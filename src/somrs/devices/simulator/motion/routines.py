@@ -23,7 +23,7 @@ from somrs.devices.simulator.link.commands import (
     Weigh,
 )
 from somrs.devices.simulator.motion.arm import let_go, withdraw
-from somrs.devices.simulator.motion.driving import drive_to
+from somrs.devices.simulator.motion.driving import SAME_FLOOR, change_storey, drive_to
 from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, put_into, set_down, spots_on, top_of, weigh
 from somrs.devices.simulator.motion.leaves import move_leaves
 from somrs.devices.simulator.motion.placement import outline_spots
@@ -36,7 +36,46 @@ from somrs.space.solids import CARRYING, Role, Solid
 
 
 def make_routine(command: Command, robot: Robot, scene: Scene, observations: dict[str, ObjectState]) -> Routine:
-    """Make the routine for a command. Commands that search add what they see to `observations`. Raises UsageError."""
+    """Make the routine for a command: it goes to the storey of what the command concerns, and carries the command out there.
+
+    Commands that search add what they see to `observations`. Raises UsageError.
+    """
+    routine = _make_routine(command, robot, scene, observations)
+    goal = _goal(command, scene)
+    return _on_storey(robot, goal, routine) if goal is not None else routine
+
+
+def _goal(command: Command, scene: Scene) -> tuple[float, float, float] | None:
+    """The point near which the robot has to be for a command; None if it does not matter, or is not known."""
+    match command:
+        case DriveTo(x=x, y=y, z=float() as z) | LookAt(x=x, y=y, z=z):
+            return x, y, z
+        case Approach(object=name) | Grip(object=name) | Weigh(object=name) | Open(object=name) | Close(object=name):
+            return _foot(scene, name)
+        case Place(support=name) | Insert(container=name):
+            return _foot(scene, name)
+    return None
+
+
+def _foot(scene: Scene, name: str) -> tuple[float, float, float] | None:
+    """The middle of an object's underside, or of a floor's top."""
+    if name not in scene.world.solids:
+        return None
+    solid, (x, y, z, _) = scene.world.solids[name], scene.pose(name)
+    return x, y, solid.top if solid.role is Role.FLOOR else z
+
+
+def _on_storey(robot: Robot, goal: tuple[float, float, float], routine: Routine) -> Routine:
+    """Go to the storey of a point first, if lifts lead to other ones."""
+    levels = [level for level in robot.road.office.levels if level <= goal[2] + SAME_FLOOR]
+    level = max(levels, default=robot.level)
+    if abs(level - robot.level) > SAME_FLOOR:
+        yield from withdraw(robot)
+        yield from change_storey(robot, level, goal[:2])
+    yield from routine
+
+
+def _make_routine(command: Command, robot: Robot, scene: Scene, observations: dict[str, ObjectState]) -> Routine:
     match command:
         case DriveTo(x=x, y=y, yaw=yaw):
             return _drive(robot, x, y, yaw)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 from somrs.devices.simulator.link.commands import Fault
@@ -15,6 +16,7 @@ from somrs.ontology.types import Ontology
 from somrs.protocol.messages.traffic import LeaveTraffic, Mobility
 from somrs.space.clearance import Disc
 from somrs.space.dimensions import dimensions_of
+from somrs.space.navigation import Navigator
 from somrs.space.solids import Solid
 from somrs.traffic.layout import lay_out
 from somrs.traffic.roadmap import Roadmap
@@ -30,14 +32,16 @@ class SimulatedTraffic:
     because something was built, removed, or added that needs more room.
     """
 
-    def __init__(self, scene: Scene, robots: Fleet) -> None:
-        self._scene, self._robots = scene, robots
+    def __init__(self, scene: Scene, robots: Fleet, navigator: Callable[[float], Navigator]) -> None:
+        self._scene, self._robots, self._navigator = scene, robots, navigator
         self.office = TrafficOffice(Roadmap(places=(), lanes=()), 0.0)
         self.changed, self.outdated = True, False
         self._looked_at = self._joined_at = 0.0
         self._standing: dict[float, list[Disc]] = {}
         self._hold = ""
         self._out_of_order: tuple[str, ...] = ()
+        self._shut: tuple[str, ...] = ()
+        """The doors and lifts that are out of order, or do not work."""
 
     @property
     def is_planning(self) -> bool:
@@ -46,13 +50,13 @@ class SimulatedTraffic:
 
     def user(self, solid: Solid) -> RoadUser:
         """The part in traffic of a robot that is added. It enters with the next `advance`."""
-        user = RoadUser(solid.name, dimensions_of(solid).radius, _level(solid), self.office)
+        user = RoadUser(solid.name, dimensions_of(solid).radius, round(solid.z, 1), self.office)
         self.office.join(user)
         return user
 
     def join(self, robot: Robot) -> None:
         """A robot was added. The roadmap may have no room for it."""
-        self.outdated |= not self.office.serves(robot.size.radius, _level(robot.solid))
+        self.outdated |= not self.office.serves(robot.size.radius, _level(robot))
         self._join()
 
     def leave(self, robot: str) -> None:
@@ -69,12 +73,12 @@ class SimulatedTraffic:
         """Make the roadmap, and let all robots enter."""
         solids = [robot.solid for robot in self._robots.values()]
         radius = max((dimensions_of(solid).radius for solid in solids), default=0.3)
-        levels = {_level(solid) for solid in solids}
-        roadmap = lay_out(map, ontology, radius=radius, levels=sorted(levels))
+        roadmap = lay_out(map, ontology, radius=radius, levels=[solid.z for solid in solids])
         self.office = TrafficOffice(roadmap, radius)
         self.office.hold(self._hold)
         for robot in self._robots.values():
             robot.road = self.user(robot.solid)
+            robot.road.level = _level(robot)
         self.changed, self.outdated = True, False
         self._join()
         self._close()
@@ -104,7 +108,9 @@ class SimulatedTraffic:
         """Say whether a robot can make room, unless it is silent."""
         if _is_silent(robot):
             return
-        if mobility is Mobility.IMMOBILE and robot.road.mobility is not mobility and robot.stands:
+        is_riding = robot.road.next_level != robot.road.level and robot.road.is_on_its_way
+        if mobility is Mobility.IMMOBILE and robot.road.mobility is not mobility and robot.stands and not is_riding:
+            robot.road.level = _level(robot)
             robot.road.stay(robot.pose()[:2], partial(sees, robot))
         elif mobility is not Mobility.IMMOBILE:
             robot.road.set_mobility(mobility)
@@ -114,29 +120,31 @@ class SimulatedTraffic:
         self._joined_at = self._scene.time
         for robot in self._robots.values():
             if not robot.road.takes_part and not _is_silent(robot):
+                robot.road.level = _level(robot)
                 robot.road.enter(robot.pose()[:2], partial(sees, robot))
 
     def _close(self) -> None:
         """Close what is blocked by things on the floor, doors, and robots that do not take part."""
         self._looked_at = self._scene.time
-        levels = {_level(robot.solid): robot for robot in self._robots.values()}
-        standing = {level: things_on_floor(self._scene, robot.solid.z) for level, robot in levels.items()}
+        self._robots.levels |= {_level(robot) for robot in self._robots.values()}
+        standing = {level: things_on_floor(self._scene, level) for level in self._robots.levels}
         for robot in self._robots.values():
             if not robot.road.takes_part:
                 x, y, _ = robot.pose()
-                standing[_level(robot.solid)].append(Disc(x, y, robot.size.radius))
+                standing[_level(robot)].append(Disc(x, y, robot.size.radius))
         rounded = {level: [Disc(round(disc.x, 2), round(disc.y, 2), disc.radius) for disc in discs] for level, discs in standing.items()}
-        if self.changed or rounded != self._standing:
-            self.changed, self._standing = False, rounded
+        shut = tuple(sorted({*self._out_of_order, *(name for name, lift in self._robots.lifts.items() if not lift.works)}))
+        if self.changed or (rounded, shut) != (self._standing, self._shut):
+            self.changed, self._standing, self._shut = False, rounded, shut
             solids = self._scene.world.solids
-            doors = [solids[name] for name in self._out_of_order if name in solids]
-            self.office.close({level: robot.navigator for level, robot in levels.items()}, rounded, doors)
+            navigators = {level: self._navigator(level) for level in self._robots.levels}
+            self.office.close(navigators, rounded, [solids[name] for name in shut if name in solids])
 
 
 def _is_silent(robot: Robot) -> bool:
     return bool(robot.faults & {Fault.SILENT, Fault.LINK})
 
 
-def _level(solid: Solid) -> float:
+def _level(robot: Robot) -> float:
     """The height of a robot's floor, as the roadmap has it."""
-    return round(solid.z, 1)
+    return round(robot.level, 1)

@@ -14,6 +14,7 @@ from typing import Any
 from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, ObjectState, RobotState, Sense, Status
 from somrs.devices.simulator.motion.door_drive import DoorDrive
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
+from somrs.devices.simulator.motion.lift_drive import LiftDrive
 from somrs.devices.simulator.motion.robot import Fleet, Robot
 from somrs.devices.simulator.server.navigators import Navigators
 from somrs.devices.simulator.server.robot_work import RobotWork
@@ -29,6 +30,7 @@ from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved, Valu
 from somrs.ontology.types import Ontology
 from somrs.space.leaves import Leaf
 from somrs.space.navigation import Navigator
+from somrs.space.shafts import shafts_of
 from somrs.space.solids import Role, Solid, role_of, solid_of
 
 Linked = Robot | StationaryDevice
@@ -50,7 +52,7 @@ class Simulation:
         self.linked: Mapping[str, Linked] = ChainMap[str, Any](self.stationary, self.robots)
         """Everything with a robot link."""
         self._work = RobotWork(self.scene, self.robots)
-        self._traffic = SimulatedTraffic(self.scene, self.robots)
+        self._traffic = SimulatedTraffic(self.scene, self.robots, self._navigator_at)
         self.out_of_order: frozenset[str] = frozenset()
         """The doors that no robot uses."""
         self._pulled: set[str] = set()
@@ -71,12 +73,17 @@ class Simulation:
     @property
     def busy(self) -> bool:
         """Whether anything moves, or work is pending."""
-        working = self._work.busy or any(drive.busy for drive in self._drives if drive.solid.name not in self._paused)
+        drives: list[DoorDrive | LiftDrive] = [*self._drives, *self._lifts]
+        working = self._work.busy or any(drive.busy for drive in drives if drive.solid.name not in self._paused)
         return working or self._traffic.is_planning or not self._at_rest()
 
     @property
     def _drives(self) -> list[DoorDrive]:
         return [device for device in self.stationary.values() if isinstance(device, DoorDrive)]
+
+    @property
+    def _lifts(self) -> list[LiftDrive]:
+        return [device for device in self.stationary.values() if isinstance(device, LiftDrive)]
 
     def _at_rest(self) -> bool:
         held = set(self.scene.hands.held.values())
@@ -106,6 +113,9 @@ class Simulation:
         for drive in self._drives:
             if drive.solid.name not in self._paused and drive.step():
                 self._note_leaves(drive.solid.name)
+        for lift in self._lifts:
+            if lift.name not in self._paused:
+                lift.step()
         self._shut_doors()
         pulled = set(self.scene.hands.pulled.values())
         for owner in {leaf.split("/")[0] for leaf in self._pulled - pulled}:
@@ -167,6 +177,8 @@ class Simulation:
         if isinstance(device, DoorDrive):
             device.fault(fault)
             self._note_leaves(robot)
+        if isinstance(device, LiftDrive):
+            device.fault(fault)
         if isinstance(device, Robot):
             self._work.fault(device, fault)
 
@@ -207,6 +219,7 @@ class Simulation:
         if self.robots.pop(name, None) is not None:
             self._traffic.leave(name)
         self.stationary.pop(name, None)
+        self.robots.lifts.pop(name, None)
         self._to_shut.pop(name, None)
         if solid is not None:
             self.scene.remove(name)
@@ -320,25 +333,29 @@ class Simulation:
     def _add_linked(self, solid: Solid) -> None:
         if solid.role is Role.CAMERA:
             self.stationary[solid.name] = StationaryCamera(solid, self.scene)
-        elif solid.powered:
+        elif solid.powered and self._ontology.driver(solid.type) is not None:
             self.stationary[solid.name] = DoorDrive(solid, self.scene, self.robots)
         elif solid.scale:
             self.stationary[solid.name] = WeighingScale(solid, self.scene)
         elif solid.role is Role.ROBOT:
-            navigator, road = self._navigators.navigator(solid.z), self._traffic.user(solid)
-            self.robots[solid.name] = Robot(solid, self.scene, navigator, self.robots, road)
+            self.robots[solid.name] = Robot(solid, self.scene, self._navigator_at, self.robots, self._traffic.user(solid))
+        elif solid.role is Role.LIFT:
+            shaft = next(shaft for shaft in shafts_of(self._map, self._ontology) if shaft.name == solid.name)
+            self.stationary[solid.name] = self.robots.lifts[solid.name] = LiftDrive(solid, self.scene, self.robots, shaft)
 
     def navigator_of(self, robot: Robot, doors: Mapping[str, bool]) -> Navigator:
         """Plans the robot's paths as if these doors were open (True) or shut."""
         solids = self.scene.world.solids
         changed = frozenset((door, is_open) for door, is_open in doors.items() if solids[door].open != is_open)
-        return self._navigators.navigator(robot.solid.z, changed)
+        return self._navigators.navigator(robot.level, changed)
 
     def _renew_navigators(self) -> None:
         self._navigators = self._new_navigators()
         self._traffic.changed = True
-        for robot in self.robots.values():
-            robot.navigator = self._navigators.navigator(robot.solid.z)
+
+    def _navigator_at(self, level: float) -> Navigator:
+        """Plans the paths on the floor of a height."""
+        return self._navigators.navigator(level)
 
     def _new_navigators(self) -> Navigators:
         return Navigators(self._map, self._ontology, self.scene.world.positions)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from itertools import count
 from random import Random
 
 import numpy as np
 
-from somrs.devices.simulator.motion.driving import MARGIN
+from somrs.devices.simulator.motion.driving import MARGIN, SAME_FLOOR
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.kernel.component import Answered, Ask, Input, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
@@ -17,16 +17,19 @@ from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.traffic import ClosedLane, ClosedPassage, CloseWays, HoldTraffic
 from somrs.space.clearance import Disc
 from somrs.space.navigation import SLACK, Navigator
-from somrs.space.solids import Point, Solid
+from somrs.space.solids import Point, Role, Solid
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import SAMPLES
 from somrs.traffic.planner import TrafficPlanner
-from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
+from somrs.traffic.planning.graph import FAR
+from somrs.traffic.roadmap import Lane, NumberedRoadmap, Roadmap
 from somrs.traffic.state import PlanTraffic
 
 ADDRESS = "traffic"
-SAME_FLOOR = 0.5
-"""Difference in height up to which a door is one of a floor, m."""
+CLEAR_OF_LIFT = 5
+"""How many places away from a lift a robot ends the trip that takes it to another floor."""
+NEAREST = 20
+"""How many places near a goal on another floor are tried."""
 RENEWAL = 3.0
 """The time after which robots renew their leases, in simulated seconds."""
 
@@ -81,6 +84,29 @@ class TrafficOffice:
         """Whether others wait for places that this robot holds."""
         return self.component.is_awaited(robot)
 
+    @property
+    def levels(self) -> Collection[float]:
+        """The heights of the floors."""
+        return self._ends.keys()
+
+    def landing(self, robot: str, level: float, goal: Point) -> str | None:
+        """A place on the floor of a height, clear of the lift, to which the robot comes on its way to a point there; None if no way leads
+        there."""
+        graph, places, held = self.component.graph, self.roadmap.roadmap.places, self.component.place(robot)
+        if held is None:
+            return None
+        on_level = (number for number, place in enumerate(places) if abs(place.level - level) < SAME_FLOOR and place.zone is None)
+        for number in sorted(on_level, key=lambda number: math.dist((places[number].x, places[number].y), goal))[:NEAREST]:
+            distances = graph.distances(number)
+            if distances[held] == FAR:
+                continue
+            here, steps = held, 0
+            while here != number and steps < CLEAR_OF_LIFT:
+                here = min(graph.options(here, robot), key=lambda end: graph.length(here, end) + distances[end])
+                steps += here < len(places) and abs(places[here].level - level) < SAME_FLOOR and places[here].zone is None
+            return places[here].name
+        return None
+
     def advance(self, now: float, silent: Callable[[str], bool]) -> None:
         """Let time pass: timers fire, plans come in, and leases are renewed, but not by robots that are `silent`."""
         self._now = now
@@ -129,7 +155,7 @@ class TrafficOffice:
 
     def close(self, navigators: Mapping[float, Navigator], things: Mapping[float, list[Disc]], out_of_order: Sequence[Solid] = ()) -> None:
         """Close the places and lanes where something stands: by level, what the navigator knows, and things on the floor; and those in
-        doors that are out of order."""
+        doors and lifts that are out of order."""
         places, need = self.roadmap.roadmap.places, self._radius + MARGIN - 1.2 * SLACK
         closed_places: list[str] = []
         closed_lanes: list[ClosedLane] = []
@@ -146,13 +172,27 @@ class TrafficOffice:
                 least = np.minimum(least, _room(navigator, discs, starts * (1 - share) + ends * share))
             shut = lanes[(least < need) & ~blocked[lanes[:, 0]] & ~blocked[lanes[:, 1]]]
             closed_lanes += (ClosedLane(start=places[numbers[a]].name, end=places[numbers[b]].name) for a, b in shut)
-        passages = tuple(self._closed_passage(door, need) for door in out_of_order)
+        passages = tuple(self._closed_passage(passage, need) for passage in out_of_order)
         closing = CloseWays(places=tuple(closed_places), lanes=tuple(closed_lanes), passages=passages)
         if closing != self._closed:
             self._closed = closing
             self.tell("map", closing)
 
-    def _closed_passage(self, door: Solid, need: float) -> ClosedPassage:
+    def _closed_passage(self, passage: Solid, need: float) -> ClosedPassage:
+        """The places and lanes at which a robot would be in a door; or the lanes by which it would come into a lift, or ride in it."""
+        if passage.role is Role.LIFT:
+            lanes = (
+                ClosedLane(start=lane.start, end=lane.end) for lane in self.roadmap.roadmap.lanes if self._leads_into(passage.name, lane)
+            )
+            return ClosedPassage(name=passage.name, places=(), lanes=tuple(lanes))
+        return self._closed_door(passage, need)
+
+    def _leads_into(self, zone: str, lane: Lane) -> bool:
+        places, numbers = self.roadmap.roadmap.places, self.roadmap.numbers
+        start, end = places[numbers[lane.start]], places[numbers[lane.end]]
+        return end.zone == zone and (start.zone != zone or start.level != end.level)
+
+    def _closed_door(self, door: Solid, need: float) -> ClosedPassage:
         """The places and lanes at which a robot would be in a door."""
         roadmap, graph = self.roadmap.roadmap, self.roadmap.graph
         reach = max(door.width, door.depth) + need + roadmap.spacing

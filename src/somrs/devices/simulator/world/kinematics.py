@@ -296,6 +296,13 @@ class KinematicScene(Scene):
             self._movable = edition, self._changes, prisms
         return prisms
 
+    def raise_object(self, name: str, z: float) -> Solid:
+        solid = self.world.raise_object(name, z)
+        if solid.role is Role.ROBOT:
+            self.hands.follow(name)
+        self._changes += 1
+        return solid
+
     # For displays
 
     def row_reader(self, arms: Sequence[str], bases: Sequence[str], leaves: Sequence[Leaf]) -> Callable[[], Array]:

@@ -88,6 +88,11 @@ class Layout:
         """Set the weight of a thing, kg."""
         self.solids[thing] = replace(self.solids[thing], weight=weight)
 
+    def raise_object(self, name: str, z: float) -> Solid:
+        """Set the height of an object. Returns it as it is then."""
+        self.solids[name] = solid = replace(self.solids[name], z=z)
+        return solid
+
     def remove(self, name: str) -> Solid:
         """Remove an object, and return it."""
         solid = self.solids.pop(name)

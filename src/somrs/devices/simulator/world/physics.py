@@ -251,13 +251,22 @@ class PhysicsScene(Scene):
             origin, remaining = origin + vector / length * (distance + 1e-4), remaining - distance - 1e-4
         return False
 
+    def raise_object(self, name: str, z: float) -> Solid:
+        way = z - self.world.solids[name].z
+        solid = self.world.raise_object(name, z)
+        self.model.body(name).pos[2] = z
+        held = self.hands.held.get(name)
+        if held is not None:
+            self._position[int(self.model.jnt_qposadr[self.model.body(self._things[held]).jntadr[0]]) + 2] += way
+        self._disturb()
+        return solid
+
     # For displays
 
     def row_reader(self, arms: Sequence[str], bases: Sequence[str], leaves: Sequence[Leaf]) -> Callable[[], Array]:
         robots, model, data = [*arms, *bases], self.model, self.data
         base_addresses = np.array([self._addresses(robot, BASE_JOINTS) for robot in robots], dtype=int).reshape(-1, 3)
         origins = np.array([model.body(robot).pos[:2] for robot in robots]).reshape(-1, 2)
-        levels = np.array([self.world.solids[robot].z for robot in robots])
         arm_addresses = np.array([self._addresses(robot, ARM_SEEN) for robot in arms], dtype=int).reshape(-1, len(ARM_SEEN))
         leaf_addresses = np.array([self._leaves[leaf.name] for leaf in leaves], dtype=int)
         travels = np.array([leaf.travel for leaf in leaves])
@@ -268,7 +277,7 @@ class PhysicsScene(Scene):
             base = position[base_addresses]
             poses = np.empty((len(base), 4))
             poses[:, :2] = base[:, :2] + origins
-            poses[:, 2] = levels
+            poses[:, 2] = [self.world.solids[robot].z for robot in robots]
             poses[:, 3] = np.remainder(base[:, 2] + math.pi, math.tau) - math.pi
             armed = np.concatenate([poses[: len(arms)], position[arm_addresses]], axis=1)
             placed = np.concatenate([data.xpos[things], _angles(data.xquat[things])], axis=1)
@@ -282,7 +291,10 @@ class PhysicsScene(Scene):
 
     def show(self, scene: Scene) -> None:
         """Take the poses of another scene of the same objects, to draw them."""
+        for lift in self.world.by_role(Role.LIFT):
+            self.raise_object(lift.name, scene.world.solids[lift.name].z)
         for name, joints in self.joints.items():
+            self.raise_object(name, scene.world.solids[name].z)
             solid, shown = self.world.solids[name], scene.joints[name]
             x, y, yaw = shown.pose()
             joints.start("x", x - solid.x)

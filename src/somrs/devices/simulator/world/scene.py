@@ -157,6 +157,10 @@ class Scene(ABC):
     def is_unobstructed(self, start: Place, end: Place, ignored: Iterable[str]) -> bool:
         """Whether no solid except the ignored objects is between two points."""
 
+    @abstractmethod
+    def raise_object(self, name: str, z: float) -> Solid:
+        """Move a robot, with what it holds, or the cabin of a lift to another height. Returns the object as it is then."""
+
     # For displays
 
     @abstractmethod

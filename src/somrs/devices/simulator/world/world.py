@@ -48,6 +48,12 @@ class World(Layout):
             if geom.contype:  # the parts that are only drawn weigh nothing
                 geom.mass = max(weight, LIGHTEST)
 
+    def raise_object(self, name: str, z: float) -> Solid:
+        solid = super().raise_object(name, z)
+        body = self.spec.body(name)
+        body.pos = [body.pos[0], body.pos[1], z]
+        return solid
+
     def remove(self, name: str) -> Solid:
         solid = super().remove(name)
         if solid.role is Role.ROBOT or solid.powered:
@@ -88,7 +94,7 @@ class World(Layout):
                 body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=centre, group=3, friction=[0.9, 0.01, 0.001], **bits)
             return
         if (
-            solid.role in (Role.MARK, Role.PART)
+            solid.role in (Role.MARK, Role.PART, Role.LIFT)
             or (solid.role is Role.DOOR and (leaves or solid.open))
             or (solid.form == "Polygon" and solid.role is not Role.FLOOR)
         ):

@@ -1,0 +1,136 @@
+"""The drive of a lift: it takes its cabin from storey to storey, with the robots that are in it, and moves its doors.
+
+One robot has the lift at a time: the one to which traffic has granted the cabin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, Status, Stop
+from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
+from somrs.devices.simulator.motion.robot import Robot
+from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
+from somrs.space.leaves import Leaf
+from somrs.space.shafts import Shaft
+from somrs.space.solids import Solid
+
+DOOR_SPEED = 0.6
+"""Speed of the leaf of a door, m/s."""
+LEVEL = 0.001
+"""Difference in height up to which the cabin is at a floor, m."""
+
+
+class LiftDrive(StationaryDevice):
+    """The drive of one lift. `robots`: all robots. The caller calls `step` once per control period."""
+
+    refusal = "is a lift: it accepts Stop and Status"
+
+    def __init__(self, solid: Solid, scene: Scene, robots: Mapping[str, Robot], shaft: Shaft) -> None:
+        super().__init__(solid, scene)
+        self.shaft = shaft
+        self._robots = robots
+        self._holder: str | None = None
+        self._goal = self._nearest_level()
+
+    @property
+    def works(self) -> bool:
+        """Whether it can take anybody."""
+        return not self.faults
+
+    @property
+    def busy(self) -> bool:
+        """Whether its cabin or one of its doors has to move."""
+        return self.works and not (self._is_level() and all(self._is_at_goal(leaf, level) for leaf, level in self._leaves()))
+
+    def call(self, robot: str, level: float) -> bool:
+        """Let a robot have the lift, and send the cabin to a floor. Returns whether the robot can enter or leave it there now."""
+        if self._holder != robot:
+            holder = self._robots.get(self._holder) if self._holder is not None else None
+            if holder is not None and self.carries(holder):
+                return False  # it is still in the cabin
+            self._holder = robot
+        self._goal = level
+        return self.works and self._is_level() and all(leaf.is_open(self.scene.leaf_position(leaf)) for leaf in self._doors(level))
+
+    def release(self, robot: str) -> None:
+        """The robot needs the lift no more."""
+        if self._holder == robot:
+            self._holder = None
+
+    def carries(self, robot: Robot) -> bool:
+        """Whether a robot is in the cabin."""
+        return abs(robot.solid.z - self.solid.z) < self.solid.height / 2 and self.shaft.contains(robot.pose()[:2])
+
+    def command(self, command: Command, on_end: OnEnd) -> None:
+        on_end(CommandDone(state=self.state()) if isinstance(command, Stop | Status) else self._refused())
+
+    def fault(self, fault: Fault) -> None:
+        """Inject a fault: the cabin and the doors stop where they are."""
+        self.faults.add(fault)
+        for leaf, _ in self._leaves():
+            if leaf.owner.powered:
+                self.scene.hold_leaf(leaf, self.scene.leaf_position(leaf))
+
+    def step(self) -> None:
+        """Move the doors, or else the cabin, for one control period."""
+        if not self.works:
+            return
+        is_shut = True
+        for leaf, level in self._leaves():
+            is_wanted_open = self._is_wanted_open(level)
+            if not self._is_at_goal(leaf, level):
+                self._move(leaf, leaf.travel if is_wanted_open else 0.0)
+            elif self.scene.world.solids[leaf.owner.name].open != is_wanted_open:
+                self.scene.note_leaves(leaf.owner.name)
+            is_shut &= leaf.is_shut(self.scene.leaf_position(leaf))
+        if is_shut and not self._is_level():
+            self._move_cabin()
+
+    def _move(self, leaf: Leaf, goal: float) -> None:
+        if not goal and obstacle_in_sweep(self.scene, leaf, self._robots.values()) is not None:
+            return
+        position, way = self.scene.leaf_position(leaf), DOOR_SPEED * self.scene.period
+        if leaf.owner.powered:
+            self.scene.drive_leaf(leaf, goal, DOOR_SPEED)
+        else:
+            self.scene.set_leaf(leaf, position + min(max(goal - position, -way), way))
+
+    def _move_cabin(self) -> None:
+        carried = [robot for robot in self._robots.values() if self.carries(robot)]
+        way = self.solid.speed * self.scene.period
+        z = self.solid.z + min(max(self._goal - self.solid.z, -way), way)
+        self.solid = self.scene.raise_object(self.name, z)
+        for robot in carried:
+            robot.solid = self.scene.raise_object(robot.name, z)
+            robot.level = self._goal
+
+    @property
+    def name(self) -> str:
+        return self.solid.name
+
+    def _nearest_level(self) -> float:
+        levels = [landing.level for landing in self.shaft.landings]
+        return min(levels, key=lambda level: abs(level - self.solid.z), default=self.solid.z)
+
+    def _is_level(self) -> bool:
+        return abs(self.solid.z - self._goal) < LEVEL
+
+    def _is_wanted_open(self, level: float) -> bool:
+        """Whether the doors of a floor are to be open: only while somebody has the lift, and its cabin is there."""
+        return self._holder is not None and self._is_level() and abs(self.solid.z - level) < LEVEL
+
+    def _is_at_goal(self, leaf: Leaf, level: float) -> bool:
+        position = self.scene.leaf_position(leaf)
+        return leaf.is_open(position) if self._is_wanted_open(level) else leaf.is_shut(position)
+
+    def _leaves(self) -> Iterator[tuple[Leaf, float]]:
+        """The leaves of its doors, with the heights of their floors."""
+        for landing in self.shaft.landings:
+            for leaf in self._doors(landing.level):
+                yield leaf, landing.level
+
+    def _doors(self, level: float) -> list[Leaf]:
+        landing = self.shaft.landing(level)
+        return [leaf for door in landing.doors for leaf in self.scene.leaves(door.name)] if landing is not None else []

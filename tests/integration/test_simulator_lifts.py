@@ -1,0 +1,100 @@
+"""Robots that ride in lifts: one at a time, and never through a shut door."""
+
+from __future__ import annotations
+
+import math
+
+from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault, Grip, Place
+from somrs.devices.simulator.world.kinds import WorldKind
+from tests.support.simulated_tower import CABIN, HEIGHT, tower
+from tests.support.simulator_room import Run, thing
+
+
+def height(run: Run, robot: str) -> float:
+    z = run.simulation.state(robot).z
+    assert z is not None
+    return z
+
+
+def test_a_lift_takes_a_robot_to_another_storey(world: WorldKind) -> None:
+    run = Run(tower((2, 2, 0)), world)
+    run.execute_all("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    state = run.simulation.state("Robot1")
+    assert state.z == HEIGHT
+    assert math.dist((state.x, state.y), (3, 3)) < 0.03
+    assert not run.collisions
+
+
+def test_a_robot_takes_a_thing_to_a_table_upstairs(world: WorldKind) -> None:
+    run = Run(tower((2, 2, 0), extra_objects=[thing("Jar1", "Jar", 2.0, 5.0, 0.74)]), world)
+    run.execute_all("Robot1", Grip(object="Jar1"), Place(support="Table2"))
+    assert run.simulation.observe("Jar1").support == "Table2"
+    assert not run.collisions
+
+
+def test_robots_that_go_up_and_down_take_turns(world: WorldKind) -> None:
+    run = Run(tower((2, 2, 0), (3, 4, 0), (6, 3, 0)), world)
+    run.execute_all("Robot2", DriveTo(x=4, y=3, z=HEIGHT))
+    goals = {"Robot1": (3, 2, HEIGHT), "Robot2": (3, 3, 0.0), "Robot3": (5, 4, HEIGHT)}
+    ends = {name: run.start(name, DriveTo(x=x, y=y, z=z)) for name, (x, y, z) in goals.items()}
+
+    def step() -> bool:
+        inside = [name for name in goals if math.dist(run.simulation.scene.pose(name)[:2], CABIN) < 0.9]
+        assert len(inside) <= 1, inside
+        return all(ends.values())
+
+    run.run_until(step, 200)
+    assert all(isinstance(end[0], CommandDone) for end in ends.values()), ends
+    assert {name: run.simulation.state(name).z for name in goals} == {name: z for name, (_, _, z) in goals.items()}
+    assert not run.collisions
+
+
+def test_a_lift_that_breaks_keeps_its_robot_until_it_is_mended(world: WorldKind) -> None:
+    run = Run(tower((7, 3, 0)), world)
+    end = run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    run.run_until(lambda: height(run, "Robot1") > 1)
+    run.simulation.fault("Lift1", Fault.DRIVE)
+    stuck_at = height(run, "Robot1")
+    run.run_for(30)
+    assert height(run, "Robot1") == stuck_at
+    assert not end
+    run.simulation.repair("Lift1", Fault.DRIVE)
+    run.run_until(lambda: end)
+    assert isinstance(end[0], CommandDone), end
+    assert run.simulation.state("Robot1").z == HEIGHT
+
+
+def test_a_robot_does_not_enter_a_lift_that_does_not_work(world: WorldKind) -> None:
+    run = Run(tower((2, 2, 0)), world)
+    run.simulation.fault("Lift1", Fault.DRIVE)
+    end = run.execute("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    assert isinstance(end, CommandGivenUp)
+    assert end.reason in ("unreachable", "blocked")
+    assert "lift" in end.description.lower()
+    assert run.simulation.state("Robot1").x < 8
+
+
+def test_a_lift_that_breaks_on_the_way_to_it_sends_the_robot_back(world: WorldKind) -> None:
+    run = Run(tower((2, 2, 0)), world)
+    end = run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    run.run_until(lambda: run.simulation.state("Robot1").x > 5)
+    run.simulation.fault("Lift1", Fault.DRIVE)
+    run.run_until(lambda: end)
+    assert isinstance(end[0], CommandGivenUp), end
+
+
+def test_a_robot_that_breaks_in_the_cabin_is_taken_where_it_was_going(world: WorldKind) -> None:
+    run = Run(tower((7, 3, 0), (2, 2, 0)), world)
+    end = run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    run.run_until(lambda: height(run, "Robot1") > 1)
+    run.simulation.fault("Robot1", Fault.DRIVE)
+    run.run_until(lambda: end)
+    assert isinstance(end[0], CommandGivenUp)
+    assert end[0].reason == "drive-dead"
+    run.run_until(lambda: run.simulation.state("Robot1").z == HEIGHT)
+    second = run.execute("Robot2", DriveTo(x=3, y=3, z=HEIGHT))
+    assert isinstance(second, CommandGivenUp)
+    assert "Robot1" in second.description
+    run.simulation.repair("Robot1", Fault.DRIVE)
+    run.execute_all("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    run.execute_all("Robot2", DriveTo(x=5, y=3, z=HEIGHT))

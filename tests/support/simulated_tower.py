@@ -1,0 +1,38 @@
+"""A building of two storeys with a lift, for the simulator's tests: a hall of 8 by 6 m on each storey, and the lift beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from somrs.ontology.objects import Fact, Map, Object
+from tests.support.simulator_room import Start, box, robot
+
+HEIGHT = 4.0
+"""The height of the upper floor, m."""
+CABIN = (9.1, 3.0)
+"""The middle of the cabin, seen from above, m."""
+
+
+def storey(number: int, level: float) -> list[Object]:
+    return [
+        Object(name=f"Storey{number}", type="Storey", values={"Elevation": level}),
+        box(f"Floor{number}", "Floor", (4, 3, level - 0.1), (8.2, 6.2, 0.1)),
+        box(f"South{number}", "Wall", (4, -0.05, level), (8.2, 0.1, 2.5)),
+        box(f"North{number}", "Wall", (4, 6.05, level), (8.2, 0.1, 2.5)),
+        box(f"West{number}", "Wall", (-0.05, 3, level), (0.1, 6, 2.5)),
+        box(f"LowEast{number}", "Wall", (8.05, 1.2, level), (0.1, 2.4, 2.5)),
+        box(f"HighEast{number}", "Wall", (8.05, 4.8, level), (0.1, 2.4, 2.5)),
+        box(f"Gate{number}", "LiftDoor", (8.05, 3, level), (0.1, 1.2, 2.1), Open=False),
+        box(f"Table{number}", "Table", (2, 5.2, level), (1.4, 0.8, 0.74)),
+    ]
+
+
+def tower(*starts: Start, extra_objects: Iterable[Object] = ()) -> Map:
+    """The building, with a robot on the lower storey at each start."""
+    robots = [robot(f"Robot{number}", start) for number, start in enumerate(starts, start=1)]
+    lift = box("Lift1", "Lift", (*CABIN, 0), (1.8, 1.8, 2.3))
+    facts = [
+        *(Fact("stopsAt", ("Lift1", f"Storey{number}")) for number in (1, 2)),
+        *(Fact("leadsInto", (f"Gate{number}", "Lift1")) for number in (1, 2)),
+    ]
+    return Map([*storey(1, 0.0), *storey(2, HEIGHT), lift, *robots, *extra_objects], facts)
