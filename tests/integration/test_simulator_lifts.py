@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault, Grip, Place
+from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.world.kinds import WorldKind
 from tests.support.simulated_tower import CABIN, HEIGHT, tower
 from tests.support.simulator_room import Run, thing
@@ -98,3 +99,37 @@ def test_a_robot_that_breaks_in_the_cabin_is_taken_where_it_was_going(world: Wor
     run.simulation.repair("Robot1", Fault.DRIVE)
     run.execute_all("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
     run.execute_all("Robot2", DriveTo(x=5, y=3, z=HEIGHT))
+
+
+def test_a_way_to_another_storey_counts_the_ride() -> None:
+    run = Run(tower((2, 2, 0), extra_objects=[thing("Jar1", "Jar", 2.0, 5.0, 0.74)]), WorldKind.KINEMATIC)
+    legs = find_legs(run.simulation, "Robot1", ("Jar1", "Table2", "Table1"))
+    there, up, down = legs.lengths
+    assert there is not None
+    assert up is not None
+    assert down is not None
+    assert there < 4
+    assert abs(up - down) < 1
+    assert up > 2 * 6 + 0.8 * HEIGHT
+    assert legs.shut == legs.open == ()
+    run.simulation.fault("Lift1", Fault.DRIVE)
+    assert find_legs(run.simulation, "Robot1", ("Jar1", "Table2", "Table1")).lengths[1:] == (None, None)
+
+
+def test_a_point_is_on_the_floor_of_its_height() -> None:
+    run = Run(tower((2, 2, 0)), WorldKind.KINEMATIC)
+    (near,) = find_legs(run.simulation, "Robot1", ((6.0, 2.0),)).lengths
+    (far,) = find_legs(run.simulation, "Robot1", ((6.0, 2.0, HEIGHT),)).lengths
+    (nowhere,) = find_legs(run.simulation, "Robot1", ((6.0, 2.0, 3 * HEIGHT),)).lengths
+    assert near is not None
+    assert far is not None
+    assert near < 5 < far
+    assert nowhere is None
+
+
+def test_a_promised_robot_starts_from_another_storey() -> None:
+    run = Run(tower((2, 2, 0)), WorldKind.KINEMATIC)
+    promise = f"Robot1.PositionX = 4 AND Robot1.PositionY = 3 AND Robot1.PositionZ = {HEIGHT}"
+    (length,) = find_legs(run.simulation, "Robot1", ("Table2",), promise).lengths
+    assert length is not None
+    assert length < 4

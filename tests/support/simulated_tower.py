@@ -27,12 +27,20 @@ def storey(number: int, level: float) -> list[Object]:
     ]
 
 
-def tower(*starts: Start, extra_objects: Iterable[Object] = ()) -> Map:
+def tower(*starts: Start, extra_objects: Iterable[Object] = (), extra_facts: Iterable[Fact] = ()) -> Map:
     """The building, with a robot on the lower storey at each start."""
     robots = [robot(f"Robot{number}", start) for number, start in enumerate(starts, start=1)]
     lift = box("Lift1", "Lift", (*CABIN, 0), (1.8, 1.8, 2.3))
     facts = [
         *(Fact("stopsAt", ("Lift1", f"Storey{number}")) for number in (1, 2)),
         *(Fact("leadsInto", (f"Gate{number}", "Lift1")) for number in (1, 2)),
+        *extra_facts,
     ]
-    return Map([*storey(1, 0.0), *storey(2, HEIGHT), lift, *robots, *extra_objects], facts)
+    house = Object(name="House", type="Building")
+    parts: list[tuple[str, str]] = [(lift.name, house.name)]
+    objects = [house, lift]
+    for number, level in ((1, 0.0), (2, HEIGHT)):
+        whole, *elements = storey(number, level)
+        objects += [whole, *elements]
+        parts += [(whole.name, house.name), *((element.name, whole.name) for element in elements)]
+    return Map([*objects, *robots, *extra_objects], [*facts, *(Fact("isPartOf", pair) for pair in parts)])

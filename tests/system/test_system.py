@@ -27,6 +27,9 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import FormulaError, UsageError
+from somrs.ontology.files.dump import dump_map
+from somrs.ontology.files.loading import upper
+from somrs.ontology.objects import Fact
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
@@ -34,6 +37,8 @@ from tests.support import warm
 from tests.support.command import program
 from tests.support.hang import HANG_TIME
 from tests.support.paths import ROOT, SCENARIO_1, SHARED
+from tests.support.simulated_tower import HEIGHT, tower
+from tests.support.simulator_room import thing
 
 pytestmark = pytest.mark.long
 
@@ -358,3 +363,18 @@ def test_a_system_that_cannot_start_says_why_and_leaves_nothing_running(tmp_path
         assert all(program.process.returncode is not None for program in system.programs.values())
 
     asyncio.run(run())
+
+
+def test_a_robot_delivers_to_another_storey(tmp_path: Path) -> None:
+    site = tmp_path / "tower.yaml"
+    jar, lies = thing("Jar1", "Jar", 2.0, 5.0, 0.74), Fact("isOn", ("Jar1", "Table1"))
+    site.write_text(dump_map(tower((2, 2, 0), extra_objects=[jar], extra_facts=[lies]), upper(), "tower"))
+
+    async def test() -> None:
+        async with running(tmp_path, site, world=WorldKind.KINEMATIC) as (_, client, operator):
+            view = await accomplish(client, "Jar1 isOn Table2")
+            assert view.outcome == "accomplished", view.explanation
+            assert (await operator.observe("Jar1")).support == "Table2"
+            assert await client.query(f"Robot1.PositionZ = {HEIGHT:g} AND Jar1.PositionZ > {HEIGHT:g}")
+
+    asyncio.run(test())

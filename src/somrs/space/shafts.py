@@ -20,8 +20,8 @@ THRESHOLD = 0.1
 """How far the floor of a doorway reaches into the cabin, and out of the door, m."""
 THINNEST = 0.01
 """Pieces of wall that are narrower are left out, m."""
-FLOOR = 0.5
-"""Difference in height up to which a door is one of a floor, m."""
+SAME_FLOOR = 0.5
+"""Difference in height up to which two heights are those of one floor, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Shaft:
 
     def landing(self, level: float) -> Landing | None:
         """Where the lift stops at this height; None if it does not."""
-        return next((landing for landing in self.landings if abs(landing.level - level) < FLOOR), None)
+        return next((landing for landing in self.landings if abs(landing.level - level) < SAME_FLOOR), None)
 
     def contains(self, point: Point) -> bool:
         """Whether the point is in the cabin, seen from above."""
@@ -158,7 +158,7 @@ def shafts_of(map: Map, ontology: Ontology) -> list[Shaft]:
         storeys = [arguments[1] for arguments in map.facts_with("stopsAt", 0, object.name)] if cabin.form == "Box" else []
         levels = sorted((_elevation(map, ontology, storey), storey) for storey in storeys)
         landings = (
-            Landing(level, storey, tuple(door for door in doors.get(object.name, ()) if abs(door.z - level) < FLOOR))
+            Landing(level, storey, tuple(door for door in doors.get(object.name, ()) if abs(door.z - level) < SAME_FLOOR))
             for level, storey in levels
         )
         shafts.append(Shaft(cabin, tuple(landing for landing in landings if landing.doors)))

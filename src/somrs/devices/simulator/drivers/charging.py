@@ -14,13 +14,14 @@ from somrs.devices.simulator.battery import PER_METRE
 from somrs.devices.simulator.drivers.outage import Outage
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number, number_of
 from somrs.devices.simulator.link.commands import RobotState
-from somrs.devices.simulator.link.lines import Legs
+from somrs.devices.simulator.link.lines import Legs, PathStop
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.modes import out_of_order
 from somrs.protocol.messages.knowledge import Rows, UpdateMap
 from somrs.protocol.messages.submission import Submit
 from somrs.service_manager.sdk.device import Task
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+from somrs.space.shafts import SAME_FLOOR
 
 RESERVE = 10.0
 """Charge with which a robot plans to arrive at a charger after its work, percent."""
@@ -42,14 +43,22 @@ LOW_CHECK = 5.0
 LONGEST_PAUSE = 600.0
 """The longest time between two tasks to charge that have failed, s."""
 
-Stop = str | tuple[float, float]
-
 
 class Spot:
-    """A named place on the map: its name, its middle and its radius in metres."""
+    """A named place on the map: its name, its middle and its radius in metres. `z`: its height; None if the map does not say it."""
 
-    def __init__(self, name: str, x: float, y: float, radius: float) -> None:
-        self.name, self.x, self.y, self.radius = name, x, y, radius
+    def __init__(self, name: str, x: float, y: float, radius: float, z: float | None = None) -> None:
+        self.name, self.x, self.y, self.radius, self.z = name, x, y, radius, z
+
+    @property
+    def point(self) -> tuple[float, ...]:
+        """Its middle, with its height if that is known."""
+        return (self.x, self.y) if self.z is None else (self.x, self.y, self.z)
+
+    def is_near(self, place: Spot | RobotState, distance: float = 0.0) -> bool:
+        """Whether something is at most that far from the place's circle, on the same floor."""
+        is_on_floor = self.z is None or place.z is None or abs(self.z - place.z) < SAME_FLOOR
+        return is_on_floor and self.distance(place.x, place.y) <= distance
 
     def distance(self, x: float, y: float) -> float:
         """Distance of a point from the place's circle, m; negative inside it."""
@@ -117,7 +126,7 @@ class ChargingRobot(SimulatedDevice):
 
     # The charge that work needs
 
-    async def legs_through(self, task: Task, *stops: Stop) -> Legs:
+    async def legs_through(self, task: Task, *stops: PathStop) -> Legs:
         """As for every device. Raises Refusal if a door on the only way is out of order, and if the charge is not enough for the way, the
         work, and the way to the nearest charger."""
         legs = await super().legs_through(task, *stops)
@@ -127,7 +136,7 @@ class ChargingRobot(SimulatedDevice):
             await self._check_charge(task, sum(length or 0.0 for length in legs.lengths), stops)
         return legs
 
-    async def legs_to_charger(self, task: Task, *stops: Stop) -> Legs:
+    async def legs_to_charger(self, task: Task, *stops: PathStop) -> Legs:
         """The way to a charger, for which the charge may just do."""
         return await super().legs_through(task, *stops)
 
@@ -141,7 +150,7 @@ class ChargingRobot(SimulatedDevice):
         rows = await task.map.query(f"{self.name}.Charge = ?Charge", limit=1)
         return number_of(rows[0]["Charge"]) if rows else state.charge
 
-    async def _check_charge(self, task: Task, way: float, stops: Sequence[Stop]) -> None:
+    async def _check_charge(self, task: Task, way: float, stops: Sequence[PathStop]) -> None:
         state = self._link.state
         charge = await self.available_charge(task, state) if state is not None else None
         if charge is None:
@@ -174,7 +183,7 @@ class ChargingRobot(SimulatedDevice):
         if len(self._needed_charges) > REMEMBERED:
             del self._needed_charges[next(iter(self._needed_charges))]
 
-    async def _nearest_charger(self, task: Task, stops: Sequence[Stop]) -> tuple[str | None, float]:
+    async def _nearest_charger(self, task: Task, stops: Sequence[PathStop]) -> tuple[str | None, float]:
         """The nearest charger to the last stop, and the distance to it, m; None and 0 if none can be reached from there."""
         chargers = await self.named_places(task, "Charger")
         point = await self._point_of(task, stops[-1]) if chargers else None
@@ -182,16 +191,16 @@ class ChargingRobot(SimulatedDevice):
             chargers = sorted(chargers, key=lambda charger: charger.distance(*point))
         for charger in chargers:
             try:
-                way = (await self.find_legs(task, *stops, (charger.x, charger.y))).lengths[-1]
+                way = (await self.find_legs(task, *stops, charger.point)).lengths[-1]
             except (RemoteError, UsageError):
                 return None, 0.0
             if way is not None:
                 return charger.name, way
         return None, 0.0
 
-    async def _point_of(self, task: Task, stop: Stop) -> tuple[float, float] | None:
+    async def _point_of(self, task: Task, stop: PathStop) -> tuple[float, float] | None:
         if not isinstance(stop, str):
-            return stop
+            return stop[0], stop[1]
         rows = await task.map.query(f"{stop}.PositionX = ?X AND {stop}.PositionY = ?Y", limit=1)
         return (number_of(rows[0]["X"]), number_of(rows[0]["Y"])) if rows else None
 
@@ -208,7 +217,7 @@ class ChargingRobot(SimulatedDevice):
             raise Refusal("there is no charger on the map")
         reservations = await self.map.rows("?It: Charger isBookedFor ?Robot") if self._reserves else Rows(rows=(), version=0)
         robots = [spot for spot in await self.named_places(task, "MobileRobot") if spot.name != self.name]
-        standing = {charger.name: {robot.name for robot in robots if charger.distance(robot.x, robot.y) <= 0} for charger in chargers}
+        standing = {charger.name: {robot.name for robot in robots if charger.is_near(robot)} for charger in chargers}
         if self._reserves:
             broken = {str(row["It"]) for row in await task.map.query("?It: MobileRobot.Working = FALSE")}
             holders = {row.bindings["It"]: row.bindings["Robot"] for row in reservations.rows}
@@ -239,7 +248,12 @@ class ChargingRobot(SimulatedDevice):
         position = "?It.PositionX = ?X AND ?It.PositionY = ?Y"
         rows = await task.map.query(f"?It: {kind} = ?It AND {position}")
         radii = {str(row["It"]): number_of(row["Radius"]) for row in await task.map.query(f"?It: {kind}.Shape.Radius = ?Radius")}
-        return [Spot(str(row["It"]), number_of(row["X"]), number_of(row["Y"]), radii.get(str(row["It"]), 0.0)) for row in rows]
+        heights = {str(row["It"]): number_of(row["Z"]) for row in await task.map.query(f"?It: {kind}.PositionZ = ?Z")}
+        names = [str(row["It"]) for row in rows]
+        return [
+            Spot(name, number_of(row["X"]), number_of(row["Y"]), radii.get(name, 0.0), heights.get(name))
+            for name, row in zip(names, rows, strict=True)
+        ]
 
 
 def least_charge(needed: float) -> int:

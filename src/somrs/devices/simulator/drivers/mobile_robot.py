@@ -131,7 +131,7 @@ class MobileRobot(ChargingRobot):
 
     async def _driven_to(self, task: Task, spot: Spot) -> str:
         note = f"drives to {spot.name}"
-        return await self._commanded(task, lambda: self._driving(task, self._link.drive_to(spot.x, spot.y), 0.0, 0.95, note))
+        return await self._commanded(task, lambda: self._driving(task, self._link.drive_to(spot.x, spot.y, z=spot.z), 0.0, 0.95, note))
 
     # The battery
 
@@ -223,7 +223,7 @@ class MobileRobot(ChargingRobot):
 
         `charging`: the charge may just do, because the robot charges there.
         """
-        place = (stop.x, stop.y) if isinstance(stop, Spot) else stop
+        place = stop.point if isinstance(stop, Spot) else stop
         try:
             legs = await (self.legs_to_charger(task, place) if charging else self.legs_through(task, place))
             return legs.lengths if not legs.shut else (None,)
@@ -252,7 +252,7 @@ class MobileRobot(ChargingRobot):
 
     async def whereabouts(self, task: Task, state: RobotState) -> list[str]:
         """The robot's pose, the charge of its battery, and the place at which it stands, as parts of a formula."""
-        places = [place for place in await self.named_places(task, "Place") if place.distance(state.x, state.y) <= ARRIVED]
+        places = [place for place in await self.named_places(task, "Place") if place.is_near(state, ARRIVED)]
         if not places:
             return [*self._own_pose(state), *await self.left_places(task, state)]
         nearest = min(places, key=lambda place: math.dist((place.x, place.y), (state.x, state.y)))
@@ -265,7 +265,7 @@ class MobileRobot(ChargingRobot):
         return [
             f"NOT {self.name} isAt {name}"
             for name in (str(row["Place"]) for row in rows)
-            if name not in places or places[name].distance(state.x, state.y) > ARRIVED
+            if name not in places or not places[name].is_near(state, ARRIVED)
         ]
 
 

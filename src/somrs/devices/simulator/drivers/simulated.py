@@ -14,7 +14,7 @@ from typing import TypeVar
 from somrs.devices.simulator.drivers.outage import Outage
 from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
-from somrs.devices.simulator.link.lines import Legs
+from somrs.devices.simulator.link.lines import Legs, PathStop
 from somrs.devices.simulator.link.link import RobotLink
 from somrs.entish.formula import Comparison, Formula, Number, Truth, conjuncts
 from somrs.errors import DeviceError, RemoteError
@@ -161,12 +161,12 @@ class SimulatedDevice(Device):
         finally:
             self._working -= 1
 
-    async def find_legs(self, task: Task, *stops: str | tuple[float, float]) -> Legs:
+    async def find_legs(self, task: Task, *stops: PathStop) -> Legs:
         """The way through the stops in the situation in which the service is to start."""
         situation = str(task.situation) if task.situation is not None else None
         return await self.retry_when_link_lost(lambda: self._link.legs(*stops, situation=situation))
 
-    async def legs_through(self, task: Task, *stops: str | tuple[float, float]) -> Legs:
+    async def legs_through(self, task: Task, *stops: PathStop) -> Legs:
         """The way through the stops in the situation in which the service is to start. Demands that the doors on it are open throughout."""
         legs = await self.find_legs(task, *stops)
         for door in (*legs.shut, *legs.open):
@@ -208,6 +208,8 @@ class SimulatedDevice(Device):
         """The device's pose, and the charge of its battery, as parts of a formula; records that the pose has been reported."""
         self._reported_pose = _pose(state)
         values = {"PositionX": state.x, "PositionY": state.y, "RotationZ": state.yaw}
+        if state.z is not None:
+            values["PositionZ"] = state.z
         if state.charge is not None:
             values["Charge"] = round(state.charge, 1)
         return [f"{self.name}.{path} = {format_number(value)}" for path, value in values.items()]

@@ -20,7 +20,9 @@ HEARTBEAT = 1.0
 LONGEST = 64 * 1024
 """Longest line that a server reads, in bytes."""
 
-Stops = tuple[str | tuple[float, float], ...]
+PathStop = str | Annotated[tuple[float, ...], Meta(min_length=2, max_length=3)]
+"""An object, or a point: x, y and, if it matters on which floor it is, z."""
+Stops = tuple[PathStop, ...]
 """Objects and points that a path visits in this order."""
 
 

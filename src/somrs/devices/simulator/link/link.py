@@ -50,6 +50,7 @@ from somrs.devices.simulator.link.lines import (
     Order,
     OrderDone,
     OrderGivenUp,
+    PathStop,
     Picture,
     Poses,
     Refused,
@@ -115,8 +116,8 @@ class RobotLink(Link):
                     await self._ready.wait()
         return self.connected
 
-    async def drive_to(self, x: float, y: float, yaw: float | None = None) -> CommandDone:
-        return await self.command(DriveTo(x=x, y=y, yaw=yaw))
+    async def drive_to(self, x: float, y: float, yaw: float | None = None, z: float | None = None) -> CommandDone:
+        return await self.command(DriveTo(x=x, y=y, yaw=yaw, z=z))
 
     async def approach(self, object: str) -> CommandDone:
         return await self.command(Approach(object=object))
@@ -181,7 +182,7 @@ class RobotLink(Link):
         legs = await self.legs(*stops)
         return legs.lengths if not legs.shut else (None,) * len(stops)
 
-    async def legs(self, *stops: str | tuple[float, float], situation: str | None = None) -> Legs:
+    async def legs(self, *stops: PathStop, situation: str | None = None) -> Legs:
         """The way through the stops in a situation (what others will have changed, in Entish), and the shut doors on it."""
         return await self._legs(self.robot, stops, situation)
 

@@ -14,6 +14,7 @@ from somrs.ontology.modes import out_of_order
 from somrs.protocol.messages.traffic import Berth, TripEnded, TripResult
 from somrs.space.clearance import Disc
 from somrs.space.lines import point_distance
+from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import Point
 
 PATIENCE = 45.0
@@ -26,8 +27,6 @@ MARGIN = 0.03
 """Distance of a planned path from obstacles, beyond the robot's radius, m."""
 SLACK = 0.02
 """How much nearer to something than planned a robot drives before it counts as in the way, m."""
-SAME_FLOOR = 0.5
-"""Difference in height up to which two heights are those of one floor, m."""
 LOOK = 1.0
 """The time after which a robot looks again whether its way is clear, s."""
 NEAR_FLOOR = 0.3

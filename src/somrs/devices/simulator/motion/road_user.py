@@ -262,14 +262,14 @@ class RoadUser:
         return self._points_of(place)
 
     def _points_of(self, place: str) -> Point:
-        known = self._known(place)
-        return known.x, known.y
+        road_place = self._place(place)
+        return road_place.x, road_place.y
 
-    def _known(self, place: str) -> Place:
+    def _place(self, place: str) -> Place:
         return self.office.roadmap.roadmap.places[self.office.roadmap.numbers[place]]
 
     def _zone_of(self, place: str) -> str | None:
-        return None if place in self._berths else self._known(place).zone
+        return None if place in self._berths else self._place(place).zone
 
     def _level_of(self, place: str) -> float:
-        return self.level if place in self._berths else self._known(place).level
+        return self.level if place in self._berths else self._place(place).level

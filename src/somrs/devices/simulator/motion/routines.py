@@ -23,7 +23,7 @@ from somrs.devices.simulator.link.commands import (
     Weigh,
 )
 from somrs.devices.simulator.motion.arm import let_go, withdraw
-from somrs.devices.simulator.motion.driving import SAME_FLOOR, change_storey, drive_to
+from somrs.devices.simulator.motion.driving import change_storey, drive_to
 from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, put_into, set_down, spots_on, top_of, weigh
 from somrs.devices.simulator.motion.leaves import move_leaves
 from somrs.devices.simulator.motion.placement import outline_spots
@@ -32,6 +32,7 @@ from somrs.devices.simulator.motion.searching import Sought, look_around, look_a
 from somrs.devices.simulator.world.scene import Scene
 from somrs.errors import UsageError
 from somrs.space.distances import Array
+from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import CARRYING, Role, Solid
 
 

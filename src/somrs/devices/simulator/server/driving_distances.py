@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from somrs.devices.simulator.link.lines import Legs, Stops
+from somrs.devices.simulator.link.lines import Legs, PathStop, Stops
 from somrs.devices.simulator.motion.driving import MARGIN
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.simulation import Simulation
@@ -17,10 +17,14 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError, UsageError
 from somrs.space.clearance import Disc
 from somrs.space.navigation import Navigator, Pose
+from somrs.space.shafts import SAME_FLOOR, Shaft
 from somrs.space.solids import CARRYING, Point, Role, Solid, path_length
+from somrs.traffic.layout import ride_seconds
 
 ELEVATION = 0.8
 """Height at which the arm reaches a stop that is a point, m."""
+LIFT_WAIT = 10.0
+"""The time for which a robot is taken to wait for a lift, s."""
 BELOW, ABOVE = 0.5, 2.2
 """What stands lower or higher than this, from the robot's floor, is on another storey, m."""
 SAMPLING = 0.1
@@ -33,7 +37,7 @@ class _Promised:
 
     doors: dict[str, bool] = field(default_factory=dict)
     carriers: dict[str, str] = field(default_factory=dict)
-    points: dict[str, Point] = field(default_factory=dict)
+    points: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
     @classmethod
     def read(cls, situation: str | None, solids: Mapping[str, Solid]) -> _Promised:
@@ -47,14 +51,20 @@ class _Promised:
             match part:
                 case Comparison(Attribute(Name(name), "Open"), "=", Truth(is_open)) if name in solids and solids[name].role is Role.DOOR:
                     promised.doors[name] = is_open
-                case Comparison(Attribute(Name(name), "PositionX" | "PositionY" as path), "=", Number(value)) if name in solids:
+                case Comparison(Attribute(Name(name), "PositionX" | "PositionY" | "PositionZ" as path), "=", Number(value)) if (
+                    name in solids
+                ):
                     positions.setdefault(name, {})[path] = value
                 case Relation(_, (Name(name), Name(carrier), *_)) if carrier in solids and _is_movable(solids.get(name)):
                     promised.carriers[name] = carrier
-        promised.points = {name: (at["PositionX"], at["PositionY"]) for name, at in positions.items() if len(at) == 2}
+        stated = {name: values for name, values in positions.items() if {"PositionX", "PositionY"} <= values.keys()}
+        promised.points = {
+            name: tuple(values[path] for path in ("PositionX", "PositionY", "PositionZ") if path in values)
+            for name, values in stated.items()
+        }
         return promised
 
-    def stop(self, stop: str | Point) -> str | Point:
+    def stop(self, stop: PathStop) -> PathStop:
         """Where the robot has to go for this stop."""
         seen = set[str]()
         while isinstance(stop, str) and stop not in seen and stop in {*self.points, *self.carriers}:
@@ -79,7 +89,12 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
     solids = simulation.scene.world.solids
     promised = _Promised.read(situation, solids)
     unusable = simulation.out_of_order
-    promised_doors = {solid.name: promised.doors.get(solid.name, solid.open) for solid in solids.values() if solid.role is Role.DOOR}
+    lift_doors = {door.name for lift in simulation.lifts for landing in lift.shaft.landings for door in landing.doors}
+    promised_doors = {
+        solid.name: promised.doors.get(solid.name, solid.open)
+        for solid in solids.values()
+        if solid.role is Role.DOOR and solid.name not in lift_doors
+    }
     doors = {name: is_open and name not in unusable for name, is_open in promised_doors.items()}
     planner = _LegPlanner(simulation, simulation.robots[robot], promised)
     last = solids.get(stops[-1]) if stops and isinstance(stops[-1], str) else None
@@ -108,7 +123,7 @@ def _out_of_order(planner: _LegPlanner, stops: Stops, doors: Iterable[str], unus
     return tuple(door for door in sorted(unusable) if None not in paths and planner.passes(door, paths))
 
 
-def _needed(planner: _LegPlanner, stops: Stops, doors: Mapping[str, bool], paths: list[list[Point] | None]) -> tuple[str, ...]:
+def _needed(planner: _LegPlanner, stops: Stops, doors: Mapping[str, bool], paths: list[_Way | None]) -> tuple[str, ...]:
     """The open doors on the paths without which there is no path."""
     passed = [door for door, is_open in doors.items() if is_open and planner.passes(door, paths)]
     if None in paths or (len(passed) > 1 and None not in planner.paths(stops, {**doors, **dict.fromkeys(passed, False)})):
@@ -116,8 +131,40 @@ def _needed(planner: _LegPlanner, stops: Stops, doors: Mapping[str, bool], paths
     return tuple(door for door in passed if None in planner.paths(stops, {**doors, door: False}))
 
 
-def _lengths(paths: list[list[Point] | None]) -> tuple[float | None, ...]:
-    return tuple(path_length(path) if path is not None else None for path in paths)
+def _lengths(paths: list[_Way | None]) -> tuple[float | None, ...]:
+    return tuple(path.length if path is not None else None for path in paths)
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """The way of a leg: a path on each floor, with its height, and the rides in lifts, as long as the robot drives meanwhile, m."""
+
+    paths: tuple[tuple[float, list[Point]], ...]
+    rides: float = 0.0
+
+    @property
+    def length(self) -> float:
+        return self.rides + sum(path_length(path) for _, path in self.paths)
+
+    @property
+    def end(self) -> tuple[Point, float]:
+        """Where the robot is then, and the height of that floor."""
+        level, path = self.paths[-1]
+        return path[-1], level
+
+
+@dataclass(frozen=True, slots=True)
+class _Ride:
+    """A ride in a lift between two floors. `metres`: how far the robot would drive meanwhile."""
+
+    shaft: Shaft
+    level: float
+    goal: float
+    metres: float
+
+    @property
+    def cabin(self) -> Point:
+        return self.shaft.cabin.x, self.shaft.cabin.y
 
 
 class _LegPlanner:
@@ -125,62 +172,122 @@ class _LegPlanner:
 
     def __init__(self, simulation: Simulation, robot: Robot, promised: _Promised) -> None:
         self._simulation, self._robot, self._promised = simulation, robot, promised
-        broken = [(other_robot.pose(), other_robot.size.radius) for other_robot in robot.other_robots() if not other_robot.mobile]
-        self._discs = [Disc(x, y, radius) for (x, y, _), radius in broken]
+        self._broken = [other_robot for other_robot in simulation.robots.values() if other_robot is not robot and not other_robot.mobile]
         self._radius = robot.size.radius + MARGIN
+        self._lifts = [lift.shaft for lift in simulation.lifts if lift.works and lift.name not in simulation.out_of_order]
 
-    def paths(self, stops: Stops, doors: Mapping[str, bool]) -> list[list[Point] | None]:
-        """The path of each leg with the doors in these states; None from the first leg without a path on."""
-        navigator = self._simulation.navigator_of(self._robot, doors)
-        position: Point | None = self._start()
-        paths: list[list[Point] | None] = []
+    def paths(self, stops: Stops, doors: Mapping[str, bool]) -> list[_Way | None]:
+        """The way of each leg with the doors in these states; None from the first leg without a way on."""
+        place: tuple[Point, float] | None = self._start()
+        ways: list[_Way | None] = []
         for stop in stops:
-            stand = self._stand(navigator, position, self._promised.stop(stop)) if position is not None else None
-            path = navigator.path(position, stand, self._radius, self._discs) if position is not None and stand is not None else None
-            paths.append(path)
-            position = stand if path is not None else None
-        return paths
+            way = self._way(*place, self._promised.stop(stop), doors) if place is not None else None
+            ways.append(way)
+            place = way.end if way is not None else None
+        return ways
 
-    def passes(self, name: str, paths: list[list[Point] | None]) -> bool:
-        """Whether the robot touches the place of the door on one of the paths."""
+    def _way(self, position: Point, level: float, stop: PathStop, doors: Mapping[str, bool]) -> _Way | None:
+        """The shortest way to where the robot would reach the stop, by lifts if that is on another floor; None if there is none."""
+        goal = self._level_of(stop, level)
+        if goal is None:
+            return None
+        ways = (self._way_by(rides, position, level, stop, doors) for rides in self._rides(level, goal))
+        return min((way for way in ways if way is not None), key=lambda way: way.length, default=None)
+
+    def _rides(self, level: float, goal: float) -> list[tuple[_Ride, ...]]:
+        """The sequences of as few rides as possible from one floor to another."""
+        sequences: list[tuple[_Ride, ...]] = [()]
+        visited = {round(level, 1)}
+        while sequences:
+            if arrived := [rides for rides in sequences if abs((rides[-1].goal if rides else level) - goal) < SAME_FLOOR]:
+                return arrived
+            sequences = [(*rides, ride) for rides in sequences for ride in self._rides_from(rides[-1].goal if rides else level, visited)]
+            visited |= {round(rides[-1].goal, 1) for rides in sequences}
+        return []
+
+    def _rides_from(self, level: float, visited: set[float]) -> Iterator[_Ride]:
+        for shaft in self._lifts:
+            for landing in shaft.landings if shaft.landing(level) is not None else ():
+                if round(landing.level, 1) not in visited:
+                    seconds = LIFT_WAIT + ride_seconds(shaft.cabin, level, landing.level)
+                    yield _Ride(shaft, level, landing.level, seconds * self._robot.solid.speed)
+
+    def _way_by(self, rides: Sequence[_Ride], position: Point, level: float, stop: PathStop, doors: Mapping[str, bool]) -> _Way | None:
+        paths: list[tuple[float, list[Point]]] = []
+        for ride in rides:
+            path = self._path(position, ride.cabin, level, doors)
+            if path is None:
+                return None
+            paths.append((level, path))
+            position, level = ride.cabin, ride.goal
+        stand = self._stand(self._simulation.navigator_of(level, doors), position, level, stop)
+        path = self._path(position, stand, level, doors) if stand is not None else None
+        return _Way((*paths, (level, path)), sum(ride.metres for ride in rides)) if path is not None else None
+
+    def _path(self, start: Point, end: Point, level: float, doors: Mapping[str, bool]) -> list[Point] | None:
+        return self._simulation.navigator_of(level, doors).path(start, end, self._radius, self._discs(level))
+
+    def _discs(self, level: float) -> list[Disc]:
+        """The robots on a floor that cannot move."""
+        on_floor = (robot for robot in self._broken if abs(robot.level - level) < SAME_FLOOR)
+        return [Disc(*robot.pose()[:2], robot.size.radius) for robot in on_floor]
+
+    def passes(self, name: str, paths: list[_Way | None]) -> bool:
+        """Whether the robot touches the place of the door on one of the ways."""
         door = self._simulation.scene.world.solids[name]
-        return any(door.distance(*point) < self._radius for path in paths if path is not None for point in _points_on(path))
+        on_floor = (path for way in paths if way is not None for level, path in way.paths if abs(door.z - level) < SAME_FLOOR)
+        return any(door.distance(*point) < self._radius for path in on_floor for point in _points_on(path))
 
-    def _start(self) -> Point:
+    def _start(self) -> tuple[Point, float]:
+        """Where the robot will be, and the height of that floor."""
         place = self._promised.stop(self._robot.name)
-        if not isinstance(place, str):
-            return place
-        return self._robot.pose()[:2] if place == self._robot.name else self._simulation.scene.pose(place)[:2]
+        level = self._level_of(place, self._robot.level) if place != self._robot.name else None
+        position = self._robot.pose()[:2] if place == self._robot.name else place
+        if isinstance(position, str):
+            position = self._simulation.scene.pose(position)[:2]
+        return (position[0], position[1]), self._robot.level if level is None else level
 
-    def _stand(self, navigator: Navigator, position: Point, stop: str | Point) -> Point | None:
-        """The position from which the robot would reach the object or point; None if there is none."""
-        radius, reach, discs = self._radius, (self._robot.size.nearest, self._robot.size.farthest), self._discs
+    def _stand(self, navigator: Navigator, position: Point, level: float, stop: PathStop) -> Point | None:
+        """The position on a floor from which the robot would reach the object or point; None if there is none."""
+        radius, reach, discs = self._radius, (self._robot.size.nearest, self._robot.size.farthest), self._discs(level)
         poses: list[Pose]
         if not isinstance(stop, str):
-            if _is_reachable(position, stop, reach):
+            point = stop[0], stop[1]
+            if _is_reachable(position, point, reach):
                 return position
-            return _first(navigator.approach(position, stop, radius, reach, discs, ELEVATION, limit=1))
+            return _first(navigator.approach(position, point, radius, reach, discs, ELEVATION, limit=1))
         solid = self._simulation.scene.world.solids.get(stop)
         if solid is None:
             raise UsageError(f"{stop} is not in the simulated world")
-        if not self._is_on_storey(stop, solid):
-            return None
         if solid.role is Role.FLOOR and solid.distance(*position) < 0:
             return position
         if solid.role in (Role.THING, Role.MARK, Role.ROBOT, Role.FLOOR):
             object_state = self._simulation.observe(stop)
             if object_state.container is not None:
-                return self._stand(navigator, position, object_state.container)
+                return self._stand(navigator, position, level, object_state.container)
             poses = navigator.approach(position, (object_state.x, object_state.y), radius, reach, discs, object_state.z, limit=1)
         else:
             poses = navigator.approach_support(position, solid, radius, reach, discs, limit=1)
         return _first(poses)
 
-    def _is_on_storey(self, stop: str, solid: Solid) -> bool:
-        """Whether the object is on the storey of the robot: a robot that drove underneath would never reach it."""
-        base = self._simulation.observe(stop).z if _is_movable(solid) else solid.z
-        height = solid.top if solid.role is Role.FLOOR else base
-        return -BELOW < height - self._robot.solid.z < ABOVE
+    def _level_of(self, stop: PathStop, level: float) -> float | None:
+        """The height of the floor on which an object or a point is: the highest one below it. None if the robot cannot reach it from there.
+
+        A point without a height is on the robot's `level`.
+        """
+        if isinstance(stop, str):
+            solid = self._simulation.scene.world.solids.get(stop)
+            if solid is None:
+                raise UsageError(f"{stop} is not in the simulated world")
+            base = self._simulation.observe(stop).z if _is_movable(solid) else solid.z
+            height = solid.top if solid.role is Role.FLOOR else base
+        elif len(stop) > 2:
+            height = stop[2]
+        else:
+            return level
+        landings = (landing.level for shaft in self._lifts for landing in shaft.landings)
+        floors = [floor for floor in (self._robot.level, level, *landings) if -BELOW < height - floor < ABOVE]
+        return max(floors, default=None)
 
 
 def _points_on(path: list[Point]) -> Iterator[Point]:

@@ -73,7 +73,7 @@ class Simulation:
     @property
     def busy(self) -> bool:
         """Whether anything moves, or work is pending."""
-        drives: list[DoorDrive | LiftDrive] = [*self._drives, *self._lifts]
+        drives: list[DoorDrive | LiftDrive] = [*self._drives, *self.lifts]
         working = self._work.busy or any(drive.busy for drive in drives if drive.solid.name not in self._paused)
         return working or self._traffic.is_planning or not self._at_rest()
 
@@ -82,7 +82,8 @@ class Simulation:
         return [device for device in self.stationary.values() if isinstance(device, DoorDrive)]
 
     @property
-    def _lifts(self) -> list[LiftDrive]:
+    def lifts(self) -> list[LiftDrive]:
+        """The lifts."""
         return [device for device in self.stationary.values() if isinstance(device, LiftDrive)]
 
     def _at_rest(self) -> bool:
@@ -113,7 +114,7 @@ class Simulation:
         for drive in self._drives:
             if drive.solid.name not in self._paused and drive.step():
                 self._note_leaves(drive.solid.name)
-        for lift in self._lifts:
+        for lift in self.lifts:
             if lift.name not in self._paused:
                 lift.step()
         self._shut_doors()
@@ -343,11 +344,11 @@ class Simulation:
             shaft = next(shaft for shaft in shafts_of(self._map, self._ontology) if shaft.name == solid.name)
             self.stationary[solid.name] = self.robots.lifts[solid.name] = LiftDrive(solid, self.scene, self.robots, shaft)
 
-    def navigator_of(self, robot: Robot, doors: Mapping[str, bool]) -> Navigator:
-        """Plans the robot's paths as if these doors were open (True) or shut."""
+    def navigator_of(self, level: float, doors: Mapping[str, bool]) -> Navigator:
+        """Plans paths on the floor of a height as if these doors were open (True) or shut."""
         solids = self.scene.world.solids
         changed = frozenset((door, is_open) for door, is_open in doors.items() if solids[door].open != is_open)
-        return self._navigators.navigator(robot.level, changed)
+        return self._navigators.navigator(level, changed)
 
     def _renew_navigators(self) -> None:
         self._navigators = self._new_navigators()

@@ -9,7 +9,7 @@ from random import Random
 
 import numpy as np
 
-from somrs.devices.simulator.motion.driving import MARGIN, SAME_FLOOR
+from somrs.devices.simulator.motion.driving import MARGIN
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.kernel.component import Answered, Ask, Input, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
@@ -17,6 +17,7 @@ from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.traffic import ClosedLane, ClosedPassage, CloseWays, HoldTraffic
 from somrs.space.clearance import Disc
 from somrs.space.navigation import SLACK, Navigator
+from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import Point, Role, Solid
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import SAMPLES
