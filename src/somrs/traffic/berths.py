@@ -12,7 +12,7 @@ from somrs.errors import UsageError
 from somrs.protocol.messages.traffic import Berth
 from somrs.space.lines import point_distance
 from somrs.traffic.planning.graph import Graph, PrivatePlace
-from somrs.traffic.roadmap import NumberedRoadmap, UsedBerth
+from somrs.traffic.roadmap import NumberedRoadmap, UsedBerth, least_distance
 from somrs.traffic.state import Closed, PlannedBerth
 
 GAP = 0.01
@@ -101,13 +101,15 @@ class Berths:
         numbers = [self.roadmap.number(place) for place in dict.fromkeys(berth.places)]
         if not numbers:
             raise UsageError(f"{berth.name} needs a place of the roadmap from which {robot} drives there")
-        places, spacing = [self.roadmap.roadmap.places[number] for number in numbers], self.roadmap.roadmap.spacing
+        places, spacing = [self.roadmap.roadmap.places[number] for number in numbers], self.roadmap.spacing(numbers[0])
         distances = [math.dist((place.x, place.y), (berth.x, berth.y)) for place in places]
         for place, distance in zip(places, distances, strict=True):
             if spacing and distance > spacing + TOLERANCE:
                 raise UsageError(f"{berth.name} is {distance:.2f} m away from {place.name}: the spacing of {spacing:.2f} m is the most")
             if place.level != places[0].level:
                 raise UsageError(f"{berth.name}: {place.name} is on another level than {places[0].name}")
+            if place.radius != places[0].radius:
+                raise UsageError(f"{berth.name}: {place.name} is for robots of another size than {places[0].name}")
         lanes = tuple((number, max(distance / SPEED, SHORTEST)) for number, distance in zip(numbers, distances, strict=True))
         return UsedBerth(robot=robot, berth=berth, level=places[0].level, lanes=lanes)
 
@@ -126,10 +128,10 @@ class Berths:
 
     def _near_places(self, used: UsedBerth) -> Iterator[int]:
         """The places at which another robot would be too near."""
-        point, spacing = (used.berth.x, used.berth.y), self.roadmap.roadmap.spacing
+        point, spacing = (used.berth.x, used.berth.y), self.roadmap.spacing(used.lanes[0][0])
         for number in self.roadmap.near(point, used.level):
             place = self.roadmap.roadmap.places[number]
-            if math.dist((place.x, place.y), point) < spacing:
+            if math.dist((place.x, place.y), point) < least_distance(spacing, self.roadmap.spacing(number)):
                 yield number
         nearest, _ = min(used.lanes, key=lambda lane: lane[1])
         zone = self.roadmap.roadmap.places[nearest].zone
@@ -138,10 +140,10 @@ class Berths:
 
     def _may_be_near(self, used: UsedBerth) -> list[int]:
         """The slots of berths to which another robot may drive past this one: no lane to a berth is longer than the spacing."""
-        if not self.roadmap.roadmap.spacing:
+        if not self.roadmap.widest:
             return [*range(len(self.slots))]
         x, y, radius = self._circles.T
-        span = radius + (used.berth.radius + GAP + self.roadmap.roadmap.spacing + TOLERANCE)
+        span = radius + (used.berth.radius + GAP + self.roadmap.widest + TOLERANCE)
         numbers: list[int] = np.flatnonzero(np.hypot(x - used.berth.x, y - used.berth.y) < span).tolist()
         return numbers
 

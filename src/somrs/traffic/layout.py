@@ -10,7 +10,7 @@ between their own, stay at least s·√3/2 apart: the farthest that a lane comes
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -26,10 +26,10 @@ from somrs.space.navigation import SLACK, Navigator
 from somrs.space.shafts import Shaft, shafts_of
 from somrs.space.solids import Point, Role, Solid, solid_of
 from somrs.space.squares import Squares, box_around
-from somrs.traffic.roadmap import Lane, Place, Roadmap
+from somrs.traffic.roadmap import Lane, Place, Roadmap, spacing_for
 
-GAP = 0.06
-"""The least distance between two robots on their lanes, in metres: what they keep, and as much again for corners that they cut."""
+SAME_SIZE = 1.25
+"""By what factor the radii of robots that share places differ at most."""
 MARGIN = 0.03
 """The distance of robots from obstacles, in metres."""
 DOOR_ROOM = 0.1
@@ -46,12 +46,28 @@ SAMPLES = 8
 Points = NDArray[np.float64]
 
 
-def lay_out(map: Map, ontology: Ontology, *, radius: float, levels: Sequence[float]) -> Roadmap:
-    """The roadmap for robots of at most this radius in metres, on floors of these heights, and on those to which lifts lead from there.
-    Doors count as open."""
+def lay_out(map: Map, ontology: Ontology, *, radii: Iterable[float], levels: Sequence[float]) -> Roadmap:
+    """The roadmap for robots of these radii in metres, on floors of these heights, and on those to which lifts lead from there. Doors
+    count as open. Robots of about the same size share places; larger ones have places and lanes of their own."""
+    parts = [_lay_out(map, ontology, radius, levels, f"{layer}." if layer else "") for layer, radius in enumerate(sizes(radii))]
+    places = (place for part in parts for place in part.places)
+    return Roadmap(places=tuple(places), lanes=tuple(lane for part in parts for lane in part.lanes))
+
+
+def sizes(radii: Iterable[float]) -> list[float]:
+    """The radii for which there are places of their own, the smallest first: each is the largest of some that are about the same."""
+    classes: list[float] = []
+    for radius in sorted(radii, reverse=True):
+        if not classes or radius * SAME_SIZE < classes[-1]:
+            classes.append(radius)
+    return classes[::-1]
+
+
+def _lay_out(map: Map, ontology: Ontology, radius: float, levels: Sequence[float], prefix: str) -> Roadmap:
+    """The part of the roadmap for robots of at most this radius."""
     solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
     opened = map.changed([ValueSet(solid.name, "Open", True) for solid in solids if solid.role is Role.DOOR])
-    spacing = (2 * radius + GAP) * 2 / math.sqrt(3)
+    spacing = spacing_for(radius)
     shafts = [shaft for shaft in shafts_of(map, ontology) if shaft.landings]
     places: list[Place] = []
     lanes: list[Lane] = []
@@ -61,9 +77,10 @@ def lay_out(map: Map, ontology: Ontology, *, radius: float, levels: Sequence[flo
         cabins = [shaft for shaft in shafts if shaft.landing(level) is not None]
         storey = _Storey(Navigator(opened, ontology, level=level), radius + MARGIN, spacing)
         points, pairs = storey.lay_out([*((shaft.cabin.x, shaft.cabin.y) for shaft in cabins), *((s.x, s.y) for s in passages)])
+        zones = [_zone((x, y), level, radius, cabins) for x, y in points.tolist()]
         on_level = [
-            Place(name=f"P{number}/{index}", x=float(x), y=float(y), level=level, zone=_zone((float(x), float(y)), level, radius, cabins))
-            for index, (x, y) in enumerate(points)
+            Place(name=f"P{prefix}{number}/{index}", x=x, y=y, level=level, radius=radius, zone=zone)
+            for index, ((x, y), zone) in enumerate(zip(points.tolist(), zones, strict=True))
         ]
         places += on_level
         for first, second in pairs:

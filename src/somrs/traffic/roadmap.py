@@ -14,16 +14,37 @@ from somrs.space.solids import Point
 from somrs.space.squares import Squares, box_around
 from somrs.traffic.planning.graph import Graph
 
+GAP = 0.06
+"""The least distance between two robots on their lanes, in metres: what they keep, and as much again for corners that they cut."""
+ROUNDING = 1e-9
+"""The share by which computed distances may differ."""
+
 
 class Place(Struct, frozen=True, kw_only=True):
     """A place, with its coordinates on the map in metres. `level`: the height of its floor. `zone`: the lift or area of which
-    it is a part, in which only one robot may be at a time, on whatever floor."""
+    it is a part, in which only one robot may be at a time, on whatever floor. `radius`: of the largest robots for which it is; 0 if the
+    roadmap is for robots of one size."""
 
     name: str
     x: float
     y: float
     level: float = 0.0
     zone: str | None = None
+    radius: float = 0.0
+
+
+def spacing_for(radius: float) -> float:
+    """The spacing of places for robots of this radius, in metres."""
+    return (2 * radius + GAP) * 2 / math.sqrt(3)
+
+
+def least_distance(spacing: float, near_spacing: float) -> float:
+    """The distance from which on robots at two places, and on the lanes from there, do not touch each other, in metres.
+
+    Lanes are at most as long as the spacing. The middle of a lane comes nearest to a place that is equally far from its ends, and the
+    robots need half of what each of their spacings leaves between two of them.
+    """
+    return math.hypot((spacing + near_spacing) * math.sqrt(3) / 4, max(spacing, near_spacing) / 2)
 
 
 class Lane(Struct, frozen=True, kw_only=True):
@@ -36,7 +57,7 @@ class Lane(Struct, frozen=True, kw_only=True):
 
 class Roadmap(Struct, frozen=True, kw_only=True):
     """Places and lanes. Robots at two places touch each other if these are nearer to each other than `spacing`, in metres, and on one
-    floor. A lane between two floors is a ride in a lift."""
+    floor. A lane between two floors is a ride in a lift. Places for robots of a certain size have a spacing of their own."""
 
     places: tuple[Place, ...]
     lanes: tuple[Lane, ...]
@@ -74,7 +95,11 @@ class NumberedRoadmap:
         self.names = tuple(place.name for place in roadmap.places)
         self.numbers = {name: number for number, name in enumerate(self.names)}
         lanes = ((self.numbers[lane.start], self.numbers[lane.end], lane.seconds) for lane in roadmap.lanes)
-        self._squares = Squares[int](roadmap.spacing or 1.0)
+        self.radii = tuple(sorted({place.radius for place in roadmap.places}))
+        self._spacings = {radius: spacing_for(radius) if radius else roadmap.spacing for radius in self.radii}
+        self.widest = max(self._spacings.values(), default=roadmap.spacing)
+        """The largest spacing, m."""
+        self._squares = Squares[int](self.widest or 1.0)
         self.zones: dict[str, list[int]] = {}
         """The places of each zone."""
         for number, place in enumerate(roadmap.places):
@@ -88,9 +113,17 @@ class NumberedRoadmap:
             raise UsageError(f"there is no place {place} on the roadmap")
         return self.numbers[place]
 
+    def radius_for(self, radius: float) -> float:
+        """The radius of the places that a robot of this radius uses."""
+        return next((known for known in self.radii if known >= radius), self.radii[-1] if self.radii else 0.0)
+
+    def spacing(self, number: int) -> float:
+        """The spacing of a place, m: no lane from there is longer."""
+        return self._spacings[self.roadmap.places[number].radius]
+
     def near(self, point: Point, level: float) -> Iterator[int]:
-        """The places of a level within the spacing around a point, and some that are farther away."""
-        near = self._squares.near(box_around(point, self.roadmap.spacing))
+        """The places of a level within the largest spacing around a point, and some that are farther away."""
+        near = self._squares.near(box_around(point, self.widest))
         return (number for number in near if self.roadmap.places[number].level == level)
 
     def _conflicts(self) -> Iterator[tuple[int, int]]:
@@ -101,6 +134,7 @@ class NumberedRoadmap:
             for earlier in self.near((place.x, place.y), place.level):
                 near = self.roadmap.places[earlier]
                 is_known = place.zone is not None and near.zone == place.zone
-                if not is_known and math.dist((near.x, near.y), (place.x, place.y)) < self.roadmap.spacing:
+                least = least_distance(self.spacing(number), self.spacing(earlier)) * (1 - ROUNDING)
+                if not is_known and math.dist((near.x, near.y), (place.x, place.y)) < least:
                     yield earlier, number
             self._squares.add(number, box_around((place.x, place.y), 0.0))

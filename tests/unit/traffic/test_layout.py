@@ -14,9 +14,9 @@ from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Value
 from somrs.space.lines import segment_distance
 from somrs.space.navigation import Navigator
-from somrs.traffic.layout import GAP, MARGIN, lay_out
+from somrs.traffic.layout import MARGIN, lay_out, sizes
 from somrs.traffic.planning.graph import FAR
-from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
+from somrs.traffic.roadmap import GAP, NumberedRoadmap, Roadmap, least_distance, spacing_for
 
 ONTOLOGY = upper()
 RADIUS = 0.25
@@ -32,7 +32,7 @@ def room(width: float, depth: float, *objects: Object) -> Map:
 
 
 def laid_out(map: Map, *levels: float) -> NumberedRoadmap:
-    return NumberedRoadmap(lay_out(map, ONTOLOGY, radius=RADIUS, levels=levels or (0.0,)))
+    return NumberedRoadmap(lay_out(map, ONTOLOGY, radii=(RADIUS,), levels=levels or (0.0,)))
 
 
 def nearest(roadmap: Roadmap, x: float, y: float) -> str:
@@ -94,7 +94,7 @@ def test_there_are_lanes_where_there_is_a_path_and_none_through_what_stands_ther
     points = {place.name: (place.x, place.y) for place in numbered.roadmap.places}
     for lane in numbered.roadmap.lanes:
         (ax, ay), (bx, by) = points[lane.start], points[lane.end]
-        assert math.dist(points[lane.start], points[lane.end]) <= numbered.roadmap.spacing * 1.001
+        assert math.dist(points[lane.start], points[lane.end]) <= spacing_for(RADIUS) * 1.001
         assert min(navigator.clearance((ax + (bx - ax) * i / 40, ay + (by - ay) * i / 40)) for i in range(41)) > RADIUS - 0.02
     free = st.tuples(coordinate, coordinate).filter(lambda point: navigator.free(point, RADIUS + MARGIN + 0.02))
     assume(np.count_nonzero(navigator.field >= RADIUS + MARGIN + 0.05) > 400)
@@ -108,7 +108,7 @@ def test_there_are_lanes_where_there_is_a_path_and_none_through_what_stands_ther
 
 def sees(navigator: Navigator, roadmap: Roadmap, point: tuple[float, float]) -> list[str]:
     """The places to which a robot can drive from the point in a straight line, as it does to and from a berth."""
-    near = (place for place in roadmap.places if math.dist((place.x, place.y), point) <= roadmap.spacing)
+    near = (place for place in roadmap.places if math.dist((place.x, place.y), point) <= spacing_for(RADIUS))
     return [place.name for place in near if navigator.is_clear(point, (place.x, place.y), RADIUS + MARGIN - 0.02)]
 
 
@@ -126,3 +126,37 @@ def test_robots_on_lanes_between_places_that_do_not_exclude_each_other_do_not_to
     ends = [math.dist(a, b) for a in (start, end) for b in (near_start, near_end)]
     assume(min(ends) >= spacing)
     assert segment_distance(start, end, near_start, near_end) >= 2 * RADIUS + GAP - 1e-9
+
+
+def test_large_robots_have_places_where_they_fit_and_small_ones_go_everywhere() -> None:
+    wall = [box(f"Wall{side}", "Wall", 4, 3 + side * 1.8, 0.2, 2.6) for side in (-1, 1)]  # with a gap of 1 m
+    small, large = 0.25, 0.7
+    numbered = NumberedRoadmap(lay_out(room(8, 6, *wall), ONTOLOGY, radii=(large, 0.22, small), levels=(0.0,)))
+    assert numbered.radii == (small, large)
+    for radius, passes in ((small, True), (large, False)):
+        own = [number for number, place in enumerate(numbered.roadmap.places) if place.radius == radius]
+        start, end = (min(own, key=lambda number: abs(numbered.roadmap.places[number].x - x)) for x in (1.0, 7.0))
+        assert (numbered.graph.distances(end)[start] < FAR) == passes
+        others = {end for number in own for end in numbered.graph.successors[number]}
+        assert all(numbered.roadmap.places[number].radius == radius for number in others)
+
+
+def test_sizes_that_are_about_the_same_are_one() -> None:
+    assert sizes([0.27, 0.75, 0.25, 0.22, 0.3]) == [0.22, 0.3, 0.75]
+    assert sizes([]) == []
+
+
+radii = st.floats(0.1, 1.0)
+turns = st.floats(-math.pi, math.pi)
+
+
+@given(small=radii, large=radii, length=st.floats(0, 1), near_length=st.floats(0, 1), x=st.floats(-3, 3), y=st.floats(-3, 3), turn=turns)
+def test_robots_of_two_sizes_do_not_touch_on_their_lanes(
+    small: float, large: float, length: float, near_length: float, x: float, y: float, turn: float
+) -> None:
+    spacings = spacing_for(small), spacing_for(large)
+    way, near_way = length * spacings[0], near_length * spacings[1]
+    lane = (0.0, 0.0), (way, 0.0)
+    near_lane = (x, y), (x + near_way * math.cos(turn), y + near_way * math.sin(turn))
+    assume(all(math.dist(end, near_end) >= least_distance(*spacings) for end in lane for near_end in near_lane))
+    assert segment_distance(*lane, *near_lane) >= small + large + GAP - 1e-9

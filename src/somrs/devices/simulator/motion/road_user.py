@@ -63,7 +63,7 @@ class RoadUser:
         self.robot, self.office = robot, office
         self.level = level
         """The height of its floor, as the roadmap has it, m."""
-        self._radius = radius
+        self.radius = radius
         self._participant: Participant | None = None
         self._berths: dict[str, Berth] = {}
         self._count = 0
@@ -124,19 +124,21 @@ class RoadUser:
 
     def stop_at(self, position: Point, sees: Sees) -> Berth | str | None:
         """The place at a position, or a berth there; None if no place is in sight."""
+        roadmap, radius = self.office.roadmap, self.office.roadmap.radius_for(self.radius)
         near = [
-            (math.dist((place.x, place.y), position), place.name)
-            for place in (self.office.roadmap.roadmap.places[number] for number in self.office.roadmap.near(position, self.level))
+            (math.dist((place.x, place.y), position), place.name, roadmap.spacing(number))
+            for number in roadmap.near(position, self.level)
+            if (place := roadmap.roadmap.places[number]).radius == radius
         ]
-        distance, nearest = min(near, default=(math.inf, ""))
+        distance, nearest, _ = min(near, default=(math.inf, "", 0.0))
         if distance <= AT_PLACE:
             return nearest
-        within = sorted(entry for entry in near if entry[0] <= self.office.roadmap.roadmap.spacing)
-        places = tuple(name for _, name in within if sees(position, self._points_of(name)))
+        within = sorted(entry for entry in near if entry[0] <= entry[2])
+        places = tuple(name for _, name, _ in within if sees(position, self._points_of(name)))
         if not places:
             return None
         self._count += 1
-        berth = Berth(name=f"{self.robot}/{self._count}", x=position[0], y=position[1], radius=self._radius, places=places)
+        berth = Berth(name=f"{self.robot}/{self._count}", x=position[0], y=position[1], radius=self.radius, places=places)
         self._remember(berth)
         return berth
 

@@ -34,7 +34,7 @@ class SimulatedTraffic:
 
     def __init__(self, scene: Scene, robots: Fleet, navigator: Callable[[float], Navigator]) -> None:
         self._scene, self._robots, self._navigator = scene, robots, navigator
-        self.office = TrafficOffice(Roadmap(places=(), lanes=()), 0.0)
+        self.office = TrafficOffice(Roadmap(places=(), lanes=()))
         self.changed, self.outdated = True, False
         self._looked_at = self._joined_at = 0.0
         self._standing: dict[float, list[Disc]] = {}
@@ -72,9 +72,8 @@ class SimulatedTraffic:
     def lay_out(self, map: Map, ontology: Ontology) -> None:
         """Make the roadmap, and let all robots enter."""
         solids = [robot.solid for robot in self._robots.values()]
-        radius = max((dimensions_of(solid).radius for solid in solids), default=0.3)
-        roadmap = lay_out(map, ontology, radius=radius, levels=[solid.z for solid in solids])
-        self.office = TrafficOffice(roadmap, radius)
+        radii = [dimensions_of(solid).radius for solid in solids]
+        self.office = TrafficOffice(lay_out(map, ontology, radii=radii, levels=[solid.z for solid in solids]))
         self.office.hold(self._hold)
         for robot in self._robots.values():
             robot.road = self.user(robot.solid)

@@ -20,10 +20,10 @@ from somrs.space.navigation import SLACK, Navigator
 from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import Point, Role, Solid
 from somrs.traffic.component import Traffic
-from somrs.traffic.layout import SAMPLES
+from somrs.traffic.layout import SAME_SIZE, SAMPLES
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.planning.graph import FAR
-from somrs.traffic.roadmap import Lane, NumberedRoadmap, Roadmap
+from somrs.traffic.roadmap import Lane, NumberedRoadmap, Place, Roadmap
 from somrs.traffic.state import PlanTraffic
 
 ADDRESS = "traffic"
@@ -36,11 +36,10 @@ RENEWAL = 3.0
 
 
 class TrafficOffice:
-    """Traffic on a roadmap, on the simulated clock. `radius`: of the largest robot, m."""
+    """Traffic on a roadmap, on the simulated clock."""
 
-    def __init__(self, roadmap: Roadmap, radius: float) -> None:
+    def __init__(self, roadmap: Roadmap) -> None:
         self.roadmap = NumberedRoadmap(roadmap)
-        self._radius = radius
         self.component = Traffic(ADDRESS, roadmap)
         self._planner = TrafficPlanner(roadmap, Random())
         self._users: dict[str, RoadUser] = {}
@@ -62,7 +61,8 @@ class TrafficOffice:
 
     def serves(self, radius: float, level: float) -> bool:
         """Whether the roadmap is for robots of this radius, on the floor of this height."""
-        return radius <= self._radius and level in self._ends
+        radius_of_places = self.roadmap.radius_for(radius)
+        return level in self._ends and radius_of_places / SAME_SIZE <= radius <= radius_of_places
 
     def join(self, user: RoadUser) -> None:
         """Deliver the messages to a robot."""
@@ -96,7 +96,12 @@ class TrafficOffice:
         graph, places, held = self.component.graph, self.roadmap.roadmap.places, self.component.place(robot)
         if held is None:
             return None
-        on_level = (number for number, place in enumerate(places) if abs(place.level - level) < SAME_FLOOR and place.zone is None)
+        radius = self.roadmap.radius_for(self._users[robot].radius)
+        on_level = (
+            number
+            for number, place in enumerate(places)
+            if place.radius == radius and abs(place.level - level) < SAME_FLOOR and place.zone is None
+        )
         for number in sorted(on_level, key=lambda number: math.dist((places[number].x, places[number].y), goal))[:NEAREST]:
             distances = graph.distances(number)
             if distances[held] == FAR:
@@ -157,11 +162,12 @@ class TrafficOffice:
     def close(self, navigators: Mapping[float, Navigator], things: Mapping[float, list[Disc]], out_of_order: Sequence[Solid] = ()) -> None:
         """Close the places and lanes where something stands: by level, what the navigator knows, and things on the floor; and those in
         doors and lifts that are out of order."""
-        places, need = self.roadmap.roadmap.places, self._radius + MARGIN - 1.2 * SLACK
+        places = self.roadmap.roadmap.places
         closed_places: list[str] = []
         closed_lanes: list[ClosedLane] = []
         for level in self._ends.keys() & navigators.keys():  # nobody drives on other levels now
             numbers, points, lanes = self._ends[level]
+            need = np.array([self._need(places[number]) for number in numbers])
             navigator, discs = navigators[level], things[level]
             blocked = _room(navigator, discs, points) < need
             closed_places += (places[number].name for number in numbers[blocked])
@@ -171,44 +177,49 @@ class TrafficOffice:
             least = np.full(len(lanes), np.inf)
             for share in np.linspace(0, 1, SAMPLES + 1)[1:-1]:
                 least = np.minimum(least, _room(navigator, discs, starts * (1 - share) + ends * share))
-            shut = lanes[(least < need) & ~blocked[lanes[:, 0]] & ~blocked[lanes[:, 1]]]
+            shut = lanes[(least < need[lanes[:, 0]]) & ~blocked[lanes[:, 0]] & ~blocked[lanes[:, 1]]]
             closed_lanes += (ClosedLane(start=places[numbers[a]].name, end=places[numbers[b]].name) for a, b in shut)
-        passages = tuple(self._closed_passage(passage, need) for passage in out_of_order)
+        passages = tuple(self._closed_passage(passage) for passage in out_of_order)
         closing = CloseWays(places=tuple(closed_places), lanes=tuple(closed_lanes), passages=passages)
         if closing != self._closed:
             self._closed = closing
             self.tell("map", closing)
 
-    def _closed_passage(self, passage: Solid, need: float) -> ClosedPassage:
+    @staticmethod
+    def _need(place: Place) -> float:
+        """The clearance that robots need at a place, m."""
+        return place.radius + MARGIN - 1.2 * SLACK
+
+    def _closed_passage(self, passage: Solid) -> ClosedPassage:
         """The places and lanes at which a robot would be in a door; or the lanes by which it would come into a lift, or ride in it."""
         if passage.role is Role.LIFT:
             lanes = (
                 ClosedLane(start=lane.start, end=lane.end) for lane in self.roadmap.roadmap.lanes if self._leads_into(passage.name, lane)
             )
             return ClosedPassage(name=passage.name, places=(), lanes=tuple(lanes))
-        return self._closed_door(passage, need)
+        return self._closed_door(passage)
 
     def _leads_into(self, zone: str, lane: Lane) -> bool:
         places, numbers = self.roadmap.roadmap.places, self.roadmap.numbers
         start, end = places[numbers[lane.start]], places[numbers[lane.end]]
         return end.zone == zone and (start.zone != zone or start.level != end.level)
 
-    def _closed_door(self, door: Solid, need: float) -> ClosedPassage:
+    def _closed_door(self, door: Solid) -> ClosedPassage:
         """The places and lanes at which a robot would be in a door."""
         roadmap, graph = self.roadmap.roadmap, self.roadmap.graph
-        reach = max(door.width, door.depth) + need + roadmap.spacing
+        reach = max(door.width, door.depth) + 2 * self.roadmap.widest
         near = {
             number
             for number, place in enumerate(roadmap.places)
             if abs(place.level - door.z) < SAME_FLOOR and math.dist((place.x, place.y), (door.x, door.y)) < reach
         }
         points = {number: (roadmap.places[number].x, roadmap.places[number].y) for number in near}
-        closed = {number for number in near if door.distance(*points[number]) < need}
+        closed = {number for number in near if door.distance(*points[number]) < self._need(roadmap.places[number])}
         lanes = (
             ClosedLane(start=roadmap.places[start].name, end=roadmap.places[end].name)
             for start in near - closed
             for end in graph.successors[start]
-            if end in near and end not in closed and _touches(door, points[start], points[end], need)
+            if end in near and end not in closed and _touches(door, points[start], points[end], self._need(roadmap.places[start]))
         )
         return ClosedPassage(name=door.name, places=tuple(roadmap.places[number].name for number in sorted(closed)), lanes=tuple(lanes))
 
