@@ -11,8 +11,8 @@ from itertools import combinations
 from random import Random
 
 from somrs.kernel.component import Input, Received
-from somrs.protocol.messages.envelope import Header, Message, message_id
-from somrs.protocol.messages.traffic import Granted, HoldTraffic, RequestTrip, TripEnded, TripResult
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.traffic import Granted, RequestTrip, TripEnded, TripResult
 from somrs.runtime.virtual_time import QUIET, Work, World
 from somrs.space.lines import segment_distance
 from somrs.traffic.berths import SPEED
@@ -21,11 +21,12 @@ from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.planning.graph import Graph
 from somrs.traffic.roadmap import NumberedRoadmap
 from somrs.traffic.state import PlanTraffic
+from verification.traffic_runs.alarm import Alarm
 from verification.traffic_runs.draw import RADIUS
 from verification.traffic_runs.scenario import Incident, Scenario, Trouble
 from verification.traffic_runs.vehicle import Robot, Vehicle
 
-TRAFFIC = "traffic"
+TRAFFIC, ALARM = "traffic", "alarm"
 LONGEST = 3_600.0
 """The time within which all robots have to be at the ends of their trips, in seconds of virtual time."""
 
@@ -68,7 +69,8 @@ class Play:
             Robot(name=f"Robot{number}", place=start, trips=list(trips), berths=own)
             for number, (start, trips, own) in enumerate(zip(scenario.starts, scenario.trips, scenario.berths, strict=True))
         ]
-        self._hold_count = 0
+        self._leaving = False
+        """Whether the granted way of a robot ends in a zone, which it has to leave when traffic is held."""
         self._grants: dict[tuple[str, int], tuple[int, str]] = {}
         """By robot and fence: the number of the last grant, and the last place of the way."""
         self._worker = Robot(name="Worker", place=scenario.worker, trips=[], berths={}) if scenario.worker is not None else None
@@ -92,6 +94,7 @@ class Play:
         world, started_at = self.world, self.world.now
         self._apart()
         world.add(TRAFFIC, Traffic(TRAFFIC, self.scenario.roadmap), self._plan, journaled=SCHEMA)
+        world.add(ALARM, Alarm(ALARM, TRAFFIC))
         for number in range(len(self.robots)):
             self._start(number)
         if self._worker is not None:
@@ -109,13 +112,8 @@ class Play:
             yield incident.at, partial(self._meddle, incident, mended=False)
             yield incident.at + incident.seconds, partial(self._meddle, incident, mended=True)
         for hold in self.scenario.holds:
-            yield hold.at, partial(self._hold, "fire alarm")
-            yield hold.at + hold.seconds, partial(self._hold, "")
-
-    def _hold(self, reason: str) -> None:
-        self._hold_count += 1
-        header = Header(sender="map", recipient=TRAFFIC, message_id=message_id("map", self._hold_count))
-        self.world.send(Message(header=header, body=HoldTraffic(reason=reason, number=self._hold_count)))
+            yield hold.at, partial(self.world.notify, ALARM, "fire alarm")
+            yield hold.at + hold.seconds, partial(self.world.notify, ALARM, "")
 
     def _start(self, number: int) -> None:
         scenario, robot = self.scenario, self.robots[number]
@@ -159,17 +157,22 @@ class Play:
         return [delay, delay + self._dice.uniform(0.1, 3.0)] if drawn < 0.04 else [delay]
 
     def _note_grant(self, granted: Granted) -> None:
-        """Raise Violation if a robot is granted more than before while traffic is held."""
+        """Raise Violation if a robot is granted more than before while traffic is held, and none has to leave a zone."""
         traffic, entry = self.world.components.get(TRAFFIC), (granted.robot, granted.fence)
         number, end = self._grants.get(entry, (0, granted.way[-1]))
         if granted.number <= number:
             return  # it is sent again
-        if isinstance(traffic, Traffic) and traffic.state.hold and granted.way[-1] != end:
+        if isinstance(traffic, Traffic) and traffic.state.hold and granted.way[-1] != end and not self._leaving:
             raise Violation(f"{granted.robot} was granted its way to {granted.way[-1]} while traffic was held")
         self._grants[entry] = granted.number, granted.way[-1]
 
     def _watch(self, address: str, event: Input) -> None:
         self._apart()
+        if address == TRAFFIC:
+            traffic, size = self.world.components[TRAFFIC], self._graph.graph.size
+            assert isinstance(traffic, Traffic)
+            ends = [held[-1] for held in traffic.state.held.values()]
+            self._leaving = any(end < size and self.scenario.roadmap.places[end].zone is not None for end in ends)
         match event:
             case Received(Message(body=TripEnded(result=TripResult.NO_ROOM) as ended)) if len(self.robots) <= MOST_ROBOTS:
                 self._no_room(ended)

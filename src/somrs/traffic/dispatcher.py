@@ -8,6 +8,7 @@ from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.traffic import Granted, Mobility, TripEnded, TripResult
 from somrs.traffic.berths import Berths
 from somrs.traffic.closures import Closures
+from somrs.traffic.exits import Exits
 from somrs.traffic.planning.graph import FAR
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import PlanDue, PlannedRobot, PlanQuestion, PlanTraffic, RobotRecord, TrafficPlan, TrafficState, Trip
@@ -34,6 +35,7 @@ class Dispatcher:
     def __init__(self, state: TrafficState, schedule: Schedule, berths: Berths) -> None:
         self.state, self._schedule, self._berths = state, schedule, berths
         self._closures = Closures(state, schedule)
+        self._exits = Exits(schedule, berths)
 
     # Trips
 
@@ -69,17 +71,23 @@ class Dispatcher:
         """Grant places in the order of the plan, unless a plan is being made, which begins where the granted ways end."""
         if self.state.is_planning:
             return
+        leaving = self._leaving
         granted: dict[str, None] = {}
         waiting = [*self.state.robots]
         while waiting:
-            progressed = [name for name in waiting if self._grant_next(name, now)]
+            progressed = [name for name in waiting if self._grant_next(name, now, leaving)]
             granted |= dict.fromkeys(progressed)
             waiting = [*self.state.robots] if progressed else []
+        if self.state.hold and not leaving:
+            self._schedule.plan({})  # those that made room stay where they are
         for name in granted:
             yield self.granted(name)
 
-    def _grant_next(self, name: str, now: float) -> bool:
+    def _grant_next(self, name: str, now: float, leaving: set[str]) -> bool:
+        """Grant the robot its next place. `leaving`: see `_leaving`; a robot whose way ends outside is none of them any more."""
         record = self.state.robots[name]
+        if self.state.hold and not leaving:
+            return False
         if record.silent or record.mobility is not Mobility.FREE or len(self._schedule.held(name)) > AHEAD:
             return False
         place = self._schedule.grant(name)
@@ -87,6 +95,8 @@ class Dispatcher:
             distance = self._berths.graph.distances(record.trip.destination)[place]
             if distance < record.trip.nearest:
                 record.trip.nearest, record.trip.progressed_at = distance, now
+        if name in leaving and self._goal(name) is None:
+            leaving.discard(name)
         return place is not None
 
     def granted(self, name: str, *, anew: bool = True) -> Send:
@@ -113,7 +123,7 @@ class Dispatcher:
         state = self.state
         if state.is_planning or not (state.changed or self._is_exhausted()) or (state.whole and any(state.planned.values())):
             return
-        if state.hold and not any(self._goal(name) is not None for name in state.robots):
+        if state.hold and not self._leaving:
             return
         pause = PAUSE * 2**state.failures if state.changed or not any(state.planned.values()) else RENEWAL
         due_at = state.planned_at + min(pause, LONGEST_PAUSE)
@@ -140,9 +150,16 @@ class Dispatcher:
         yield Ask(PlanQuestion(state.serial), problem)
 
     def _goal(self, name: str) -> int | None:
-        """Where the robot is to go now, if anywhere: nowhere while traffic is held."""
-        trip = self.state.robots[name].trip if not self.state.hold else None
+        """Where the robot is to go now, if anywhere. While traffic is held, it only leaves the zone in which its granted way ends."""
+        if self.state.hold:
+            return self._exits.nearest(name)
+        trip = self.state.robots[name].trip
         return trip.destination if trip is not None else None
+
+    @property
+    def _leaving(self) -> set[str]:
+        """While traffic is held, the robots that still have to leave a zone."""
+        return {name for name in self.state.robots if self._goal(name) is not None} if self.state.hold else set()
 
     def _planned_robot(self, name: str, record: RobotRecord, now: float) -> PlannedRobot:
         trip = record.trip if not self.state.hold else None

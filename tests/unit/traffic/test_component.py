@@ -336,6 +336,65 @@ def test_nobody_is_granted_a_way_while_traffic_is_held_and_trips_go_on_afterward
     assert results == {"R1": TripResult.ARRIVED, "R2": TripResult.ARRIVED}
 
 
+def house() -> Roadmap:
+    """Two storeys with a hall of two places and a corner each, and a lift of two places between them."""
+    names = ("Hall", "Door", "Front", "Cabin", "Corner")
+    zones = {"Front": "Lift1", "Cabin": "Lift1"}
+    places = [
+        Place(name=f"{name}{storey}", x=float(number), y=0.0, level=4.0 * storey, zone=zones.get(name))
+        for storey in (0, 1)
+        for number, name in enumerate(names)
+    ]
+    ways = [
+        (f"{first}{storey}", f"{second}{storey}")
+        for storey in (0, 1)
+        for first, second in (("Hall", "Door"), ("Door", "Front"), ("Front", "Cabin"), ("Door", "Corner"))
+    ]
+    lanes = [Lane(start=start, end=end, seconds=1.0) for a, b in ways for start, end in ((a, b), (b, a))]
+    rides = [Lane(start=f"Cabin{start}", end=f"Cabin{1 - start}", seconds=10.0) for start in (0, 1)]
+    return Roadmap(places=tuple(places), lanes=(*lanes, *rides))
+
+
+FIRE = HoldTraffic(reason="fire alarm in House", number=1)
+
+
+def test_a_robot_in_a_lift_is_granted_its_way_out_while_traffic_is_held_and_no_further() -> None:
+    harness = Harness(house())
+    harness.enter("R1", "Cabin0")
+    harness.send("map", FIRE)
+    harness.trip("R1", "Hall1")
+    drive(harness)
+    assert harness.view().robots[0].held == ("Door0",), "out of the lift, on its storey"
+    harness.send("map", HoldTraffic(number=2))
+    assert TripEnded(robot="R1", trip="R1 to Hall1", result=TripResult.ARRIVED) in drive(harness)
+
+
+def test_a_robot_that_rides_leaves_the_lift_where_it_takes_it() -> None:
+    harness = Harness(house())
+    harness.enter("R1", "Front0")
+    harness.trip("R1", "Corner1")
+    harness.wait(1)
+    assert harness.way("R1") == ("Front0", "Cabin0", "Cabin1", "Front1")
+    harness.report("R1", "Cabin0", 1, between=True)
+    harness.send("map", FIRE)
+    drive(harness)
+    assert harness.view().robots[0].held == ("Door1",)
+
+
+def test_a_robot_in_front_of_a_lift_makes_room_for_one_that_leaves_it_in_a_fire_and_nobody_else_moves() -> None:
+    harness = Harness(house())
+    for robot, place in (("R1", "Cabin0"), ("R2", "Door0"), ("R3", "Hall1")):
+        harness.enter(robot, place)
+    harness.send("map", FIRE)
+    harness.trip("R2", "Hall1")
+    harness.trip("R3", "Corner1")
+    drive(harness)
+    first, second, third = (robot.held for robot in harness.view().robots)
+    assert first == ("Door0",)
+    assert second in (("Hall0",), ("Corner0",))
+    assert third == ("Hall1",)
+
+
 def test_a_plan_that_was_asked_for_before_a_hold_is_not_followed() -> None:
     harness = Harness(roadmap(LINE))
     harness.enter("R1", "West")

@@ -88,7 +88,7 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
         raise UsageError(f"there is no robot {robot}; there are {', '.join(simulation.robots) or 'none'}")
     solids = simulation.scene.world.solids
     promised = _Promised.read(situation, solids)
-    unusable = simulation.out_of_order
+    unusable = {name for name in simulation.out_of_order if name in solids and solids[name].role is Role.DOOR}
     lift_doors = {door.name for lift in simulation.lifts for landing in lift.shaft.landings for door in landing.doors}
     promised_doors = {
         solid.name: promised.doors.get(solid.name, solid.open)
@@ -115,7 +115,7 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
     return Legs(_lengths(open_paths), tuple(shut), tuple(door for door in needed if door not in shut), carries)
 
 
-def _out_of_order(planner: _LegPlanner, stops: Stops, doors: Iterable[str], unusable: frozenset[str]) -> tuple[str, ...]:
+def _out_of_order(planner: _LegPlanner, stops: Stops, doors: Iterable[str], unusable: set[str]) -> tuple[str, ...]:
     """The doors that are out of order on the way that there would be with all doors open."""
     if not unusable:
         return ()
