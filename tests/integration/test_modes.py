@@ -31,6 +31,7 @@ from tests.support.command import somrs
 from tests.support.hang import HANG_TIME
 from tests.support.robot_lab import run as run_in_room
 from tests.support.simulated_device_harness import simulated
+from tests.support.simulated_tower import HEIGHT, tower
 from tests.support.simulator_room import Run, box, robot, room, shell
 from tests.support.small_system import Porter, SmallSystem, api_at, running
 from tests.support.virtual_system import Robot, VirtualSystem, transfer_effect
@@ -78,6 +79,26 @@ def test_in_a_fire_robots_drive_no_further_than_they_were_granted_and_all_arrive
     run.simulation.hold("")
     run.run_until(lambda: all(ends.values()))
     assert all(isinstance(end[0], CommandDone) for end in ends.values()), ends
+
+
+def test_a_robot_in_a_lift_leaves_it_in_a_fire_where_the_lift_takes_it_and_goes_on_afterwards(world: WorldKind) -> None:
+    run = Run(tower((7, 3, 0), (3, 3, 0)), world)
+    end, waiting = run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT)), run.start("Robot2", DriveTo(x=3, y=4, z=HEIGHT))
+    robot = run.simulation.robots["Robot1"]
+    run.run_until(lambda: robot.solid.z > 1)
+    run.simulation.hold("fire alarm in Tower")
+    run.run_for(60.0)
+    assert robot.solid.z == HEIGHT
+    assert robot.road.zone is None, "outside of the lift"
+    assert not end
+    places = {name: robot.pose()[:2] for name, robot in run.simulation.robots.items()}
+    run.run_for(60.0)
+    assert all(math.dist(robot.pose()[:2], places[name]) < 0.01 for name, robot in run.simulation.robots.items())
+    assert run.simulation.robots["Robot2"].solid.z == 0.0, "nobody enters the lift"
+    run.simulation.hold("")
+    run.run_until(lambda: end and waiting, 200)
+    assert isinstance(end[0], CommandDone)
+    assert isinstance(waiting[0], CommandDone)
 
 
 def two_doors() -> Map:

@@ -26,6 +26,10 @@ def test_nobody_touches_anybody_and_everybody_arrives() -> None:
     assert all(results[result] for result in TripResult), "every end of a trip occurs"
 
 
+def test_a_robot_that_starts_again_does_not_take_answers_to_its_earlier_program_for_its_own() -> None:
+    assert not Play(draw(425)).run().violation
+
+
 def test_a_seed_is_one_run() -> None:
     assert Play(draw(18)).run() == Play(draw(18)).run()
 

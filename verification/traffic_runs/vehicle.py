@@ -76,6 +76,8 @@ class Vehicle:
         self.robot, self._traffic, self._seconds, self._work = robot, traffic, seconds, work
         self._address = ""
         self._sent = 1
+        self._requests: set[str] = set()
+        """The ids of its messages."""
         self._participant = Participant(robot.name, robot.place, robot.towards)
         self._works = works
         self._trip: str | None = None
@@ -93,6 +95,8 @@ class Vehicle:
             case Started(address):
                 self._address = address
                 yield from self._enter(now)
+            case Received(Message(body=TrafficEntered() | Fault(), header=Header(relates_to=request))) if request not in self._requests:
+                pass  # to an earlier life of this program, which was somewhere else
             case Received(Message(body=TrafficEntered() as entered)) if entered.fence >= participant.fence:
                 if participant.entered(entered):
                     if participant.towards is not None:
@@ -181,4 +185,5 @@ class Vehicle:
             message_id=message_id(self._address, self.robot.lives, self._sent),
             reply_to=self._address,
         )
+        self._requests.add(header.message_id)
         return Send(Message(header=header, body=body))

@@ -33,7 +33,10 @@ class Participant:
         return EnterTraffic(robot=self.robot, place=self.place, towards=self.towards, berths=berths, lease=lease, mobility=mobility)
 
     def entered(self, answer: TrafficEntered) -> bool:
-        """Note an answer. Returns whether it is the first one to an entry."""
+        """Note an answer to a message of this participant. Returns whether it is the first one to an entry.
+
+        One to a program of the robot that has ended must not be passed on: its fence is an earlier one.
+        """
         if answer.fence <= self.fence:
             return False
         self.fence, self.way, self._grant, self._progress = answer.fence, (), 0, 0
