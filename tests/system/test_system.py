@@ -375,6 +375,13 @@ def test_a_robot_delivers_to_another_storey(tmp_path: Path) -> None:
             view = await accomplish(client, "Jar1 isOn Table2")
             assert view.outcome == "accomplished", view.explanation
             assert (await operator.observe("Jar1")).support == "Table2"
-            assert await client.query(f"Robot1.PositionZ = {HEIGHT:g} AND Jar1.PositionZ > {HEIGHT:g}")
+            assert (await client.query(f"Robot1.PositionZ = {HEIGHT:g} AND Jar1.PositionZ > {HEIGHT:g}")).rows
+            await operator.fault("Lift1", Fault.DRIVE)
+            view = await accomplish(client, "Jar1 isOn Table1", waits=False)
+            assert view.outcome == "failed"
+            assert "Robot1" in view.explanation
+            await operator.repair("Lift1", Fault.DRIVE)
+            view = await accomplish(client, "Jar1 isOn Table1")
+            assert view.outcome == "accomplished", view.explanation
 
     asyncio.run(test())

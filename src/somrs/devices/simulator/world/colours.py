@@ -33,6 +33,7 @@ _TYPICAL: dict[str, Colour] = {
     "Charger": (0.20, 0.62, 0.35, 0.55),
     "Window": (0.62, 0.78, 0.88, 0.35),
     "Door": (0.58, 0.42, 0.28, 1),
+    "Lift": (0.55, 0.68, 0.76, 0.3),
 }
 _BY_ROLE: dict[Role, Colour] = {
     Role.FLOOR: (0.82, 0.81, 0.78, 1),

@@ -139,10 +139,11 @@ export class World {
     const made = shell(bodies.filter((body) => BUILDING.has(body.kind)), this.low, this.colors);
     const around = new Pieces();
     const marks = new Pieces();
+    const cabins = new Pieces();
     for (const body of bodies) {
       this.hang(body);
       if (BUILDING.has(body.kind)) continue;
-      const into = body.kind === "place" ? marks : around;
+      const into = body.kind === "place" ? marks : this.isA(body, "Lift") ? cabins : around;
       into.owner(body.name).frame(body.x, body.y, body.z, body.yaw);
       form(into, body, this.types[body.type] ?? []);
     }
@@ -150,6 +151,7 @@ export class World {
     this.mesh(made.walls, this.materials.solid);
     this.mesh(around, this.materials.solid);
     this.mesh(marks, this.materials.mark, { cast: false });
+    this.mesh(cabins, this.materials.glass, { cast: false }); // so that robots are seen in lifts
     this.mesh(made.glass, this.materials.glass, { cast: false });
     for (const name of this.drawn.keys()) this.hide(name);
   }
