@@ -7,6 +7,7 @@ import math
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault, Grip, Place
 from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.world.kinds import WorldKind
+from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map
 from tests.support.simulated_tower import CABIN, HEIGHT, tower
 from tests.support.simulator_room import Run, thing
 
@@ -75,6 +76,29 @@ def test_a_robot_does_not_enter_a_lift_that_does_not_work(world: WorldKind) -> N
     assert run.simulation.state("Robot1").x < 8
 
 
+def test_a_robot_that_was_granted_a_lift_does_not_enter_it_when_it_is_taken_out_of_order(world: WorldKind) -> None:
+    run = Run(tower((7, 3, 0)), world)
+    end = run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    run.run_until(lambda: run.simulation.robots["Robot1"].road.next_zone == "Lift1")
+    run.simulation.close_passages(("Lift1",))
+    run.run_until(lambda: end)
+    assert isinstance(end[0], CommandGivenUp), end
+    assert "lift" in end[0].description.lower()
+    assert run.simulation.state("Robot1").z == 0.0
+    run.simulation.close_passages(())
+    run.execute_all("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+
+
+def test_a_robot_gets_out_of_a_lift_that_is_taken_out_of_order(world: WorldKind) -> None:
+    run = Run(tower((7, 3, 0)), world)
+    end = run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    run.run_until(lambda: height(run, "Robot1") > 1)
+    run.simulation.close_passages(("Lift1",))
+    run.run_until(lambda: end)
+    assert isinstance(end[0], CommandDone), end
+    assert height(run, "Robot1") == HEIGHT
+
+
 def test_a_lift_that_breaks_on_the_way_to_it_sends_the_robot_back(world: WorldKind) -> None:
     run = Run(tower((2, 2, 0)), world)
     end = run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
@@ -113,7 +137,9 @@ def test_a_way_to_another_storey_counts_the_ride() -> None:
     assert up > 2 * 6 + 0.8 * HEIGHT
     assert legs.shut == legs.open == ()
     run.simulation.fault("Lift1", Fault.DRIVE)
-    assert find_legs(run.simulation, "Robot1", ("Jar1", "Table2", "Table1")).lengths[1:] == (None, None)
+    broken = find_legs(run.simulation, "Robot1", ("Jar1", "Table2", "Table1"))
+    assert broken.lengths[1:] == (None, None)
+    assert broken.out_of_order == ("Lift1",)
 
 
 def test_a_point_is_on_the_floor_of_its_height() -> None:
@@ -133,3 +159,18 @@ def test_a_promised_robot_starts_from_another_storey() -> None:
     (length,) = find_legs(run.simulation, "Robot1", ("Table2",), promise).lengths
     assert length is not None
     assert length < 4
+
+
+def test_a_lift_that_is_put_on_the_map_is_used() -> None:
+    whole = tower((2, 2, 0))
+    without_lift = Map([object for object in whole.objects.values() if object.type not in ("Lift", "LiftDoor")])
+    run = Run(without_lift, WorldKind.KINEMATIC)
+    assert find_legs(run.simulation, "Robot1", ("Table2",)).lengths == (None,)
+    for object in whole.objects.values():
+        if object.name not in without_lift.objects:
+            run.simulation.add(object)
+    for fact in whole.facts():
+        run.simulation.relate(FactAdded(fact))
+    run.execute_all("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    run.simulation.relate(FactRemoved(Fact("stopsAt", ("Lift1", "Storey1"))))
+    assert find_legs(run.simulation, "Robot1", ("Table1",)).lengths == (None,)

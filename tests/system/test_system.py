@@ -379,7 +379,7 @@ def test_a_robot_delivers_to_another_storey(tmp_path: Path) -> None:
             await operator.fault("Lift1", Fault.DRIVE)
             view = await accomplish(client, "Jar1 isOn Table1", waits=False)
             assert view.outcome == "failed"
-            assert "Robot1" in view.explanation
+            assert "Lift1 is out of order" in view.explanation
             await operator.repair("Lift1", Fault.DRIVE)
             view = await accomplish(client, "Jar1 isOn Table1")
             assert view.outcome == "accomplished", view.explanation

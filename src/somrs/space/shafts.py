@@ -14,6 +14,8 @@ from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.space.solids import Point, Role, Solid, solid_of
 
+LIFT_RELATIONS = ("stopsAt", "leadsInto")
+"""The relations that say where a lift stops, and which doors it has."""
 WALL = 0.06
 """Thickness of the walls of a cabin, which stand around it, m."""
 THRESHOLD = 0.1

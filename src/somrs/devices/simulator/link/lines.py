@@ -110,8 +110,8 @@ class Legs(Struct, frozen=True):
     """The way through several stops: the driving distance of each leg in metres, None where there is no path.
 
     `shut`: the shut doors that have to be opened for it; `open`: the open doors that have to stay open. `carries`: whether robots can put
-    things on the last stop; True for a point. `out_of_order`: if there is no path, the doors without which there is none, because they are
-    out of order.
+    things on the last stop; True for a point. `out_of_order`: if there is no path, the doors and lifts without which there is none, because
+    they are out of order.
     """
 
     lengths: tuple[float | None, ...]

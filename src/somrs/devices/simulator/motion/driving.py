@@ -106,7 +106,7 @@ def change_storey(robot: Robot, level: float, goal: Point) -> Routine:
         _enter(robot)
         place = road.office.landing(robot.name, level, goal)
         if place is None:
-            raise GivenUp("unreachable", f"no lift that works takes {robot.name} to the floor at {level:.1f} m")
+            raise GivenUp("unreachable", f"no lift in order takes {robot.name} to the floor at {level:.1f} m")
         yield from _travel_to(robot, place, road.point(place), PATIENCE)
 
 
@@ -206,20 +206,21 @@ def _lift_to_pass(robot: Robot) -> Lift | None:
 
 
 def _wait_for(robot: Robot, lift: Lift) -> Generator[None, None, bool]:
-    """Wait until the robot can drive into the lift, or out of it. Returns False if the lift does not work: then the robot gives its way
-    back, if it is outside."""
+    """Wait until the robot can drive into the lift, or out of it. Returns False if it cannot: a robot outside of a lift that nobody may
+    enter gives its way back."""
     road = robot.road
-    while not lift.call(robot.name, road.level):
+    while True:
         robot.need_drive()
-        if not lift.works and road.zone is None and not road.is_on_its_way:
+        if not lift.is_usable and road.zone is None and not road.is_on_its_way:
             lift.release(robot.name)
             road.give_back(robot.pose()[:2], partial(sees, robot))
             yield from wait(robot, LOOK)
             return False
+        if lift.call(robot.name, road.level):
+            return True
         yield
         if robot.road is not road or road.next_place is None:
             return False
-    return True
 
 
 def _ride(robot: Robot) -> Routine:

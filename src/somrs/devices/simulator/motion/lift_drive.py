@@ -23,21 +23,30 @@ LEVEL = 0.001
 
 
 class LiftDrive(StationaryDevice):
-    """The drive of one lift. `robots`: all robots. The caller calls `step` once per control period."""
+    """The drive of one lift. `robots`: all robots. The caller calls `step` once per control period.
+
+    `is_out_of_order`: an operator has said so. Then nobody enters it, and who is in the cabin still gets out.
+    """
 
     refusal = "is a lift: it accepts Stop and Status"
 
     def __init__(self, solid: Solid, scene: Scene, robots: Mapping[str, Robot], shaft: Shaft) -> None:
         super().__init__(solid, scene)
         self.shaft = shaft
+        self.is_out_of_order = False
         self._robots = robots
         self._holder: str | None = None
         self._goal = self._nearest_level()
 
     @property
     def works(self) -> bool:
-        """Whether it can take anybody."""
+        """Whether it has no fault."""
         return not self.faults
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether robots may enter it: it works, and is not out of order."""
+        return self.works and not self.is_out_of_order
 
     @property
     def busy(self) -> bool:

@@ -281,8 +281,8 @@ class Lift(Protocol):
     """A lift, as robots use it."""
 
     @property
-    def works(self) -> bool:
-        """Whether it can take anybody."""
+    def is_usable(self) -> bool:
+        """Whether robots may enter it: it works, and is not out of order."""
 
     def call(self, robot: str, level: float) -> bool:
         """Let a robot have the lift, and send the cabin to a floor. Returns whether the robot can enter or leave it there now."""

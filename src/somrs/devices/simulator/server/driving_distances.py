@@ -100,7 +100,7 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
     last = solids.get(stops[-1]) if stops and isinstance(stops[-1], str) else None
     carries = last is None or last.role in CARRYING
     paths = planner.paths(stops, doors)
-    if None not in paths or all(doors.values()):
+    if None not in paths or (all(doors.values()) and not planner.unusable_lifts):
         return Legs(_lengths(paths), (), _needed(planner, stops, doors, paths), carries)
     open_paths = planner.paths(stops, {name: name not in unusable for name in doors})
     if None in open_paths:
@@ -116,11 +116,15 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
 
 
 def _out_of_order(planner: _LegPlanner, stops: Stops, doors: Iterable[str], unusable: set[str]) -> tuple[str, ...]:
-    """The doors that are out of order on the way that there would be with all doors open."""
-    if not unusable:
+    """The doors and lifts that are out of order on the way that there would be with all doors open, and with all lifts."""
+    if not (unusable or planner.unusable_lifts):
         return ()
-    paths = planner.paths(stops, dict.fromkeys(doors, True))
-    return tuple(door for door in sorted(unusable) if None not in paths and planner.passes(door, paths))
+    paths = planner.paths(stops, dict.fromkeys(doors, True), with_all_lifts=True)
+    if None in paths:
+        return ()
+    doors_passed = (door for door in sorted(unusable) if planner.passes(door, paths))
+    lifts_used = (lift for lift in sorted(planner.unusable_lifts) if planner.rides_in(lift, paths))
+    return (*doors_passed, *lifts_used)
 
 
 def _needed(planner: _LegPlanner, stops: Stops, doors: Mapping[str, bool], paths: list[_Way | None]) -> tuple[str, ...]:
@@ -137,14 +141,15 @@ def _lengths(paths: list[_Way | None]) -> tuple[float | None, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Way:
-    """The way of a leg: a path on each floor, with its height, and the rides in lifts, as long as the robot drives meanwhile, m."""
+    """The way of a leg: a path on each floor, with its height, and the rides between these."""
 
     paths: tuple[tuple[float, list[Point]], ...]
-    rides: float = 0.0
+    rides: tuple[_Ride, ...]
 
     @property
     def length(self) -> float:
-        return self.rides + sum(path_length(path) for _, path in self.paths)
+        """In metres; a ride counts as far as the robot drives in that time."""
+        return sum(ride.metres for ride in self.rides) + sum(path_length(path) for _, path in self.paths)
 
     @property
     def end(self) -> tuple[Point, float]:
@@ -174,10 +179,14 @@ class _LegPlanner:
         self._simulation, self._robot, self._promised = simulation, robot, promised
         self._broken = [other_robot for other_robot in simulation.robots.values() if other_robot is not robot and not other_robot.mobile]
         self._radius = robot.size.radius + MARGIN
-        self._lifts = [lift.shaft for lift in simulation.lifts if lift.works and lift.name not in simulation.out_of_order]
+        self._shafts = [lift.shaft for lift in simulation.lifts]
+        self.unusable_lifts = {lift.name for lift in simulation.lifts if not lift.is_usable}
+        self._avoided_lifts = self.unusable_lifts
 
-    def paths(self, stops: Stops, doors: Mapping[str, bool]) -> list[_Way | None]:
-        """The way of each leg with the doors in these states; None from the first leg without a way on."""
+    def paths(self, stops: Stops, doors: Mapping[str, bool], *, with_all_lifts: bool = False) -> list[_Way | None]:
+        """The way of each leg with the doors in these states; None from the first leg without a way on. `with_all_lifts`: as if robots
+        could use all of them."""
+        self._avoided_lifts = set() if with_all_lifts else self.unusable_lifts
         place: tuple[Point, float] | None = self._start()
         ways: list[_Way | None] = []
         for stop in stops:
@@ -206,8 +215,9 @@ class _LegPlanner:
         return []
 
     def _rides_from(self, level: float, visited: set[float]) -> Iterator[_Ride]:
-        for shaft in self._lifts:
-            for landing in shaft.landings if shaft.landing(level) is not None else ():
+        for shaft in self._shafts:
+            stops_here = shaft.name not in self._avoided_lifts and shaft.landing(level) is not None
+            for landing in shaft.landings if stops_here else ():
                 if round(landing.level, 1) not in visited:
                     seconds = LIFT_WAIT + ride_seconds(shaft.cabin, level, landing.level)
                     yield _Ride(shaft, level, landing.level, seconds * self._robot.solid.speed)
@@ -222,7 +232,7 @@ class _LegPlanner:
             position, level = ride.cabin, ride.goal
         stand = self._stand(self._simulation.navigator_of(level, doors), position, level, stop)
         path = self._path(position, stand, level, doors) if stand is not None else None
-        return _Way((*paths, (level, path)), sum(ride.metres for ride in rides)) if path is not None else None
+        return _Way((*paths, (level, path)), tuple(rides)) if path is not None else None
 
     def _path(self, start: Point, end: Point, level: float, doors: Mapping[str, bool]) -> list[Point] | None:
         return self._simulation.navigator_of(level, doors).path(start, end, self._radius, self._discs(level))
@@ -237,6 +247,10 @@ class _LegPlanner:
         door = self._simulation.scene.world.solids[name]
         on_floor = (path for way in paths if way is not None for level, path in way.paths if abs(door.z - level) < SAME_FLOOR)
         return any(door.distance(*point) < self._radius for path in on_floor for point in _points_on(path))
+
+    def rides_in(self, lift: str, paths: list[_Way | None]) -> bool:
+        """Whether one of the ways leads through the lift."""
+        return any(ride.shaft.name == lift for way in paths if way is not None for ride in way.rides)
 
     def _start(self) -> tuple[Point, float]:
         """Where the robot will be, and the height of that floor."""
@@ -285,7 +299,7 @@ class _LegPlanner:
             height = stop[2]
         else:
             return level
-        landings = (landing.level for shaft in self._lifts for landing in shaft.landings)
+        landings = (landing.level for shaft in self._shafts for landing in shaft.landings)
         floors = [floor for floor in (self._robot.level, level, *landings) if -BELOW < height - floor < ABOVE]
         return max(floors, default=None)
 

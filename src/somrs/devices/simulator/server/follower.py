@@ -22,7 +22,7 @@ from somrs.kernel.component import Effect, Input, Started
 from somrs.kernel.replica import Replica
 from somrs.ontology.modes import hold_reason, modes, passages_out_of_order
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import Change, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
+from somrs.ontology.objects import Change, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
 from somrs.ontology.types import PAUSED
 from somrs.space.solids import Role, solid_of
 
@@ -86,6 +86,8 @@ class Follower:
                     pass  # the next addition is the renamed object
                 case ObjectRemoved(name):
                     self._remove(simulation, name, merged.get(name))
+                case FactAdded() | FactRemoved():
+                    simulation.relate(change)
                 case ValueSet(name, "Open") if (door := self.replica.map.objects.get(name)) is not None:
                     simulation.renew(door)
                 case ValueSet(name, path, value) if path == PAUSED:

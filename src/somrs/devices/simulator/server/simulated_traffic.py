@@ -132,7 +132,7 @@ class SimulatedTraffic:
                 x, y, _ = robot.pose()
                 standing[_level(robot)].append(Disc(x, y, robot.size.radius))
         rounded = {level: [Disc(round(disc.x, 2), round(disc.y, 2), disc.radius) for disc in discs] for level, discs in standing.items()}
-        shut = tuple(sorted({*self._out_of_order, *(name for name, lift in self._robots.lifts.items() if not lift.works)}))
+        shut = tuple(sorted({*self._out_of_order, *(name for name, lift in self._robots.lifts.items() if not lift.is_usable)}))
         if self.changed or (rounded, shut) != (self._standing, self._shut):
             self.changed, self._standing, self._shut = False, rounded, shut
             solids = self._scene.world.solids

@@ -26,11 +26,11 @@ from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
 from somrs.devices.simulator.world.vision import StationaryCamera, clear_points, view
 from somrs.devices.simulator.world.weighing_scale import WeighingScale
 from somrs.errors import UsageError
-from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.space.leaves import Leaf
 from somrs.space.navigation import Navigator
-from somrs.space.shafts import shafts_of
+from somrs.space.shafts import LIFT_RELATIONS, shafts_of
 from somrs.space.solids import Role, Solid, role_of, solid_of
 
 Linked = Robot | StationaryDevice
@@ -54,7 +54,7 @@ class Simulation:
         self._work = RobotWork(self.scene, self.robots)
         self._traffic = SimulatedTraffic(self.scene, self.robots, self._navigator_at)
         self.out_of_order: frozenset[str] = frozenset()
-        """The doors that no robot uses."""
+        """The doors and lifts that no robot uses."""
         self._pulled: set[str] = set()
         """The leaves that robots held by their handles in the last period."""
         self._to_shut: dict[str, tuple[Leaf, ...]] = {}
@@ -241,6 +241,17 @@ class Simulation:
         self.scene.world.solids[object.name] = new
         return True
 
+    def relate(self, change: FactAdded | FactRemoved) -> None:
+        """Follow at which storeys lifts stop, and which doors they have; other facts are ignored."""
+        if change.fact.relation not in LIFT_RELATIONS:
+            return
+        self._map = self._map.changed([change])
+        shafts = {shaft.name: shaft for shaft in shafts_of(self._map, self._ontology)}
+        for lift in self.lifts:
+            lift.shaft = shafts[lift.name]
+        self._renew_navigators()
+        self._traffic.outdated = True
+
     def rename(self, name: str, object: Object) -> None:
         """Rename an object. A thing keeps its pose, its weight, and the robot that holds it."""
         solid = self.scene.world.solids.get(name)
@@ -313,8 +324,10 @@ class Simulation:
         self._traffic.hold(reason)
 
     def close_passages(self, names: tuple[str, ...]) -> None:
-        """Let no robot use these doors, which are out of order, and only these."""
+        """Let no robot use these doors and lifts, which are out of order, and only these."""
         self.out_of_order = frozenset(names)
+        for lift in self.lifts:
+            lift.is_out_of_order = lift.name in names
         self._traffic.close_passages(names)
 
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
