@@ -23,7 +23,7 @@ from somrs.planner_service.engine_race import EngineResult, Entrant, race, run_a
 UNSOLVABLE = frozenset({11, 12})
 """Fast Downward's exit codes for a task proved unsolvable (11) and for an exhausted search without a plan (12). Incomplete searches also
 end with 12, but the searches used here are complete."""
-CONTEXTS_SHARE, LANDMARKS_SHARE = 0.15, 0.25
+CONTEXTS_SHARE, LANDMARKS_SHARE = 0.12, 0.22
 """The shares of the time limit for the two searches that solve most tasks, if other engines wait."""
 
 BRIEF_SHARE = 0.08
@@ -47,6 +47,13 @@ EXPLORING_SEARCH = _ESTIMATES.format(
 type_based([ff, g()])], boost=1000), preferred=[ff, landmarks], cost_type=one, reopen_closed=false)"""
 )
 """The FF and landmark heuristics with type-based exploration (Xie, Müller, Holte and Imai 2014), for tasks where heuristics mislead."""
+EXPLORING_CONTEXTS_SEARCH = _ESTIMATES.format(
+    """let(contexts, eval_modify_costs(cea(), cost_type=one),
+lazy(alt([single(contexts), single(contexts, pref_only=true), single(landmarks), single(landmarks, pref_only=true),
+type_based([contexts, g()])], boost=1000), preferred=[contexts, landmarks], cost_type=one, reopen_closed=false))"""
+)
+"""The same exploration with the context-enhanced heuristic: it depends less on the order of the operators than any other search here
+(docs/decisions/0062)."""
 
 GOAL_COUNT_SEARCH = "lazy_greedy([goalcount()], cost_type=one, reopen_closed=false)"
 """Towards states in which more parts of the goal hold: a second is enough where thousands of parts hold one after another."""
@@ -159,6 +166,7 @@ def entrants() -> list[Entrant]:
     shuffled = [_search_entrant(program, f"shuffled {number}", _shuffled_search(number), BRIEF_SHARE) for number in range(SHUFFLES)]
     return [
         _search_entrant(program, "contexts", CONTEXTS_SEARCH, CONTEXTS_SHARE),
+        _search_entrant(program, "exploring contexts", EXPLORING_CONTEXTS_SEARCH, BRIEF_SHARE),
         *_counting_entrants(),
         *solvers[:1],
         _search_entrant(program, "goal count", GOAL_COUNT_SEARCH, 0.03),
