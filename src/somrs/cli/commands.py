@@ -139,7 +139,7 @@ async def run_system(
         if system.addresses.gui is not None:
             console.print(f"In the browser: {system.addresses.gui}")
         await _supervise(system, report)
-    except Exception as error:
+    except Exception as error:  # whatever it is, the log of the system says why it ended
         report(f"the system stops: {type(error).__name__}: {error}")
         raise
     finally:

@@ -7,16 +7,13 @@ from functools import partial
 
 from nicegui import ui
 
-from somrs.api.map_news import MapNews
 from somrs.api.remote import LiveApi
-from somrs.client.hub import News
 from somrs.errors import SomrsError
 from somrs.gui.author import author
 from somrs.gui.components.confirm_dialog import confirm
 from somrs.gui.components.fields.picker import Choice, Picker
-from somrs.gui.news import follow
+from somrs.gui.news import follow_values
 from somrs.ontology.modes import Mode, modes, reason_of
-from somrs.ontology.objects import ValueSet
 from somrs.ontology.types import MODE
 
 _ALARMS = {Mode.FIRE: ("Fire alarm", "local_fire_department"), Mode.EMERGENCY: ("Emergency", "emergency")}
@@ -108,15 +105,7 @@ class ModeBanner:
         self._displayed_modes: dict[str, Mode] = {}
         self._element = ui.element("div").classes("somrs-modes").props('role="status"')
         self._show()
-        follow(api.context.hub, "map", self._read, self._handle_news)
-
-    async def _read(self) -> None:
-        self._show()
-
-    async def _handle_news(self, news: News) -> None:
-        value = news.value
-        if not isinstance(value, MapNews) or value.read or any(_may_change_modes(change) for change in value.changes):
-            self._show()
+        follow_values(api, MODE, self._show)
 
     def _show(self) -> None:
         current = self._modes.current
@@ -137,10 +126,6 @@ class ModeBanner:
         follows = "Robots go on." if mode in _ALARMS else "Robots use it again."
         if await confirm(f"Is {name} back to normal? {follows}", "Back to normal"):
             await self._modes.set(name, Mode.NORMAL)
-
-
-def _may_change_modes(change: object) -> bool:
-    return not isinstance(change, ValueSet) or change.path == MODE
 
 
 def _banner_text(name: str, mode: Mode) -> str:

@@ -8,8 +8,11 @@ from functools import partial
 
 from nicegui import background_tasks, ui
 
+from somrs.api.map_news import MapNews
+from somrs.api.remote import LiveApi
 from somrs.client.hub import Hub, News
 from somrs.errors import SomrsError
+from somrs.ontology.objects import ValueSet
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +37,21 @@ def follow(hub: Hub, topic: str, begin: Callable[[], Awaitable[None]], hear: New
 
     task = background_tasks.create(following(), name=f"follow {topic}", context=client)
     client.on_delete(lambda: task.cancel())
+
+
+def follow_values(api: LiveApi, path: str, show: Callable[[], None]) -> None:
+    """Call `show` when the map is read, and whenever the values of an attribute on it may have changed: with every change of them, and of
+    the objects that there are."""
+
+    async def begin() -> None:
+        show()
+
+    async def hear(news: News) -> None:
+        value = news.value
+        if not isinstance(value, MapNews) or value.read or any(not isinstance(c, ValueSet) or c.path == path for c in value.changes):
+            show()
+
+    follow(api.context.hub, "map", begin, hear)
 
 
 async def _try_read(topic: str, read: Callable[[], Awaitable[None]]) -> bool:

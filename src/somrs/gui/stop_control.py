@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from somrs.api.map_news import MapNews
 from somrs.api.remote import LiveApi
-from somrs.client.hub import News
 from somrs.errors import SomrsError
 from somrs.gui.author import author
-from somrs.gui.news import follow
-from somrs.ontology.objects import ValueSet
+from somrs.gui.news import follow_values
 from somrs.ontology.types import PAUSED
 
 
@@ -26,15 +23,7 @@ class StopControl:
         self._stop = ui.button("Stop", on_click=self._stop_all).props("unelevated no-caps dense icon=front_hand color=negative")
         self._stop.classes("somrs-stop").props('aria-label="Stop all devices"').tooltip("Stop all devices at once")
         self._show()
-        follow(api.context.hub, "map", self._read, self._handle_news)
-
-    async def _read(self) -> None:
-        self._show()
-
-    async def _handle_news(self, news: News) -> None:
-        value = news.value
-        if not isinstance(value, MapNews) or value.read or any(isinstance(c, ValueSet) and c.path == PAUSED for c in value.changes):
-            self._show()
+        follow_values(api, PAUSED, self._show)
 
     def _show(self) -> None:
         stopped = sorted(name for name, object in self._api.context.map.objects.items() if object.values.get(PAUSED) is True)
