@@ -166,10 +166,10 @@ def entrants() -> list[Entrant]:
     shuffled = [_search_entrant(program, f"shuffled {number}", _shuffled_search(number), BRIEF_SHARE) for number in range(SHUFFLES)]
     return [
         _search_entrant(program, "contexts", CONTEXTS_SEARCH, CONTEXTS_SHARE),
-        _search_entrant(program, "exploring contexts", EXPLORING_CONTEXTS_SEARCH, BRIEF_SHARE),
         *_counting_entrants(),
         *solvers[:1],
         _search_entrant(program, "goal count", GOAL_COUNT_SEARCH, 0.03),
+        _search_entrant(program, "exploring contexts", EXPLORING_CONTEXTS_SEARCH, BRIEF_SHARE),
         _search_entrant(program, "causal graph", CAUSAL_GRAPH_SEARCH, BRIEF_SHARE),
         _search_entrant(program, "landmark count", LANDMARK_COUNT_SEARCH, 0.03),
         _search_entrant(program, "landmarks", LANDMARKS_SEARCH, LANDMARKS_SHARE),
