@@ -1,4 +1,4 @@
-"""Measures the speed of simulated time beside the bare physics of the same world, and paths through an office beside a search in C.
+"""Measures the speed of simulated time beside the bare physics of the same world.
 
 Run it as `python benchmarks/simulator.py [office.building.yaml]`.
 """
@@ -6,35 +6,24 @@ Run it as `python benchmarks/simulator.py [office.building.yaml]`.
 from __future__ import annotations
 
 import asyncio
-import math
 import statistics
 import sys
 import time
-from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
-
-import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
-from timing import side_by_side
 
 from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, DriveTo, Grip, Place
 from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.physics import PhysicsScene
-from somrs.ontology.files.loading import load, upper
-from somrs.ontology.objects import Map, Object
-from somrs.ontology.types import Ontology, Value
+from somrs.ontology.files.loading import load
+from somrs.ontology.objects import Map
+from somrs.ontology.types import Ontology
 from somrs.sites.openrmf import import_building
-from somrs.space.navigation import Navigator
-from somrs.space.solids import path_length
 
 OFFICE = Path(__file__).parents[2] / "shared" / "sites" / "office.building.yaml"
 ROUNDS = 3
-RADIUS = 0.25
 Jobs = dict[str, tuple[Command, ...]]
-Box = tuple[float, float, float, float]
 
 CARRY: Jobs = {
     "Robot1": (Grip(object="Jar002"), Place(support="Platform001")),
@@ -109,69 +98,6 @@ def rest(map: Map, ontology: Ontology) -> None:
     print(f"  {'nothing moves':46} {asyncio.run(measure_cpu()):6.1%} of a core")
 
 
-def office_boxes() -> dict[str, tuple[str, Box, float]]:
-    """Return an office of 45 x 25 m, with a corridor and twelve rooms with desks: type, center and size, and height of each object."""
-    boxes: dict[str, tuple[str, Box, float]] = {}
-    for row, (low, high) in enumerate(((0, 11), (14, 25))):
-        for i in range(12):
-            x, inner = 45 / 12 * i, high if row == 0 else low
-            boxes[f"Wall{row}{i}"] = ("Wall", (x, (low + high) / 2, 0.1, 11), 2.5)
-            boxes[f"Front{row}{i}"] = ("Wall", (x + 1.4, inner, 2.8, 0.1), 2.5)
-            for j in range(5):
-                boxes[f"Desk{row}{i}{j}"] = ("Table", (x + 2, low + 1.5 + 2 * j, 1.6, 0.8), 0.7)
-    return boxes
-
-
-def box(name: str, type: str, place: Box, height: float, z: float = 0.0) -> Object:
-    x, y, width, depth = place
-    values: dict[str, Value] = {"PositionX": x, "PositionY": y, "PositionZ": z, "Shape.Form": "Box"}
-    return Object(name=name, type=type, values={**values, "Shape.Width": width, "Shape.Depth": depth, "Shape.Height": height})
-
-
-def grid_search(boxes: dict[str, tuple[str, Box, float]], cell: float = 0.1) -> Callable[[tuple[float, float], tuple[float, float]], float]:
-    """Return a function that runs Dijkstra's algorithm in C on a prepared grid of the cells that are free for the robot."""
-    xs, ys = np.meshgrid(np.arange(0, 45 + cell / 2, cell), np.arange(0, 25 + cell / 2, cell), indexing="ij")
-    free = (np.minimum(xs, 45 - xs) >= RADIUS) & (np.minimum(ys, 25 - ys) >= RADIUS)
-    for _, (x, y, width, depth), _ in boxes.values():
-        free &= np.hypot(np.maximum(abs(xs - x) - width / 2, 0), np.maximum(abs(ys - y) - depth / 2, 0)) >= RADIUS
-    numbers = np.arange(free.size).reshape(free.shape)
-    starts, ends, costs = [], [], []
-    for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
-        source_slice = (slice(0, free.shape[0] - dx), slice(max(0, -dy), free.shape[1] - max(0, dy)))
-        target_slice = (slice(dx, None), slice(max(0, dy), free.shape[1] - max(0, -dy)))
-        free_pairs = free[source_slice] & free[target_slice]
-        starts.append(numbers[source_slice][free_pairs])
-        ends.append(numbers[target_slice][free_pairs])
-        costs.append(np.full(free_pairs.sum(), cell * math.hypot(dx, dy)))
-    edges = (np.concatenate(costs), (np.concatenate(starts), np.concatenate(ends)))
-    graph = coo_array(edges, shape=(free.size, free.size)).tocsr()
-
-    def search(start: tuple[float, float], goal: tuple[float, float]) -> float:
-        begin, end = (numbers[round(x / cell), round(y / cell)] for x, y in (start, goal))
-        return float(dijkstra(graph, directed=False, indices=begin)[end])
-
-    return search
-
-
-def navigation() -> None:
-    boxes = office_boxes()
-    objects = [box("Floor1", "Floor", (22.5, 12.5, 45, 25), 0.1, -0.1), *(box(name, *arguments) for name, arguments in boxes.items())]
-    map, ontology = Map(objects), upper()
-    search, navigator = grid_search(boxes), Navigator(map, ontology)
-    start, goal = (1.0, 0.7), (44.5, 24.3)
-    path = navigator.path(start, goal, RADIUS)
-    assert path is not None
-    length, plain = path_length(path), search(start, goal)
-    print(f"\nan office of 45 x 25 m, {len(objects)} objects: a path of {length:.1f} m, on the grid {plain:.1f} m")
-    ways: dict[str, Callable[[], object]] = {
-        "scipy's Dijkstra on a prepared grid of 10 cm": lambda: search(start, goal),
-        "path: found, smoothed, with a margin": lambda: navigator.path(start, goal, RADIUS),
-        "Navigator: the map is read": lambda: Navigator(map, ontology),
-        "both together": lambda: Navigator(map, ontology).path(start, goal, RADIUS),
-    }
-    side_by_side("finding paths", ways, rounds=5)
-
-
 def main() -> None:
     map, ontology = scenario()
     pace("Scenario 1", map, ontology, CARRY)
@@ -182,7 +108,6 @@ def main() -> None:
         pace("the office of Open-RMF's demos", site.map, site.ontology, DELIVER)
     else:
         print(f"\nno office: there is no {office}; give the path of Open-RMF's office.building.yaml")
-    navigation()
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ from somrs.ontology.types import Ontology
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
-from somrs.space.navigation import Navigator
+from somrs.space.free_space import FreeSpace
 
 _SCENARIOS = ("1", "1b", "2", "3")
 REQUEST = Submit(effect="Jar002 isOn Platform001", precondition="Jar002 isOn ?Shelf")
@@ -124,13 +124,13 @@ def prepare(scenario: str, folder: Path, seed: int | None) -> tuple[Path, float]
 
 def _vary_scenario(map: Map, ontology: Ontology, rng: random.Random) -> tuple[Map, float]:
     """Return a map with random positions of robots and jar, and a random distance in metres before the failure."""
-    navigator = Navigator(map, ontology)
+    free_space = FreeSpace(map, ontology)
     changes: list[Change] = []
     placed: list[tuple[float, float]] = []
     for robot in (CHEAP_ROBOT, _EXPENSIVE_ROBOT):
         while True:
             x, y = rng.uniform(0.8, 11.0), rng.uniform(0.8, 7.2)
-            if navigator.free((x, y), 0.5) and all(hypot(x - px, y - py) > 1.5 for px, py in placed):
+            if free_space.free((x, y), 0.5) and all(hypot(x - px, y - py) > 1.5 for px, py in placed):
                 break
         placed.append((x, y))
         changes += [ValueSet(robot, "PositionX", x), ValueSet(robot, "PositionY", y), ValueSet(robot, "RotationZ", rng.uniform(-pi, pi))]

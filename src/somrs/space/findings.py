@@ -1,7 +1,7 @@
 """Mistakes in the geometry of a map: what stands in walls, what no robot can reach, lanes that lead through something, coordinates that
 cannot be metres.
 
-Objects and their positions are taken exactly; only for what is reachable the ground is a grid, coarser than that of `navigation.py`.
+Objects and their positions are taken exactly; only for what is reachable the ground is a grid, coarser than that of `free_space.py`.
 """
 
 from __future__ import annotations

@@ -43,24 +43,24 @@ class Berths:
         """The name of the place or berth of this number."""
         if number < self.roadmap.graph.size:
             return self.roadmap.names[number]
-        used = self.slots[number - self.roadmap.graph.size]
-        assert used is not None, "only those in use have a number"
-        return used.berth.name
+        entry = self.slots[number - self.roadmap.graph.size]
+        assert entry is not None, "only those in use have a number"
+        return entry.berth.name
 
     def add(self, robot: str, berth: Berth) -> None:
         """Use a berth. Raises UsageError for one that cannot be used."""
-        used, known = self._use(robot, berth), self._slot(robot, berth.name)
+        entry, known = self._use(robot, berth), self._slot(robot, berth.name)
         if known is not None:
-            if self.slots[known] != used:  # the robot may stand there, or others may rely on it
+            if self.slots[known] != entry:  # the robot may stand there, or others may rely on it
                 raise UsageError(f"{berth.name} is in use for another point: give each berth a name of its own")
             return
         slot = self.slots.index(None) if None in self.slots else len(self.slots)
-        self.slots[slot : slot + 1] = [used]
+        self.slots[slot : slot + 1] = [entry]
         self.graph = self._make_graph()
 
     def _slot(self, robot: str, name: str) -> int | None:
         """Where a berth of this robot is in `slots`."""
-        berths = ((used.robot, used.berth.name) if used is not None else None for used in self.slots)
+        berths = ((entry.robot, entry.berth.name) if entry is not None else None for entry in self.slots)
         return next((slot for slot, berth in enumerate(berths) if berth == (robot, name)), None)
 
     def close(self, closed: Closed) -> None:
@@ -80,7 +80,7 @@ class Berths:
 
     def keep(self, numbers: Collection[int]) -> bool:
         """Use only the berths of these numbers any more. Returns whether there were others."""
-        unused = [slot for slot, used in enumerate(self.slots, self.roadmap.graph.size) if used is not None and slot not in numbers]
+        unused = [slot for slot, entry in enumerate(self.slots, self.roadmap.graph.size) if entry is not None and slot not in numbers]
         for number in unused:
             self.slots[number - self.roadmap.graph.size] = None
         while self.slots and self.slots[-1] is None:
@@ -115,46 +115,46 @@ class Berths:
 
     def _make_graph(self) -> Graph:
         circles = [
-            (used.berth.x, used.berth.y, used.berth.radius) if used is not None else (math.inf, math.inf, 0.0) for used in self.slots
+            (entry.berth.x, entry.berth.y, entry.berth.radius) if entry is not None else (math.inf, math.inf, 0.0) for entry in self.slots
         ]
         self._circles = np.array(circles).reshape(-1, 3)
-        self.private_places = [self._planned(used) if used is not None else None for used in self.slots]
+        self.private_places = [self._planned(entry) if entry is not None else None for entry in self.slots]
         return with_berths(self.roadmap.graph, self._closed, self.private_places)
 
-    def _planned(self, used: UsedBerth) -> PlannedBerth:
-        exclusions = dict.fromkeys((*self._near_places(used), *self._near_berths(used)))
+    def _planned(self, entry: UsedBerth) -> PlannedBerth:
+        exclusions = dict.fromkeys((*self._near_places(entry), *self._near_berths(entry)))
         closed = self._closed.all_places
-        return PlannedBerth(used.robot, tuple(lane for lane in used.lanes if lane[0] not in closed), tuple(exclusions))
+        return PlannedBerth(entry.robot, tuple(lane for lane in entry.lanes if lane[0] not in closed), tuple(exclusions))
 
-    def _near_places(self, used: UsedBerth) -> Iterator[int]:
+    def _near_places(self, entry: UsedBerth) -> Iterator[int]:
         """The places at which another robot would be too near."""
-        point, spacing = (used.berth.x, used.berth.y), self.roadmap.spacing(used.lanes[0][0])
-        for number in self.roadmap.near(point, used.level):
+        point, spacing = (entry.berth.x, entry.berth.y), self.roadmap.spacing(entry.lanes[0][0])
+        for number in self.roadmap.near(point, entry.level):
             place = self.roadmap.roadmap.places[number]
             if math.dist((place.x, place.y), point) < least_distance(spacing, self.roadmap.spacing(number)):
                 yield number
-        nearest, _ = min(used.lanes, key=lambda lane: lane[1])
+        nearest, _ = min(entry.lanes, key=lambda lane: lane[1])
         zone = self.roadmap.roadmap.places[nearest].zone
         if zone is not None:  # it stands in the zone
             yield from self.roadmap.zones[zone]
 
-    def _may_be_near(self, used: UsedBerth) -> list[int]:
+    def _may_be_near(self, entry: UsedBerth) -> list[int]:
         """The slots of berths to which another robot may drive past this one: no lane to a berth is longer than the spacing."""
         if not self.roadmap.widest:
             return [*range(len(self.slots))]
         x, y, radius = self._circles.T
-        span = radius + (used.berth.radius + GAP + self.roadmap.widest + TOLERANCE)
-        numbers: list[int] = np.flatnonzero(np.hypot(x - used.berth.x, y - used.berth.y) < span).tolist()
+        span = radius + (entry.berth.radius + GAP + self.roadmap.widest + TOLERANCE)
+        numbers: list[int] = np.flatnonzero(np.hypot(x - entry.berth.x, y - entry.berth.y) < span).tolist()
         return numbers
 
-    def _near_berths(self, used: UsedBerth) -> Iterator[int]:
+    def _near_berths(self, entry: UsedBerth) -> Iterator[int]:
         """The berths of other robots that are too near, and the places through which these drive to theirs past this one."""
-        point = used.berth.x, used.berth.y
-        for number in self._may_be_near(used):
+        point = entry.berth.x, entry.berth.y
+        for number in self._may_be_near(entry):
             near = self.slots[number]
-            if near is None or near.robot == used.robot or near.level != used.level:
+            if near is None or near.robot == entry.robot or near.level != entry.level:
                 continue
-            room, end = used.berth.radius + near.berth.radius + GAP, (near.berth.x, near.berth.y)
+            room, end = entry.berth.radius + near.berth.radius + GAP, (near.berth.x, near.berth.y)
             if math.dist(point, end) < room:
                 yield self.roadmap.graph.size + number
             for start, _ in near.lanes:

@@ -16,14 +16,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import coo_array, csr_array, eye_array
 from scipy.spatial import cKDTree
 
 from somrs.ontology.objects import Map, ValueSet
 from somrs.ontology.types import Ontology
-from somrs.space.navigation import SLACK, Navigator
-from somrs.space.shafts import Shaft, shafts_of
+from somrs.space.free_space import SLACK, FreeSpace
+from somrs.space.shafts import SAME_FLOOR, Shaft, shafts_of
 from somrs.space.solids import Point, Role, Solid, solid_of
 from somrs.space.squares import Squares, box_around
 from somrs.traffic.roadmap import Lane, Place, Roadmap, spacing_for
@@ -38,18 +37,39 @@ DOORS = 6.0
 """The time that a lift takes to shut its doors and open them again, in seconds."""
 SPEED = 0.8
 """The speed that the time for a lane is computed with, in metres per second."""
+PLACES = 4000
+"""About how many places a floor has at most; on larger floors they are farther apart."""
+WIDEST = 2.0
+"""The largest spacing of places, in metres."""
 SMALLEST = 0.3
 """Free areas smaller than this are left out, in square metres."""
+HOPS = 4
+"""Places that are next to each other on the ground are at most so many lanes apart; a power of two."""
 SAMPLES = 8
 """Points of a lane at which its clearance is looked at."""
 
 Points = NDArray[np.float64]
 
 
-def lay_out(map: Map, ontology: Ontology, *, radii: Iterable[float], levels: Sequence[float]) -> Roadmap:
-    """The roadmap for robots of these radii in metres, on floors of these heights, and on those to which lifts lead from there. Doors
-    count as open. Robots of about the same size share places; larger ones have places and lanes of their own."""
-    parts = [_lay_out(map, ontology, radius, levels, f"{layer}." if layer else "") for layer, radius in enumerate(sizes(radii))]
+class OpenBuilding:
+    """The space of a building with all doors open: of the floors at these heights, and of those to which lifts lead from there."""
+
+    def __init__(self, map: Map, ontology: Ontology, levels: Iterable[float]) -> None:
+        solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
+        self.shafts = [shaft for shaft in shafts_of(map, ontology) if shaft.landings]
+        in_lifts = {door.name for shaft in self.shafts for landing in shaft.landings for door in landing.doors}
+        self.doors = {solid.name: solid for solid in solids if solid.role is Role.DOOR and solid.name not in in_lifts}
+        """Without those of lifts."""
+        self.passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
+        opened = map.changed([ValueSet(solid.name, "Open", True) for solid in solids if solid.role is Role.DOOR])
+        self.spaces = {level: FreeSpace(opened, ontology, level=level) for level in _connected(levels, self.shafts)}
+        """By height, the lowest first."""
+
+
+def lay_out(building: OpenBuilding, radii: Iterable[float]) -> Roadmap:
+    """The roadmap for robots of these radii, in metres. Robots of about the same size share places; larger ones have places and lanes of
+    their own."""
+    parts = [_lay_out(building, radius, f"{layer}." if layer else "") for layer, radius in enumerate(sizes(radii))]
     places = (place for part in parts for place in part.places)
     return Roadmap(places=tuple(places), lanes=tuple(lane for part in parts for lane in part.lanes))
 
@@ -63,23 +83,19 @@ def sizes(radii: Iterable[float]) -> list[float]:
     return classes[::-1]
 
 
-def _lay_out(map: Map, ontology: Ontology, radius: float, levels: Sequence[float], prefix: str) -> Roadmap:
+def _lay_out(building: OpenBuilding, radius: float, prefix: str) -> Roadmap:
     """The part of the roadmap for robots of at most this radius."""
-    solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
-    opened = map.changed([ValueSet(solid.name, "Open", True) for solid in solids if solid.role is Role.DOOR])
-    spacing = spacing_for(radius)
-    shafts = [shaft for shaft in shafts_of(map, ontology) if shaft.landings]
     places: list[Place] = []
     lanes: list[Lane] = []
     stops: dict[str, list[Place]] = {}
-    for number, level in enumerate(_connected(levels, shafts)):
-        passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage") and abs(solid.z - level) < 0.5]
-        cabins = [shaft for shaft in shafts if shaft.landing(level) is not None]
-        storey = _Storey(Navigator(opened, ontology, level=level), radius + MARGIN, spacing)
-        points, pairs = storey.lay_out([*((shaft.cabin.x, shaft.cabin.y) for shaft in cabins), *((s.x, s.y) for s in passages)])
+    for number, (level, space) in enumerate(building.spaces.items()):
+        passages = [(solid.x, solid.y) for solid in building.passages if abs(solid.z - level) < SAME_FLOOR]
+        cabins = [shaft for shaft in building.shafts if shaft.landing(level) is not None]
+        storey = _Storey(space, radius + MARGIN, spacing_for(radius))
+        points, pairs = storey.lay_out([*((shaft.cabin.x, shaft.cabin.y) for shaft in cabins), *passages])
         zones = [_zone((x, y), level, radius, cabins) for x, y in points.tolist()]
         on_level = [
-            Place(name=f"P{prefix}{number}/{index}", x=x, y=y, level=level, radius=radius, zone=zone)
+            Place(name=f"P{prefix}{number}/{index}", x=x, y=y, level=level, radius=radius, spacing=storey.spacing, zone=zone)
             for index, ((x, y), zone) in enumerate(zip(points.tolist(), zones, strict=True))
         ]
         places += on_level
@@ -91,10 +107,10 @@ def _lay_out(map: Map, ontology: Ontology, radius: float, levels: Sequence[float
             if inner:
                 middle = shaft.cabin.x, shaft.cabin.y
                 stops.setdefault(shaft.name, []).append(min(inner, key=lambda place: math.dist((place.x, place.y), middle)))
-    for shaft in shafts:
+    for shaft in building.shafts:
         for start, end in combinations(stops.get(shaft.name, ()), 2):
             lanes += _both_ways(start, end, ride_seconds(shaft.cabin, start.level, end.level))
-    return Roadmap(places=tuple(places), lanes=tuple(lanes), spacing=spacing)
+    return Roadmap(places=tuple(places), lanes=tuple(lanes))
 
 
 def ride_seconds(cabin: Solid, start: float, end: float) -> float:
@@ -102,7 +118,7 @@ def ride_seconds(cabin: Solid, start: float, end: float) -> float:
     return DOORS + abs(end - start) / cabin.speed
 
 
-def _connected(levels: Sequence[float], shafts: Sequence[Shaft]) -> list[float]:
+def _connected(levels: Iterable[float], shafts: Sequence[Shaft]) -> list[float]:
     """The levels, and those to which lifts lead from them."""
     known = {round(level, 1) for level in levels}
     while True:
@@ -130,11 +146,11 @@ def _both_ways(start: Place, end: Place, seconds: float) -> Iterator[Lane]:
 
 
 class _Storey:
-    """The free space of a storey. `radius`: the clearance that robots need."""
+    """The free space of a storey. `radius`: the clearance that robots need; `spacing`: the least spacing of places for them."""
 
-    def __init__(self, navigator: Navigator, radius: float, spacing: float) -> None:
-        self._navigator, self._grid, self._radius, self._spacing = navigator, navigator.grid, radius, spacing
-        field = navigator.field
+    def __init__(self, free_space: FreeSpace, radius: float, spacing: float) -> None:
+        self._free_space, self._grid, self._radius = free_space, free_space.grid, radius
+        field = free_space.field
         labels, count = ndimage.label(field >= radius, structure=np.ones((3, 3)))
         sizes = np.bincount(labels.ravel(), minlength=count + 1) * self._grid.size**2
         self._labels = np.where(sizes[labels] >= SMALLEST, labels, 0)
@@ -142,6 +158,8 @@ class _Storey:
         self._centres: Points = self._grid.centres(self._cells)
         self._seen_by = np.full(len(self._cells), -1)
         """By free cell: the number of the first point that sees it."""
+        area = len(self._cells) * self._grid.size**2
+        self.spacing = max(spacing, min(math.sqrt(area / PLACES * 2 / math.sqrt(3)), WIDEST))
 
     def lay_out(self, middles: Sequence[Point]) -> tuple[Points, list[tuple[int, int]]]:
         """The points, and the pairs of them that a straight lane joins. `middles`: those of cabins and passages."""
@@ -152,7 +170,7 @@ class _Storey:
         return points, self._pairs(points)
 
     def _lattice(self) -> Iterator[Point]:
-        grid, step = self._grid, self._spacing * (1 + 1e-9)
+        grid, step = self._grid, self.spacing * (1 + 1e-9)
         rows = math.ceil(grid.rows * grid.size / (step * math.sqrt(3) / 2))
         columns = math.ceil(grid.columns * grid.size / step) + 1
         for row in range(rows):
@@ -163,12 +181,12 @@ class _Storey:
 
     def _is_free(self, point: Point) -> bool:
         cell = self._grid.cell(point)
-        return cell is not None and self._labels[cell] > 0 and self._navigator.free(point, self._radius)
+        return cell is not None and self._labels[cell] > 0 and self._free_space.free(point, self._radius)
 
     def _spread(self, points: Sequence[Point]) -> Points:
         """The points without those that are nearer to an earlier one than half of the spacing."""
         kept: list[Point] = []
-        least = self._spacing / 2
+        least = self.spacing / 2
         squares = Squares[Point](least)
         for point in points:
             if all(abs(point[0] - x) + abs(point[1] - y) >= least for x, y in squares.near(box_around(point, least))):
@@ -182,7 +200,7 @@ class _Storey:
         """The points, and more of them, so that every free cell sees one."""
         for number, point in enumerate(points):
             self._note_seen(point, number)
-        clearance = self._navigator.clearances(self._centres) if len(self._cells) else np.zeros(0)
+        clearance = self._free_space.clearances(self._centres) if len(self._cells) else np.zeros(0)
         added: list[Points] = []
         while len(unseen := np.flatnonzero(self._seen_by < 0)):
             best = unseen[np.argmax(clearance[unseen])]
@@ -194,12 +212,12 @@ class _Storey:
     def _note_seen(self, point: Points, number: int) -> None:
         """Mark the cells to which a robot drives from the point in a straight line that is no longer than the spacing, if they are not
         marked yet."""
-        near = np.array(self._tree.query_ball_point(point, self._spacing - self._grid.size), dtype=int)
+        near = np.array(self._tree.query_ball_point(point, self.spacing - self._grid.size), dtype=int)
         near = near[self._seen_by[near] < 0] if len(near) else near
         if not len(near):
             return
         centres = self._centres[near]
-        room = float(self._navigator.clearances([point])[0]) - self._radius
+        room = float(self._free_space.clearances([point])[0]) - self._radius
         clear = np.hypot(centres[:, 0] - point[0], centres[:, 1] - point[1]) <= room  # all that is so near is free
         rest = ~clear
         clear[rest] = self._are_clear(np.repeat(point[None, :], np.count_nonzero(rest), axis=0), centres[rest])
@@ -215,34 +233,51 @@ class _Storey:
         """Whether a robot can drive in a straight line, for each pair."""
         clear = np.ones(len(starts), dtype=bool)
         for share in np.linspace(0, 1, SAMPLES + 1):
-            clear &= self._navigator.clearances(starts * (1 - share) + ends * share) >= self._radius - SLACK
+            clear &= self._free_space.clearances(starts * (1 - share) + ends * share) >= self._radius - SLACK
         return clear
 
     def _pairs(self, points: Points) -> list[tuple[int, int]]:
         if len(points) < 2:
             return []
-        pairs = cKDTree(points).query_pairs(self._spacing * (1 + 1e-6), output_type="ndarray")
+        pairs = cKDTree(points).query_pairs(self.spacing * (1 + 1e-6), output_type="ndarray")
         clear = self._are_clear(points[pairs[:, 0]], points[pairs[:, 1]]) if len(pairs) else np.zeros(0, dtype=bool)
         return [(int(start), int(end)) for start, end in pairs[clear]]
 
     def _joints(self, points: Points) -> Points:
-        """Further points at which parts of the roadmap meet that are one part of the free space: two neighbouring cells, of which each sees
-        one of the parts, and between which a robot can drive."""
-        pairs = self._pairs(points)
-        edges = zip(*pairs, strict=True) if pairs else ((), ())
-        parts = connected_components(coo_array((np.ones(len(pairs)), tuple(edges)), shape=(len(points), len(points))))[1]
-        part_of: NDArray[np.int64] = np.full(self._labels.shape, -1)
-        part_of[self._cells[:, 0], self._cells[:, 1]] = parts[self._seen_by]
+        """Further points that join places which are near each other on the floor, but not on the roadmap: there are two neighbouring cells,
+        of which each sees one of the places, and between which a robot can drive."""
+        is_near = self._near_each_other(points)
+        region_of: NDArray[np.int64] = np.full(self._labels.shape, -1)
+        region_of[self._cells[:, 0], self._cells[:, 1]] = self._seen_by
         joints: dict[tuple[int, int], Points] = {}
         for rows, columns in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            beside: NDArray[np.int64] = np.full(part_of.shape, -1)
-            beside[: part_of.shape[0] - rows, max(-columns, 0) : part_of.shape[1] - max(columns, 0)] = part_of[
-                rows:, max(columns, 0) : part_of.shape[1] + min(columns, 0)
+            beside: NDArray[np.int64] = np.full(region_of.shape, -1)
+            beside[: region_of.shape[0] - rows, max(-columns, 0) : region_of.shape[1] - max(columns, 0)] = region_of[
+                rows:, max(columns, 0) : region_of.shape[1] + min(columns, 0)
             ]
-            cells = np.argwhere((part_of >= 0) & (beside >= 0) & (part_of != beside))
+            cells = np.argwhere((region_of >= 0) & (beside >= 0) & (region_of != beside))
+            first, second = region_of[cells[:, 0], cells[:, 1]], beside[cells[:, 0], cells[:, 1]]
+            apart = ~np.asarray(is_near[first, second]).ravel() if len(cells) else np.zeros(0, dtype=bool)
+            cells, first, second = cells[apart], first[apart], second[apart]
             starts, ends = self._grid.centres(cells), self._grid.centres(cells + np.array([rows, columns]))
             clear = self._are_clear(starts, ends)  # it may not be, from corner to corner of two cells
-            for cell, start, end in zip(cells[clear], starts[clear], ends[clear], strict=True):
-                meeting = sorted((int(part_of[*cell]), int(beside[*cell])))
-                joints.setdefault((meeting[0], meeting[1]), np.array([start, end]))
-        return np.vstack([*joints.values()]) if joints else np.zeros((0, 2))
+            for low, high, start, end in zip(first[clear], second[clear], starts[clear], ends[clear], strict=True):
+                joints.setdefault((min(low, high), max(low, high)), np.array([start, end]))
+        return self._far_from_each_other([*joints.values()])
+
+    def _far_from_each_other(self, joints: Sequence[Points]) -> Points:
+        """The joints without those near an earlier one: with that, they may not be needed."""
+        chosen: list[Points] = []
+        for joint in joints:
+            if all(np.abs(joint - earlier).max() > self.spacing for earlier in chosen):
+                chosen.append(joint)
+        return np.vstack(chosen) if chosen else np.zeros((0, 2))
+
+    def _near_each_other(self, points: Points) -> csr_array:
+        """Which pairs of points are at most `HOPS` lanes apart."""
+        pairs, size = np.array(self._pairs(points), dtype=int).reshape(-1, 2), len(points)
+        matrix = coo_array((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(size, size)).tocsr()
+        matrix = matrix + matrix.T + eye_array(size, dtype=bool, format="csr")
+        for _ in range(round(math.log2(HOPS))):
+            matrix = matrix @ matrix
+        return matrix

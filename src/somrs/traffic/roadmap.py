@@ -23,7 +23,7 @@ ROUNDING = 1e-9
 class Place(Struct, frozen=True, kw_only=True):
     """A place, with its coordinates on the map in metres. `level`: the height of its floor. `zone`: the lift or area of which
     it is a part, in which only one robot may be at a time, on whatever floor. `radius`: of the largest robots for which it is; 0 if the
-    roadmap is for robots of one size."""
+    roadmap is for robots of one size. `spacing`: no lane from there is longer, in metres; without one, that of the roadmap counts."""
 
     name: str
     x: float
@@ -31,10 +31,11 @@ class Place(Struct, frozen=True, kw_only=True):
     level: float = 0.0
     zone: str | None = None
     radius: float = 0.0
+    spacing: float | None = None
 
 
 def spacing_for(radius: float) -> float:
-    """The spacing of places for robots of this radius, in metres."""
+    """The least spacing of places for robots of this radius, in metres."""
     return (2 * radius + GAP) * 2 / math.sqrt(3)
 
 
@@ -96,8 +97,8 @@ class NumberedRoadmap:
         self.numbers = {name: number for number, name in enumerate(self.names)}
         lanes = ((self.numbers[lane.start], self.numbers[lane.end], lane.seconds) for lane in roadmap.lanes)
         self.radii = tuple(sorted({place.radius for place in roadmap.places}))
-        self._spacings = {radius: spacing_for(radius) if radius else roadmap.spacing for radius in self.radii}
-        self.widest = max(self._spacings.values(), default=roadmap.spacing)
+        self._spacings = [roadmap.spacing if place.spacing is None else place.spacing for place in roadmap.places]
+        self.widest = max(self._spacings, default=roadmap.spacing)
         """The largest spacing, m."""
         self._squares = Squares[int](self.widest or 1.0)
         self.zones: dict[str, list[int]] = {}
@@ -119,7 +120,7 @@ class NumberedRoadmap:
 
     def spacing(self, number: int) -> float:
         """The spacing of a place, m: no lane from there is longer."""
-        return self._spacings[self.roadmap.places[number].radius]
+        return self._spacings[number]
 
     def near(self, point: Point, level: float) -> Iterator[int]:
         """The places of a level within the largest spacing around a point, and some that are farther away."""

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Value
-from somrs.space.navigation import Navigator
+from somrs.space.free_space import FreeSpace
 from somrs.space.shafts import Shaft, shafts_of
 
 ONTOLOGY = upper()
@@ -43,21 +43,21 @@ def shaft(map: Map) -> Shaft:
 
 @given(yaw=st.floats(-math.pi, math.pi), side=st.integers(0, 3), level=st.sampled_from((0.0, 8.0)))
 def test_the_door_is_the_only_way_into_the_cabin(yaw: float, side: int, level: float) -> None:
-    navigator = Navigator(building(yaw, side), ONTOLOGY, level=level)
+    free_space = FreeSpace(building(yaw, side), ONTOLOGY, level=level)
     ways = []
     for number in range(4):
         angle = yaw + number * math.pi / 2
         outside = 2.5 * math.cos(angle), 2.5 * math.sin(angle)
-        assert navigator.free(outside, RADIUS)
-        ways.append(navigator.is_clear((0, 0), outside, RADIUS))
+        assert free_space.free(outside, RADIUS)
+        ways.append(free_space.is_clear((0, 0), outside, RADIUS))
     assert ways == [number == side for number in range(4)]
 
 
 @given(yaw=st.floats(-math.pi, math.pi))
 def test_where_the_lift_does_not_stop_its_shaft_is_solid(yaw: float) -> None:
-    navigator = Navigator(building(yaw), ONTOLOGY, level=4.0)
-    assert navigator.clearance((0, 0)) < 0
-    assert navigator.free((3, 3), RADIUS)
+    free_space = FreeSpace(building(yaw), ONTOLOGY, level=4.0)
+    assert free_space.clearance((0, 0)) < 0
+    assert free_space.free((3, 3), RADIUS)
 
 
 def test_the_place_of_the_cabin_does_not_matter() -> None:
@@ -65,7 +65,7 @@ def test_the_place_of_the_cabin_does_not_matter() -> None:
     higher = map.objects["Lift1"].values | {"PositionZ": 8.0}
     moved = Map([*(o for o in map.objects.values() if o.name != "Lift1"), Object(name="Lift1", type="Lift", values=higher)], map.facts())
     for level in (0.0, 4.0, 8.0):
-        fields = [Navigator(state, ONTOLOGY, level=level).field for state in (map, moved)]
+        fields = [FreeSpace(state, ONTOLOGY, level=level).field for state in (map, moved)]
         assert (fields[0] == fields[1]).all()
 
 
@@ -73,7 +73,7 @@ def test_a_lift_without_doors_stops_nowhere() -> None:
     map = building()
     doorless = Map([o for o in map.objects.values() if o.type != "LiftDoor"], [fact for fact in map.facts() if fact.relation == "stopsAt"])
     assert shaft(doorless).landings == ()
-    assert Navigator(doorless, ONTOLOGY).clearance((0, 0)) < 0
+    assert FreeSpace(doorless, ONTOLOGY).clearance((0, 0)) < 0
     assert [landing.storey for landing in shaft(map).landings] == ["Storey0", "Storey2"]
 
 

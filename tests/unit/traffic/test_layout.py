@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Value
+from somrs.space.free_space import FreeSpace
 from somrs.space.lines import segment_distance
-from somrs.space.navigation import Navigator
-from somrs.traffic.layout import MARGIN, lay_out, sizes
+from somrs.traffic.layout import MARGIN, PLACES, OpenBuilding, lay_out, sizes
 from somrs.traffic.planning.graph import FAR
 from somrs.traffic.roadmap import GAP, NumberedRoadmap, Roadmap, least_distance, spacing_for
 
@@ -32,7 +33,7 @@ def room(width: float, depth: float, *objects: Object) -> Map:
 
 
 def laid_out(map: Map, *levels: float) -> NumberedRoadmap:
-    return NumberedRoadmap(lay_out(map, ONTOLOGY, radii=(RADIUS,), levels=levels or (0.0,)))
+    return NumberedRoadmap(lay_out(OpenBuilding(map, ONTOLOGY, levels or (0.0,)), (RADIUS,)))
 
 
 def nearest(roadmap: Roadmap, x: float, y: float) -> str:
@@ -67,6 +68,29 @@ def test_a_shut_door_has_a_place_in_its_middle() -> None:
     assert distance(numbered, (1, 1), (5, 1)) < FAR
 
 
+def test_each_of_two_doors_between_two_rooms_has_lanes() -> None:
+    walls = [box(f"Wall{i}", "Wall", 4.05, y, 0.1, depth, 2.5) for i, (y, depth) in enumerate(((0.25, 0.5), (2.0, 1.2), (3.75, 0.5)))]
+    numbered = laid_out(room(8.1, 4, *walls))
+    for y in (0.95, 3.05):
+        through = box("Bin1", "Bin", 4.05, 4 - y, 0.1, 0.9, 0.5)
+        assert distance(laid_out(room(8.1, 4, *walls, through)), (1, 2), (7, 2)) < FAR, "the other one is shut"
+        assert distance(numbered, (3.2, y), (4.9, y)) < 2 * 1.7 / 0.8, "not through the other one"
+
+
+def test_a_large_floor_has_no_more_places_than_can_be_handled() -> None:
+    numbered = laid_out(room(150, 60, *(box(f"Wall{i}", "Wall", 10.0 * i, 28, 0.2, 56, 2.5) for i in range(1, 15))))
+    assert len(numbered.names) < 1.3 * PLACES
+    assert distance(numbered, (5, 2), (145, 2)) < FAR
+    assert numbered.spacing(0) > spacing_for(RADIUS)
+    assert max(math.dist(*((numbered.roadmap.places[n].x, numbered.roadmap.places[n].y) for n in lane)) for lane in lanes(numbered)) <= (
+        numbered.spacing(0) * 1.001
+    )
+
+
+def lanes(numbered: NumberedRoadmap) -> list[tuple[int, int]]:
+    return [(numbered.numbers[lane.start], numbered.numbers[lane.end]) for lane in numbered.roadmap.lanes]
+
+
 def test_a_corridor_as_wide_as_a_robot_and_a_little_is_passed() -> None:
     walls = [box(f"Wall{side}", "Wall", 5, 2.5 + side * 1.4, 6, 2.1) for side in (-1, 1)]
     numbered = laid_out(room(10, 5, *walls))
@@ -90,26 +114,32 @@ def test_there_are_lanes_where_there_is_a_path_and_none_through_what_stands_ther
         for number in range(data.draw(st.integers(0, 5)))
     ]
     map = room(6, 6, *furniture)
-    navigator, numbered = Navigator(map, ONTOLOGY), laid_out(map)
+    free_space, numbered = FreeSpace(map, ONTOLOGY), laid_out(map)
     points = {place.name: (place.x, place.y) for place in numbered.roadmap.places}
     for lane in numbered.roadmap.lanes:
         (ax, ay), (bx, by) = points[lane.start], points[lane.end]
         assert math.dist(points[lane.start], points[lane.end]) <= spacing_for(RADIUS) * 1.001
-        assert min(navigator.clearance((ax + (bx - ax) * i / 40, ay + (by - ay) * i / 40)) for i in range(41)) > RADIUS - 0.02
-    free = st.tuples(coordinate, coordinate).filter(lambda point: navigator.free(point, RADIUS + MARGIN + 0.02))
-    assume(np.count_nonzero(navigator.field >= RADIUS + MARGIN + 0.05) > 400)
+        assert min(free_space.clearance((ax + (bx - ax) * i / 40, ay + (by - ay) * i / 40)) for i in range(41)) > RADIUS - 0.02
+    free = st.tuples(coordinate, coordinate).filter(lambda point: free_space.free(point, RADIUS + MARGIN + 0.02))
+    assume(np.count_nonzero(free_space.field >= RADIUS + MARGIN + 0.05) > 400)
     start, end = data.draw(free), data.draw(free)
-    seen = [sees(navigator, numbered.roadmap, point) for point in (start, end)]
+    seen = [sees(free_space, numbered.roadmap, point) for point in (start, end)]
     assert all(seen), "every free point sees a place"
-    if navigator.path(start, end, RADIUS + MARGIN) is not None:
+    if region(free_space, start) == region(free_space, end):
         graph = numbered.graph
         assert min(graph.distances(numbered.numbers[b])[numbered.numbers[a]] for a in seen[0] for b in seen[1]) < FAR
 
 
-def sees(navigator: Navigator, roadmap: Roadmap, point: tuple[float, float]) -> list[str]:
+def region(free_space: FreeSpace, point: tuple[float, float]) -> int:
+    """The number of the part of the free space in which a point is."""
+    labels = ndimage.label(free_space.field >= RADIUS + MARGIN, structure=np.ones((3, 3)))[0]
+    return int(labels[free_space.grid.clipped(point)])
+
+
+def sees(free_space: FreeSpace, roadmap: Roadmap, point: tuple[float, float]) -> list[str]:
     """The places to which a robot can drive from the point in a straight line, as it does to and from a berth."""
     near = (place for place in roadmap.places if math.dist((place.x, place.y), point) <= spacing_for(RADIUS))
-    return [place.name for place in near if navigator.is_clear(point, (place.x, place.y), RADIUS + MARGIN - 0.02)]
+    return [place.name for place in near if free_space.is_clear(point, (place.x, place.y), RADIUS + MARGIN - 0.02)]
 
 
 @pytest.mark.parametrize("stretch", [0.6, 0.8, 1.0])
@@ -131,7 +161,7 @@ def test_robots_on_lanes_between_places_that_do_not_exclude_each_other_do_not_to
 def test_large_robots_have_places_where_they_fit_and_small_ones_go_everywhere() -> None:
     wall = [box(f"Wall{side}", "Wall", 4, 3 + side * 1.8, 0.2, 2.6) for side in (-1, 1)]  # with a gap of 1 m
     small, large = 0.25, 0.7
-    numbered = NumberedRoadmap(lay_out(room(8, 6, *wall), ONTOLOGY, radii=(large, 0.22, small), levels=(0.0,)))
+    numbered = NumberedRoadmap(lay_out(OpenBuilding(room(8, 6, *wall), ONTOLOGY, (0.0,)), (large, 0.22, small)))
     assert numbered.radii == (small, large)
     for radius, passes in ((small, True), (large, False)):
         own = [number for number, place in enumerate(numbered.roadmap.places) if place.radius == radius]

@@ -70,8 +70,8 @@ def sees(robot: Robot, start: Point, end: Point, slack: float = 0.0) -> bool:
     may come, m.
     """
     need = robot.size.radius + MARGIN - slack
-    room = min(need, robot.navigator.clearance(start), robot.navigator.clearance(end))
-    if not robot.navigator.is_clear(start, end, room):
+    room = min(need, robot.free_space.clearance(start), robot.free_space.clearance(end))
+    if not robot.free_space.is_clear(start, end, room):
         return False
     for disc in floor_things(robot, [robot.holding] if robot.holding else []):
         distance = point_distance((disc.x, disc.y), start, end) - disc.radius
@@ -153,7 +153,7 @@ def _is_free(robot: Robot, goal: Point) -> bool:
     """Whether nothing but robots stands at the goal, except for things that the robot is too near to already."""
     need, here = robot.size.radius + MARGIN, robot.pose()[:2]
     discs = [disc for disc in floor_things(robot, [robot.holding] if robot.holding else []) if disc.distance(here) >= need]
-    return robot.navigator.free(goal, need, discs)
+    return robot.free_space.free(goal, need, discs)
 
 
 def _check_arrival(robot: Robot, goal: Point, ended: TripEnded) -> None:

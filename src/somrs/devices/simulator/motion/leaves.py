@@ -116,7 +116,7 @@ def _stands(robot: Robot, leaf: Leaf, side: int, goal: float) -> list[_Stand]:
         footprint = Capsule(base, base, size.radius + MARGIN + GAP + 0.01)
         if reached[i] < 3 or any(footprint.gap(obstacle) < 0 for obstacle in obstacles):
             continue
-        if robot.navigator.free(base, size.radius + MARGIN + 0.01):
+        if robot.free_space.free(base, size.radius + MARGIN + 0.01):
             ranked.append(_Stand(base, float(positions[reached[i] - 1])))
     return ranked
 

@@ -78,7 +78,7 @@ def stands(
         arm = Capsule(base, (float(target_spots[i][0]), float(target_spots[i][1])), ARM)
         if any(footprint.gap(o) < 0 for o in obstacles) or any(arm.gap(claim) < 0 for claim in claims):
             continue
-        if robot.navigator.free(base, size.radius + MARGIN + 0.01):
+        if robot.free_space.free(base, size.radius + MARGIN + 0.01):
             ranked_stands.append(Stand(base, (float(target_spots[i][0]), float(target_spots[i][1])), float(costs[i])))
             if len(ranked_stands) >= 40:
                 break
@@ -241,7 +241,7 @@ def _others_can_reach(robot: Robot, spot: Point, radius: float) -> bool:
     size, (x, y, _) = robot.size, robot.pose()
     ring = [(spot[0] + 0.55 * math.cos(angle), spot[1] + 0.55 * math.sin(angle)) for angle in np.arange(16) * math.pi / 8]
     min_clearance = size.radius + MARGIN + 0.02
-    return any(math.dist(p, (x, y)) > min_clearance + size.radius + GAP and robot.navigator.free(p, min_clearance) for p in ring)
+    return any(math.dist(p, (x, y)) > min_clearance + size.radius + GAP and robot.free_space.free(p, min_clearance) for p in ring)
 
 
 def outline_spots(solid: Solid) -> Array:

@@ -18,7 +18,7 @@ from somrs.devices.simulator.world.joints import Joints
 from somrs.devices.simulator.world.scene import Scene
 from somrs.protocol.messages.traffic import Mobility
 from somrs.space.dimensions import Dimensions, dimensions_of
-from somrs.space.navigation import Navigator
+from somrs.space.free_space import FreeSpace
 from somrs.space.solids import Point, Solid
 from somrs.space.squares import Squares, box_around
 
@@ -62,11 +62,11 @@ def nearest_half_turn(angle: float) -> float:
 
 
 class Robot:
-    """A robot in the scene. `fleet`: all robots by name, including this robot. `navigator`: that of the floor of a height."""
+    """A robot in the scene. `fleet`: all robots by name, including this robot. `free_space`: that of the floor of a height."""
 
-    def __init__(self, solid: Solid, scene: Scene, navigator: Callable[[float], Navigator], fleet: Fleet, road: RoadUser) -> None:
+    def __init__(self, solid: Solid, scene: Scene, free_space: Callable[[float], FreeSpace], fleet: Fleet, road: RoadUser) -> None:
         self.solid, self.scene, self.fleet, self.road = solid, scene, fleet, road
-        self._navigator_at = navigator
+        self._free_space_at = free_space
         self.level = solid.z
         """The height of the floor on which it stands or, in a lift, to which it is taken, m."""
         self.name = solid.name
@@ -86,9 +86,9 @@ class Robot:
         self._targets: dict[str, float] = {joint: self.joints[joint] for joint in RATES} if self.size.gripper else {}
 
     @property
-    def navigator(self) -> Navigator:
+    def free_space(self) -> FreeSpace:
         """Plans its paths on its floor."""
-        return self._navigator_at(self.level)
+        return self._free_space_at(self.level)
 
     @property
     def period(self) -> float:

@@ -110,7 +110,7 @@ def _viewpoints(robot: Robot, point: Place) -> Iterator[Point]:
         eye_position = (*spot, eye.position[2])
         is_current = i == 0
         if math.dist(eye_position, point) > CLOSE * eye.sight or (
-            not is_current and (room[i] < min_clearance or not robot.navigator.free(spot, min_clearance, discs))
+            not is_current and (room[i] < min_clearance or not robot.free_space.free(spot, min_clearance, discs))
         ):
             continue
         if looks_towards(robot.scene, eye_position, point, [robot.name]):

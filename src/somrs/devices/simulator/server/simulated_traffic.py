@@ -16,10 +16,11 @@ from somrs.ontology.types import Ontology
 from somrs.protocol.messages.traffic import LeaveTraffic, Mobility
 from somrs.space.clearance import Disc
 from somrs.space.dimensions import dimensions_of
-from somrs.space.navigation import Navigator
+from somrs.space.free_space import FreeSpace
 from somrs.space.solids import Solid
-from somrs.traffic.layout import lay_out
+from somrs.traffic.layout import OpenBuilding, lay_out
 from somrs.traffic.roadmap import Roadmap
+from somrs.traffic.ways import Ways
 
 LOOK = 1.0
 """The time after which it is looked at what stands on the floor, in simulated seconds."""
@@ -32,9 +33,10 @@ class SimulatedTraffic:
     because something was built, removed, or added that needs more room.
     """
 
-    def __init__(self, scene: Scene, robots: Fleet, navigator: Callable[[float], Navigator]) -> None:
-        self._scene, self._robots, self._navigator = scene, robots, navigator
+    def __init__(self, scene: Scene, robots: Fleet, free_space: Callable[[float], FreeSpace]) -> None:
+        self._scene, self._robots, self._free_space = scene, robots, free_space
         self.office = TrafficOffice(Roadmap(places=(), lanes=()))
+        self._ways = Ways(self.office.roadmap, {}, {})
         self.changed, self.outdated = True, False
         self._looked_at = self._joined_at = 0.0
         self._standing: dict[float, list[Disc]] = {}
@@ -73,7 +75,9 @@ class SimulatedTraffic:
         """Make the roadmap, and let all robots enter."""
         solids = [robot.solid for robot in self._robots.values()]
         radii = [dimensions_of(solid).radius for solid in solids]
-        self.office = TrafficOffice(lay_out(map, ontology, radii=radii, levels=[solid.z for solid in solids]))
+        building = OpenBuilding(map, ontology, [solid.z for solid in solids])
+        self.office = TrafficOffice(lay_out(building, radii))
+        self._ways = Ways(self.office.roadmap, building.spaces, building.doors)
         self.office.hold(self._hold)
         for robot in self._robots.values():
             robot.road = self.user(robot.solid)
@@ -81,6 +85,12 @@ class SimulatedTraffic:
         self.changed, self.outdated = True, False
         self._join()
         self._close()
+
+    def current_ways(self, map: Map, ontology: Ontology) -> Ways:
+        """The ways of robots in the building as it is now."""
+        if self.outdated:
+            self.lay_out(map, ontology)
+        return self._ways
 
     def hold(self, reason: str) -> None:
         """Let no robot drive on for a reason, such as a fire; or without one let them go on."""
@@ -136,8 +146,8 @@ class SimulatedTraffic:
         if self.changed or (rounded, shut) != (self._standing, self._shut):
             self.changed, self._standing, self._shut = False, rounded, shut
             solids = self._scene.world.solids
-            navigators = {level: self._navigator(level) for level in self._robots.levels}
-            self.office.close(navigators, rounded, [solids[name] for name in shut if name in solids])
+            free_spaces = {level: self._free_space(level) for level in self._robots.levels}
+            self.office.close(free_spaces, rounded, [solids[name] for name in shut if name in solids])
 
 
 def _is_silent(robot: Robot) -> bool:

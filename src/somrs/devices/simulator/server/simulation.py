@@ -16,7 +16,7 @@ from somrs.devices.simulator.motion.door_drive import DoorDrive
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.lift_drive import LiftDrive
 from somrs.devices.simulator.motion.robot import Fleet, Robot
-from somrs.devices.simulator.server.navigators import Navigators
+from somrs.devices.simulator.server.free_spaces import FreeSpaces
 from somrs.devices.simulator.server.robot_work import RobotWork
 from somrs.devices.simulator.server.simulated_traffic import SimulatedTraffic
 from somrs.devices.simulator.world.kinds import WorldKind, make_scene
@@ -28,10 +28,11 @@ from somrs.devices.simulator.world.weighing_scale import WeighingScale
 from somrs.errors import UsageError
 from somrs.ontology.objects import FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
+from somrs.space.free_space import FreeSpace
 from somrs.space.leaves import Leaf
-from somrs.space.navigation import Navigator
 from somrs.space.shafts import LIFT_RELATIONS, shafts_of
 from somrs.space.solids import Role, Solid, role_of, solid_of
+from somrs.traffic.ways import Ways
 
 Linked = Robot | StationaryDevice
 """A device with a robot link."""
@@ -43,7 +44,7 @@ class Simulation:
     def __init__(self, map: Map, ontology: Ontology, world: WorldKind = WorldKind.PHYSICS) -> None:
         self._map, self._ontology = map, ontology
         self.scene = make_scene(world, map, ontology)
-        self._navigators = self._new_navigators()
+        self._free_spaces = self._new_free_spaces()
         self.robots = Fleet()
         self.stationary: dict[str, StationaryDevice] = {}
         """The cameras, scales and powered doors."""
@@ -52,7 +53,7 @@ class Simulation:
         self.linked: Mapping[str, Linked] = ChainMap[str, Any](self.stationary, self.robots)
         """Everything with a robot link."""
         self._work = RobotWork(self.scene, self.robots)
-        self._traffic = SimulatedTraffic(self.scene, self.robots, self._navigator_at)
+        self._traffic = SimulatedTraffic(self.scene, self.robots, self._free_space_at)
         self.out_of_order: frozenset[str] = frozenset()
         """The doors and lifts that no robot uses."""
         self._pulled: set[str] = set()
@@ -128,7 +129,7 @@ class Simulation:
         """Record whether a door or container whose leaf was moved is open, and let the robots plan with where its leaves are."""
         if owner in self.scene.world.solids:
             self._map = self._map.changed([ValueSet(owner, "Open", self.scene.note_leaves(owner))])
-            self._renew_navigators()
+            self._renew_free_spaces()
 
     # Commands
 
@@ -210,7 +211,7 @@ class Simulation:
         if solid.role is Role.ROBOT:
             self._traffic.join(self.robots[solid.name])
         elif solid.role not in (Role.CAMERA, Role.THING):
-            self._renew_navigators()
+            self._renew_free_spaces()
             self._traffic.outdated = True
 
     def remove(self, name: str) -> None:
@@ -227,7 +228,7 @@ class Simulation:
         if name in self._map.objects:
             self._map = self._map.changed([ObjectRemoved(name)])
         if solid is not None and solid.role not in (Role.ROBOT, Role.THING, Role.CAMERA):
-            self._renew_navigators()
+            self._renew_free_spaces()
             self._traffic.outdated = True
 
     def _is_unchanged(self, object: Object) -> bool:
@@ -249,7 +250,7 @@ class Simulation:
         shafts = {shaft.name: shaft for shaft in shafts_of(self._map, self._ontology)}
         for lift in self.lifts:
             lift.shaft = shafts[lift.name]
-        self._renew_navigators()
+        self._renew_free_spaces()
         self._traffic.outdated = True
 
     def rename(self, name: str, object: Object) -> None:
@@ -352,27 +353,25 @@ class Simulation:
         elif solid.scale:
             self.stationary[solid.name] = WeighingScale(solid, self.scene)
         elif solid.role is Role.ROBOT:
-            self.robots[solid.name] = Robot(solid, self.scene, self._navigator_at, self.robots, self._traffic.user(solid))
+            self.robots[solid.name] = Robot(solid, self.scene, self._free_space_at, self.robots, self._traffic.user(solid))
         elif solid.role is Role.LIFT:
             shaft = next(shaft for shaft in shafts_of(self._map, self._ontology) if shaft.name == solid.name)
             self.stationary[solid.name] = self.robots.lifts[solid.name] = LiftDrive(solid, self.scene, self.robots, shaft)
 
-    def navigator_of(self, level: float, doors: Mapping[str, bool]) -> Navigator:
-        """Plans paths on the floor of a height as if these doors were open (True) or shut."""
-        solids = self.scene.world.solids
-        changed = frozenset((door, is_open) for door, is_open in doors.items() if solids[door].open != is_open)
-        return self._navigators.navigator(level, changed)
+    def ways(self) -> Ways:
+        """The ways of robots, for quotes."""
+        return self._traffic.current_ways(self._map, self._ontology)
 
-    def _renew_navigators(self) -> None:
-        self._navigators = self._new_navigators()
+    def _renew_free_spaces(self) -> None:
+        self._free_spaces = self._new_free_spaces()
         self._traffic.changed = True
 
-    def _navigator_at(self, level: float) -> Navigator:
+    def _free_space_at(self, level: float) -> FreeSpace:
         """Plans the paths on the floor of a height."""
-        return self._navigators.navigator(level)
+        return self._free_spaces.free_space(level)
 
-    def _new_navigators(self) -> Navigators:
-        return Navigators(self._map, self._ontology, self.scene.world.positions)
+    def _new_free_spaces(self) -> FreeSpaces:
+        return FreeSpaces(self._map, self._ontology, self.scene.world.positions)
 
     def _linked(self, name: str) -> Linked:
         if name not in self.linked:

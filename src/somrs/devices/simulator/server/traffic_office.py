@@ -4,26 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from functools import partial
 from itertools import count
 from random import Random
 
 import numpy as np
 
-from somrs.devices.simulator.motion.driving import MARGIN
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.kernel.component import Answered, Ask, Input, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.traffic import ClosedLane, ClosedPassage, CloseWays, HoldTraffic
 from somrs.space.clearance import Disc
-from somrs.space.navigation import SLACK, Navigator
+from somrs.space.free_space import FreeSpace
 from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import Point, Role, Solid
 from somrs.traffic.component import Traffic
-from somrs.traffic.layout import SAME_SIZE, SAMPLES
+from somrs.traffic.layout import SAME_SIZE
+from somrs.traffic.obstructions import Obstructions
 from somrs.traffic.planner import TrafficPlanner
-from somrs.traffic.planning.graph import FAR
-from somrs.traffic.roadmap import Lane, NumberedRoadmap, Place, Roadmap
+from somrs.traffic.planning.graph import FAR, Lane
+from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.state import PlanTraffic
 
 ADDRESS = "traffic"
@@ -52,7 +53,7 @@ class TrafficOffice:
         self._closed = CloseWays()
         self._hold_count = 0
         """How often traffic was held or let go on."""
-        self._ends = self._find_ends()
+        self._obstructions = Obstructions(self.roadmap)
 
     @property
     def is_planning(self) -> bool:
@@ -62,7 +63,7 @@ class TrafficOffice:
     def serves(self, radius: float, level: float) -> bool:
         """Whether the roadmap is for robots of this radius, on the floor of this height."""
         radius_of_places = self.roadmap.radius_for(radius)
-        return level in self._ends and radius_of_places / SAME_SIZE <= radius <= radius_of_places
+        return level in self._obstructions.levels and radius_of_places / SAME_SIZE <= radius <= radius_of_places
 
     def join(self, user: RoadUser) -> None:
         """Deliver the messages to a robot."""
@@ -88,7 +89,7 @@ class TrafficOffice:
     @property
     def levels(self) -> Collection[float]:
         """The heights of the floors."""
-        return self._ends.keys()
+        return self._obstructions.levels
 
     def landing(self, robot: str, level: float, goal: Point) -> str | None:
         """A place on the floor of a height, clear of the lift, to which the robot comes on its way to a point there; None if no way leads
@@ -159,92 +160,37 @@ class TrafficOffice:
 
     # What stands in the way
 
-    def close(self, navigators: Mapping[float, Navigator], things: Mapping[float, list[Disc]], out_of_order: Sequence[Solid] = ()) -> None:
-        """Close the places and lanes where something stands: by level, what the navigator knows, and things on the floor; and those in
+    def close(self, free_spaces: Mapping[float, FreeSpace], things: Mapping[float, list[Disc]], out_of_order: Sequence[Solid] = ()) -> None:
+        """Close the places and lanes where something stands: by level, what the free_space knows, and things on the floor; and those in
         doors and lifts that are out of order."""
-        places = self.roadmap.roadmap.places
-        closed_places: list[str] = []
-        closed_lanes: list[ClosedLane] = []
-        for level in self._ends.keys() & navigators.keys():  # nobody drives on other levels now
-            numbers, points, lanes = self._ends[level]
-            need = np.array([self._need(places[number]) for number in numbers])
-            navigator, discs = navigators[level], things[level]
-            blocked = _room(navigator, discs, points) < need
-            closed_places += (places[number].name for number in numbers[blocked])
-            if not len(lanes):
-                continue
-            starts, ends = points[lanes[:, 0]], points[lanes[:, 1]]
-            least = np.full(len(lanes), np.inf)
-            for share in np.linspace(0, 1, SAMPLES + 1)[1:-1]:
-                least = np.minimum(least, _room(navigator, discs, starts * (1 - share) + ends * share))
-            shut = lanes[(least < need[lanes[:, 0]]) & ~blocked[lanes[:, 0]] & ~blocked[lanes[:, 1]]]
-            closed_lanes += (ClosedLane(start=places[numbers[a]].name, end=places[numbers[b]].name) for a, b in shut)
+        places: list[int] = []
+        lanes: list[Lane] = []
+        for level in free_spaces.keys() & {*self._obstructions.levels}:  # nobody drives on other levels now
+            blocked = self._obstructions.blocked(level, partial(_room, free_spaces[level], things[level]))
+            places += blocked[0]
+            lanes += blocked[1]
         passages = tuple(self._closed_passage(passage) for passage in out_of_order)
-        closing = CloseWays(places=tuple(closed_places), lanes=tuple(closed_lanes), passages=passages)
+        closing = CloseWays(places=self._names(places), lanes=self._closed_lanes(lanes), passages=passages)
         if closing != self._closed:
             self._closed = closing
             self.tell("map", closing)
 
-    @staticmethod
-    def _need(place: Place) -> float:
-        """The clearance that robots need at a place, m."""
-        return place.radius + MARGIN - 1.2 * SLACK
-
     def _closed_passage(self, passage: Solid) -> ClosedPassage:
         """The places and lanes at which a robot would be in a door; or the lanes by which it would come into a lift, or ride in it."""
-        if passage.role is Role.LIFT:
-            lanes = (
-                ClosedLane(start=lane.start, end=lane.end) for lane in self.roadmap.roadmap.lanes if self._leads_into(passage.name, lane)
-            )
-            return ClosedPassage(name=passage.name, places=(), lanes=tuple(lanes))
-        return self._closed_door(passage)
+        is_lift = passage.role is Role.LIFT
+        places, lanes = ([], [*self._obstructions.into_lift(passage.name)]) if is_lift else self._obstructions.touching(passage)
+        return ClosedPassage(name=passage.name, places=self._names(places), lanes=self._closed_lanes(lanes))
 
-    def _leads_into(self, zone: str, lane: Lane) -> bool:
-        places, numbers = self.roadmap.roadmap.places, self.roadmap.numbers
-        start, end = places[numbers[lane.start]], places[numbers[lane.end]]
-        return end.zone == zone and (start.zone != zone or start.level != end.level)
+    def _names(self, places: list[int]) -> tuple[str, ...]:
+        return tuple(self.roadmap.names[place] for place in places)
 
-    def _closed_door(self, door: Solid) -> ClosedPassage:
-        """The places and lanes at which a robot would be in a door."""
-        roadmap, graph = self.roadmap.roadmap, self.roadmap.graph
-        reach = max(door.width, door.depth) + 2 * self.roadmap.widest
-        near = {
-            number
-            for number, place in enumerate(roadmap.places)
-            if abs(place.level - door.z) < SAME_FLOOR and math.dist((place.x, place.y), (door.x, door.y)) < reach
-        }
-        points = {number: (roadmap.places[number].x, roadmap.places[number].y) for number in near}
-        closed = {number for number in near if door.distance(*points[number]) < self._need(roadmap.places[number])}
-        lanes = (
-            ClosedLane(start=roadmap.places[start].name, end=roadmap.places[end].name)
-            for start in near - closed
-            for end in graph.successors[start]
-            if end in near and end not in closed and _touches(door, points[start], points[end], self._need(roadmap.places[start]))
-        )
-        return ClosedPassage(name=door.name, places=tuple(roadmap.places[number].name for number in sorted(closed)), lanes=tuple(lanes))
-
-    def _find_ends(self) -> dict[float, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """By level: the numbers of the places, their points, and the lanes by the rows of their ends in these."""
-        places, graph = self.roadmap.roadmap.places, self.roadmap.graph
-        found = {}
-        for level in {place.level for place in places}:
-            numbers = np.array([number for number, place in enumerate(places) if place.level == level])
-            rows = {int(number): row for row, number in enumerate(numbers)}
-            points = np.array([(places[number].x, places[number].y) for number in numbers])
-            lanes = np.array([(rows[start], rows[end]) for start in rows for end in graph.successors[start] if end in rows], dtype=int)
-            found[level] = numbers, points, lanes.reshape(-1, 2)
-        return found
+    def _closed_lanes(self, lanes: list[Lane]) -> tuple[ClosedLane, ...]:
+        return tuple(ClosedLane(start=self.roadmap.names[start], end=self.roadmap.names[end]) for start, end in lanes)
 
 
-def _touches(door: Solid, start: Point, end: Point, need: float) -> bool:
-    """Whether a robot comes into a door on the straight line between two points."""
-    shares = (number / SAMPLES for number in range(1, SAMPLES))
-    return any(door.distance(start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share) < need for share in shares)
-
-
-def _room(navigator: Navigator, discs: list[Disc], points: np.ndarray) -> np.ndarray:
+def _room(free_space: FreeSpace, discs: list[Disc], points: np.ndarray) -> np.ndarray:
     """The distance from each point to the nearest obstacle."""
-    room = np.asarray(navigator.clearances(points), dtype=float)
+    room = np.asarray(free_space.clearances(points), dtype=float)
     for disc in discs:
         room = np.minimum(room, np.hypot(points[:, 0] - disc.x, points[:, 1] - disc.y) - disc.radius)
     return room

@@ -1,0 +1,105 @@
+"""What is in the way on a roadmap: which places and lanes a robot cannot use because of doors, lifts, and what stands there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from somrs.space.distances import distances_from
+from somrs.space.free_space import SLACK
+from somrs.space.shafts import SAME_FLOOR
+from somrs.space.solids import Solid
+from somrs.traffic.layout import MARGIN, SAMPLES
+from somrs.traffic.planning.graph import Lane
+from somrs.traffic.roadmap import NumberedRoadmap
+
+Points = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+Room = Callable[[Points], NDArray[np.floating]]
+"""The distance from each of the points (n, 2) to the nearest obstacle, in metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Floor:
+    """The places of a floor: their numbers, points, and the clearance that robots need there; and the lanes, by the rows of their ends."""
+
+    numbers: Numbers
+    points: Points
+    need: NDArray[np.float64]
+    lanes: Numbers
+
+
+class Obstructions:
+    """What is in the way on a roadmap."""
+
+    def __init__(self, roadmap: NumberedRoadmap) -> None:
+        self._roadmap = roadmap
+        places = roadmap.roadmap.places
+        self._floors = {level: self._floor(level) for level in sorted({place.level for place in places})}
+
+    def _floor(self, level: float) -> _Floor:
+        places, successors = self._roadmap.roadmap.places, self._roadmap.graph.successors
+        numbers = [number for number, place in enumerate(places) if place.level == level]
+        rows = {number: row for row, number in enumerate(numbers)}
+        lanes = [(rows[start], rows[end]) for start in numbers for end in successors[start] if end in rows]
+        return _Floor(
+            numbers=np.array(numbers, dtype=int),
+            points=np.array([(places[number].x, places[number].y) for number in numbers], dtype=float).reshape(-1, 2),
+            need=np.array([places[number].radius + MARGIN - 1.2 * SLACK for number in numbers]),
+            lanes=np.array(lanes, dtype=int).reshape(-1, 2),
+        )
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """The heights of the floors, the lowest first."""
+        return tuple(self._floors)
+
+    def blocked(self, level: float, room: Room) -> tuple[list[int], list[Lane]]:
+        """The places on a floor without enough room, and the lanes without it between other places."""
+        floor = self._floors[level]
+        return self._without_room(floor, room, floor.lanes, np.arange(len(floor.numbers)))
+
+    def touching(self, solid: Solid) -> tuple[list[int], list[Lane]]:
+        """The places at which a robot touches a door, and the lanes between other places on which it does."""
+        places: list[int] = []
+        lanes: list[Lane] = []
+        for level, floor in self._floors.items():
+            if abs(level - solid.z) < SAME_FLOOR:
+                apart = np.hypot(floor.points[:, 0] - solid.x, floor.points[:, 1] - solid.y)
+                is_near = apart < solid.extent + 2 * self._roadmap.widest
+                near_lanes = floor.lanes[is_near[floor.lanes[:, 0]] & is_near[floor.lanes[:, 1]]]
+                touched = self._without_room(floor, lambda points: distances_from(solid, points), near_lanes, np.flatnonzero(is_near))
+                places += touched[0]
+                lanes += touched[1]
+        return places, lanes
+
+    def _without_room(self, floor: _Floor, room: Room, lanes: Numbers, rows: Numbers) -> tuple[list[int], list[Lane]]:
+        blocked = np.zeros(len(floor.numbers), dtype=bool)
+        blocked[rows] = room(floor.points[rows]) < floor.need[rows]
+        lanes = lanes[~blocked[lanes[:, 0]] & ~blocked[lanes[:, 1]]]
+        starts, ends = floor.points[lanes[:, 0]], floor.points[lanes[:, 1]]
+        shut_lanes = lanes[least_room(room, starts, ends) < floor.need[lanes[:, 0]]]
+        closed: list[int] = floor.numbers[blocked].tolist()
+        return closed, [(start, end) for start, end in floor.numbers[shut_lanes].tolist()]
+
+    def into_lift(self, lift: str) -> Iterator[Lane]:
+        """The lanes by which a robot comes into a lift, or rides in it."""
+        places = self._roadmap.roadmap.places
+        for end in self._roadmap.zones.get(lift, ()):
+            for start in self._roadmap.graph.successors[end]:  # lanes of lifts lead both ways
+                if places[start].zone != lift or places[start].level != places[end].level:
+                    yield start, end
+
+
+def least_room(room: Room, starts: Points, ends: Points) -> NDArray[np.float64]:
+    """The least room between the ends of each of the straight lines from starts (n, 2) to ends (n, 2), in metres."""
+    least: NDArray[np.float64] = np.full(len(starts), math.inf)
+    if len(starts):
+        shares = np.linspace(0, 1, SAMPLES + 1)[1:-1, None, None]
+        points = starts * (1 - shares) + ends * shares
+        least = room(points.reshape(-1, 2)).reshape(SAMPLES - 1, -1).min(axis=0).astype(float)
+    return least

@@ -1,0 +1,312 @@
+"""Shortest ways on a roadmap, for quotes: how far a robot would drive to where it reaches something, through which doors and lifts.
+
+The distances of all places from a goal are found together, once for all robots that ask for it. A robot then only needs to know which
+places it sees from where it stands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from somrs.space.clearance import Disc
+from somrs.space.distances import distances_from, distances_from_segment
+from somrs.space.free_space import SLACK, FreeSpace
+from somrs.space.shafts import SAME_FLOOR
+from somrs.space.solids import Point, Solid
+from somrs.space.stands import Stands
+from somrs.traffic.layout import MARGIN
+from somrs.traffic.obstructions import Obstructions, least_room
+from somrs.traffic.planning.graph import FAR, Lane
+from somrs.traffic.roadmap import NumberedRoadmap
+
+LIFT_WAIT = 10.0
+"""The time for which a robot is taken to wait for a lift, s."""
+MOST_FIELDS = 256
+"""The number of distance fields and of goals that are kept."""
+
+Points = NDArray[np.float64]
+Kept = TypeVar("Kept")
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """What robots cannot pass: these doors and lifts, and what stands on floors, by their heights."""
+
+    doors: frozenset[str] = frozenset()
+    lifts: frozenset[str] = frozenset()
+    standing: tuple[tuple[float, Disc], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Goal:
+    """Where a robot wants to go on a floor: to one of some stands. `radius`: of the robot, m.
+
+    `places` (n) are those from which it drives straight to a stand, whose number is in `stands_seen` (n).
+    """
+
+    level: float
+    radius: float
+    stands: Stands
+    places: NDArray[np.int64]
+    stands_seen: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A way. `length`: in metres, where a ride in a lift counts as far as the robot drives in that time; `end`: where it ends, and the
+    height of that floor; `doors`, `lifts`: through which it leads."""
+
+    length: float
+    end: Point
+    level: float
+    doors: frozenset[str] = frozenset()
+    lifts: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Field:
+    """For each place: the cost of the way to the goal, the following place on it, and the stand to which it leads straight from there."""
+
+    costs: NDArray[np.float64]
+    following: NDArray[np.int32]
+    stands: Mapping[int, int]
+
+
+class Ways:
+    """The ways on a roadmap. `spaces`: the space of each floor with all doors open; `doors`: by their names."""
+
+    def __init__(self, roadmap: NumberedRoadmap, spaces: Mapping[float, FreeSpace], doors: Mapping[str, Solid]) -> None:
+        self._roadmap, self._spaces, self.doors = roadmap, spaces, doors
+        places = roadmap.roadmap.places
+        self._points = np.array([(place.x, place.y) for place in places], dtype=float).reshape(-1, 2)
+        lanes = [(start, end) for start, ends in enumerate(roadmap.graph.successors) for end in ends]
+        self._lane_numbers = {lane: number for number, lane in enumerate(lanes)}
+        self._starts, self._ends = np.array(lanes, dtype=int).reshape(-1, 2).T
+        is_ride = np.array([places[start].level != places[end].level for start, end in lanes], dtype=bool)
+        self._metres = np.hypot(*(self._points[self._starts] - self._points[self._ends]).T) * ~is_ride
+        self._seconds = np.array([LIFT_WAIT + roadmap.graph.length(*lane) for lane in lanes]) * is_ride
+        """What rides take; 0 for lanes on one floor."""
+        obstructions = Obstructions(roadmap)
+        self._lanes_of = {name: self._all_lanes(*obstructions.touching(door)) for name, door in doors.items()}
+        self._lanes_of |= {lift: [self._lane_numbers[lane] for lane in obstructions.into_lift(lift)] for lift in roadmap.zones}
+        self._doors_on: dict[int, list[str]] = {}
+        """By lane."""
+        for name in doors:
+            for lane in self._lanes_of[name]:
+                self._doors_on.setdefault(lane, []).append(name)
+        self._layers: dict[tuple[float, float], tuple[NDArray[np.int64], cKDTree]] = {}
+        """By level and radius of places: their numbers and points."""
+        self._goals: dict[Hashable, Goal] = {}
+        self._fields: dict[Hashable, _Field] = {}
+
+    def _all_lanes(self, places: Iterable[int], lanes: Iterable[Lane]) -> list[int]:
+        """The numbers of lanes, and of those that lead to and from places."""
+        touched = {*places}
+        around = ((place, end) for place in touched for end in self._roadmap.graph.successors[place])
+        both_ways = (lane for start, end in around for lane in ((start, end), (end, start)) if lane in self._lane_numbers)
+        return [self._lane_numbers[lane] for lane in {*lanes, *both_ways}]
+
+    @property
+    def levels(self) -> Iterable[float]:
+        """The heights of the floors."""
+        return self._spaces.keys()
+
+    def space(self, level: float) -> FreeSpace | None:
+        """The space of the floor at a height, with all doors open; None if there is none."""
+        return self._spaces.get(round(level, 1))
+
+    # Goals
+
+    def goal(self, key: Hashable, level: float, radius: float, find_stands: Callable[[FreeSpace], Stands]) -> Goal | None:
+        """The goal of a robot on a floor; None if there is no such floor. It is kept: the same key stands for the same goal."""
+        space = self.space(level)
+        if space is None:
+            return None
+        whole_key = key, round(level, 1), radius
+        return _kept(self._goals, whole_key, lambda: self._find_goal(space, round(level, 1), radius, find_stands(space)))
+
+    def _find_goal(self, space: FreeSpace, level: float, radius: float, stands: Stands) -> Goal:
+        numbers, tree = self._layer(level, radius)
+        spacing = self._roadmap.spacing(int(numbers[0])) if len(numbers) else 0.0
+        visible_places = tree.query_ball_point(stands.points, spacing) if len(numbers) and len(stands.points) else []
+        pairs = np.array([(place, stand) for stand, places in enumerate(visible_places) for place in places], dtype=int).reshape(-1, 2)
+        places, stand_numbers = numbers[pairs[:, 0]], pairs[:, 1]
+        clear = _see(space, radius, self._points[places], stands.points[stand_numbers])
+        return Goal(level, radius, stands, places[clear], stand_numbers[clear])
+
+    def _layer(self, level: float, radius: float) -> tuple[NDArray[np.int64], cKDTree]:
+        """The numbers of the places on a floor for robots of a radius, and their points."""
+        key = level, self._roadmap.radius_for(radius)
+        if key not in self._layers:
+            places = enumerate(self._roadmap.roadmap.places)
+            numbers = np.array([number for number, place in places if (place.level, place.radius) == key], dtype=int)
+            self._layers[key] = numbers, cKDTree(self._points[numbers])
+        return self._layers[key]
+
+    # Ways
+
+    def way(self, start: Point, level: float, goal: Goal, closed: Closed, speed: float) -> Way | None:
+        """The shortest way of a robot from a point on a floor; None if there is none. `speed`: in metres per second."""
+        level = round(level, 1)
+        space, point = self._spaces.get(level), np.array(start, dtype=float)
+        if space is None:
+            return None
+        field = self._field(goal, closed, speed)
+        numbers, tree = self._layer(level, goal.radius)
+        spacing = self._roadmap.spacing(int(numbers[0])) if len(numbers) else 0.0
+        near_places = numbers[tree.query_ball_point(point, spacing)] if len(numbers) else numbers
+        places = near_places[field.costs[near_places] < FAR]
+        ends, stand_numbers = self._points[places], np.zeros(0, dtype=int)
+        if level == goal.level:
+            stand_numbers = np.flatnonzero(np.hypot(*(goal.stands.points - point).T) <= spacing)
+            ends = np.concatenate([ends, goal.stands.points[stand_numbers]])
+        starts = np.broadcast_to(point, ends.shape)
+        clear = _see(space, goal.radius, starts, ends) & ~self._are_closed(level, starts, ends, closed, goal.radius, around=start)
+        costs = np.concatenate([field.costs[places], goal.stands.costs[stand_numbers]]) + np.hypot(*(ends - point).T)
+        costs[~clear] = FAR
+        if not len(costs) or costs.min() == FAR:
+            return None
+        best = int(costs.argmin())
+        if best >= len(places):
+            return self._finish(goal, int(stand_numbers[best - len(places)]), float(costs[best]), [], [(level, start)])
+        return self._follow(field, goal, int(places[best]), float(costs[best]), level, start)
+
+    def _follow(self, field: _Field, goal: Goal, place: int, cost: float, level: float, start: Point) -> Way:
+        """The way by the following places."""
+        lanes: list[int] = []
+        first = place
+        while (following := int(field.following[place])) != len(self._points):
+            lanes.append(self._lane_numbers[place, following])
+            place = following
+        ends = [(level, start), (level, self._point(first)), (goal.level, self._point(place))]
+        return self._finish(goal, field.stands[place], cost, lanes, ends)
+
+    def _finish(self, goal: Goal, stand: int, cost: float, lanes: list[int], ends: list[tuple[float, Point]]) -> Way:
+        """The way by these lanes to a stand. `ends`: where it begins; where the lanes begin and end, with the heights of the floors."""
+        x, y = goal.stands.points[stand].tolist()
+        points = [*ends, (goal.level, (x, y))]
+        doors = {door for lane in lanes for door in self._doors_on.get(lane, ())}
+        for (level, start), (_, end) in (points[:2], points[-2:]):
+            doors |= self._doors_between(level, start, end, goal.radius)
+        rides = (lane for lane in lanes if self._seconds[lane])
+        lifts = {self._roadmap.roadmap.places[self._starts[lane]].zone or "" for lane in rides}
+        length = max(cost - float(goal.stands.costs[stand]), 0.0)
+        return Way(length, (x, y), goal.level, frozenset(doors), frozenset(lifts))
+
+    def _point(self, place: int) -> Point:
+        x, y = self._points[place].tolist()
+        return x, y
+
+    def _doors_between(self, level: float, start: Point, end: Point, radius: float) -> set[str]:
+        """The doors that a robot touches on a straight line."""
+        span = math.dist(start, end)
+        near_doors = (
+            d for d in self.doors.values() if abs(d.z - level) < SAME_FLOOR and math.dist((d.x, d.y), start) < d.extent + span + 1
+        )
+        return {door.name for door in near_doors if _touched(door, np.array([start]), np.array([end]), radius)[0]}
+
+    # Distance fields
+
+    def _field(self, goal: Goal, closed: Closed, speed: float) -> _Field:
+        return _kept(self._fields, (goal, closed, speed), lambda: self._find_field(goal, closed, speed))
+
+    def _find_field(self, goal: Goal, closed: Closed, speed: float) -> _Field:
+        """Dijkstra's algorithm, backwards from a place that all stands are joined to."""
+        size = len(self._points)
+        starts, ends = self._points[goal.places], goal.stands.points[goal.stands_seen]
+        is_open = ~self._are_closed(goal.level, starts, ends, closed, goal.radius)
+        costs = np.hypot(*(starts - ends).T) + goal.stands.costs[goal.stands_seen]
+        order = np.flatnonzero(is_open)[np.argsort(costs[is_open], kind="stable")]
+        joined_places, first_rows = np.unique(goal.places[order], return_index=True)
+        order = order[first_rows]  # the best stand of each place
+        open_lanes = self._open_lanes(closed, goal.radius)
+        weights = self._metres[open_lanes] + self._seconds[open_lanes] * speed
+        rows = np.concatenate([self._ends[open_lanes], np.full(len(joined_places), size)])
+        columns = np.concatenate([self._starts[open_lanes], joined_places])
+        backwards = csr_array((np.concatenate([weights, costs[order]]), (rows, columns)), (size + 1, size + 1))
+        distances, following = dijkstra(backwards, indices=size, return_predecessors=True)
+        stands = dict(zip(joined_places.tolist(), goal.stands_seen[order].tolist(), strict=True))
+        return _Field(distances[:size], following[:size], stands)
+
+    def _open_lanes(self, closed: Closed, radius: float) -> NDArray[np.bool_]:
+        is_open = np.ones(len(self._starts), dtype=bool)
+        for name in (*closed.doors, *closed.lifts):
+            is_open[self._lanes_of.get(name, [])] = False
+        for level, disc in closed.standing:
+            near_lanes = self._near_lanes(level, disc, radius)
+            starts, ends = self._points[self._starts[near_lanes]], self._points[self._ends[near_lanes]]
+            is_open[near_lanes[_reach(disc, starts, ends, radius)]] = False
+        return is_open
+
+    def _near_lanes(self, level: float, disc: Disc, radius: float) -> NDArray[np.int64]:
+        numbers, tree = self._layer(round(level, 1), radius)
+        near_places = numbers[tree.query_ball_point((disc.x, disc.y), disc.radius + radius + self._roadmap.widest)] if len(numbers) else ()
+        lanes = [self._lane_numbers[int(start), end] for start in near_places for end in self._roadmap.graph.successors[start]]
+        both_ways = {*lanes, *(self._lane_numbers.get((int(self._ends[lane]), int(self._starts[lane])), lane) for lane in lanes)}
+        return np.array(sorted(both_ways), dtype=int)
+
+    def _are_closed(
+        self, level: float, starts: Points, ends: Points, closed: Closed, radius: float, *, around: Point | None = None
+    ) -> NDArray[np.bool_]:
+        """Whether each of the lines leads through a door that is closed, or past what stands on the floor too near. `around`: a robot is at
+        this point, so what it touches there is not in its way."""
+        closed_lines = np.zeros(len(starts), dtype=bool)
+        if not len(starts):
+            return closed_lines
+        (left, bottom), (right, top) = np.minimum(starts, ends).min(axis=0), np.maximum(starts, ends).max(axis=0)
+        for name in closed.doors:
+            door = self.doors[name]
+            reach = door.extent + radius + MARGIN
+            is_near = left - reach <= door.x <= right + reach and bottom - reach <= door.y <= top + reach
+            if is_near and abs(door.z - level) < SAME_FLOOR and (around is None or door.distance(*around) >= radius):
+                closed_lines |= _touched(door, starts, ends, radius)
+        for disc_level, disc in closed.standing:
+            if abs(disc_level - level) < SAME_FLOOR and (around is None or disc.distance(around) >= radius):
+                closed_lines |= _reach(disc, starts, ends, radius)
+        return closed_lines
+
+
+def _see(space: FreeSpace, radius: float, starts: Points, ends: Points) -> NDArray[np.bool_]:
+    """Whether a robot can drive in a straight line from each of the starts to each of the ends. One of them may be too near to something:
+    then the robot does not come nearer to it."""
+    if not len(starts):
+        return np.zeros(0, dtype=bool)
+    need = np.minimum(radius + MARGIN, np.minimum(space.clearances(starts), space.clearances(ends)))
+    return np.asarray(least_room(space.clearances, starts, ends) >= need - SLACK)
+
+
+def _touched(door: Solid, starts: Points, ends: Points, radius: float) -> NDArray[np.bool_]:
+    """Whether a robot touches the door on each of the lines."""
+
+    def room(points: Points) -> Points:
+        return distances_from(door, points)
+
+    nearest = np.minimum(np.minimum(room(starts), room(ends)), least_room(room, starts, ends))
+    return np.asarray(nearest < radius + MARGIN - 1.2 * SLACK)
+
+
+def _reach(disc: Disc, starts: Points, ends: Points, radius: float) -> NDArray[np.bool_]:
+    """Whether a robot comes too near to the disc on each of the lines."""
+    x, y, lines = np.array(disc.x), np.array(disc.y), zip(starts.tolist(), ends.tolist(), strict=True)
+    nearest = np.array([distances_from_segment(x, y, (a, b), (c, d)) for (a, b), (c, d) in lines], dtype=float)
+    return np.asarray(nearest < disc.radius + radius + MARGIN - SLACK)
+
+
+def _kept(known: dict[Hashable, Kept], key: Hashable, find: Callable[[], Kept]) -> Kept:
+    """What is known for the key, or is found for it. The last ones are kept."""
+    if key in known:
+        known[key] = known.pop(key)
+    else:
+        while len(known) >= MOST_FIELDS:
+            del known[next(iter(known))]
+        known[key] = find()
+    return known[key]
