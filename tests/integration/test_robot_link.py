@@ -803,7 +803,7 @@ def test_pictures_of_a_robot_that_carries_are_taken_at_that_moment(monkeypatch: 
             OperatorLink(server.host, server.port) as operator,
         ):
 
-            def describe_robot(pictures: Pictures, subject: str | None) -> bytes:
+            def describe_robot(pictures: Pictures, subject: str | None, width: int) -> bytes:
                 state = server.simulation.state("Robot1")
                 return json.dumps([subject, state.holding, state.x, state.y]).encode()
 

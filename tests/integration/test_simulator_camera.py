@@ -9,9 +9,11 @@ import pytest
 from PIL import Image
 
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.devices.simulator.world.camera import Camera, close_up, opengl, overview, region
+from somrs.devices.simulator.world.camera import Camera, close_up, opengl, overview, region, storey_view
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SimulationError
+from somrs.ontology.types import Value
+from tests.support.simulated_tower import HEIGHT, tower
 from tests.support.simulator_room import ONTOLOGY, room, thing
 
 
@@ -33,6 +35,41 @@ def test_pictures_show_the_room(gl: str, world: WorldKind) -> None:
     new_picture = np.asarray(Image.open(io.BytesIO(camera.picture(views[1]))))
     green = (new_picture[..., 1] > new_picture[..., 0] * 1.5) & (new_picture[..., 1] > new_picture[..., 2] * 1.3)
     assert green.sum() > 20, "what appears in the world appears in its pictures"
+    camera.close()
+
+
+def pixels(png: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.int_]]:
+    return np.asarray(Image.open(io.BytesIO(png))).astype(int)
+
+
+def count_red(png: bytes) -> int:
+    picture = pixels(png)
+    return int(((picture[..., 0] > 2 * picture[..., 1]) & (picture[..., 0] > 2 * picture[..., 2]) & (picture[..., 0] > 90)).sum())
+
+
+def test_a_picture_of_a_storey_shows_what_is_on_it_and_nothing_above_or_below(gl: str, world: WorldKind) -> None:
+    carton: dict[str, Value] = {"Color": "Red", "Shape.Width": 1.0, "Shape.Depth": 1.0, "Shape.Height": 1.0}
+    things = [thing("Below", "Carton", 4, 3, 0, **carton)]
+    simulation = Simulation(tower(extra_objects=things), ONTOLOGY, world)
+    camera = Camera(simulation.scene, 400, 300)
+
+    def red_on(storey: str) -> int:
+        span = simulation.span_of_storey(storey)
+        assert span is not None
+        return count_red(camera.picture(storey_view(simulation.scene, span)))
+
+    assert red_on("Storey1") > 50, "the floor above hides nothing"
+    assert red_on("Storey2") == 0
+    simulation.add(thing("Above", "Carton", 4, 3, HEIGHT, **carton))
+    assert red_on("Storey2") > 50
+    camera.close()
+
+
+def test_a_picture_has_the_width_that_is_asked_for(gl: str) -> None:
+    simulation = Simulation(room(), ONTOLOGY, WorldKind.KINEMATIC)
+    camera = Camera(simulation.scene, 400, 300)
+    assert pixels(camera.picture(width=200)).shape == (150, 200, 3)
+    assert pixels(camera.picture()).shape == pixels(camera.picture(width=900)).shape == (300, 400, 3)
     camera.close()
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault, Grip, Place
+from somrs.devices.simulator.link.lines import Break
 from somrs.devices.simulator.server.driving_distances import find_legs
+from somrs.devices.simulator.server.faults import Schedule
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map
 from tests.support.simulated_tower import CABIN, HEIGHT, tower
@@ -64,6 +66,25 @@ def test_a_lift_that_breaks_keeps_its_robot_until_it_is_mended(world: WorldKind)
     run.run_until(lambda: end)
     assert isinstance(end[0], CommandDone), end
     assert run.simulation.state("Robot1").z == HEIGHT
+
+
+def test_a_lift_breaks_when_it_has_carried_a_robot_for_the_distance_that_was_planned(world: WorldKind) -> None:
+    run = Run(tower((7, 3, 0)), world)
+    schedule = Schedule(run.simulation)
+    schedule.add(Break(robot="Lift1", fault=Fault.DRIVE, carried=1.5))
+    run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    due: list[tuple[str, Fault]] = []
+
+    def is_due() -> bool:
+        due.extend(schedule.due())
+        return bool(due)
+
+    run.run_until(is_due)
+    assert due == [("Lift1", Fault.DRIVE)]
+    state = run.simulation.state("Lift1")
+    assert state.holding == "Robot1"
+    assert state.z == height(run, "Robot1")
+    assert 1.5 <= state.z < 1.7
 
 
 def test_a_robot_does_not_enter_a_lift_that_does_not_work(world: WorldKind) -> None:

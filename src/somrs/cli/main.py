@@ -65,7 +65,8 @@ def demo(
     scenario: Annotated[
         str,
         typer.Argument(
-            help="1: no faults. 1b: the drive of the first robot breaks. 2: recovery from several faults. 3: several devices and a person."
+            help="1: no faults. 1b: the drive of the first robot breaks. 2: recovery from several faults. 3: several devices and a person. "
+            "4: two storeys, and a lift that breaks."
         ),
     ] = "1b",
     out: Annotated[Path | None, typer.Option(help="The folder for pictures, messages and maps.")] = None,

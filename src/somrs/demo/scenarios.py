@@ -1,8 +1,8 @@
 """Plays the paper's scenarios in the simulator with a whole system of separate processes (paper, "Experiments").
 
 Scenario 1: the cheaper of two robots moves a jar from a cupboard to a platform. Scenario 1b: its drive breaks on the way; the robot
-puts the jar down and reports its position, and the other robot continues from there. Scenarios 2 and 3 are not in the paper;
-`recovery.py` and `cooperation.py` play them.
+puts the jar down and reports its position, and the other robot continues from there. Scenarios 2, 3 and 4 are not in the
+paper; `recovery.py`, `cooperation.py` and `hotel.py` play them.
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ from somrs.client.client import Client
 from somrs.client.message_chart import chart
 from somrs.client.trace import Follower, Line
 from somrs.demo import cooperation as cooperation_demo
+from somrs.demo import hotel as hotel_demo
 from somrs.demo import recovery as recovery_demo
 from somrs.demo.picture_sheet import sheet
 from somrs.deployment.launcher import Launcher
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.entish import Attribute, Comparison, Name
 from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
@@ -44,7 +46,7 @@ from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
 from somrs.space.free_space import FreeSpace
 
-_SCENARIOS = ("1", "1b", "2", "3")
+_SCENARIOS = ("1", "1b", "2", "3", "4")
 REQUEST = Submit(effect="Jar002 isOn Platform001", precondition="Jar002 isOn ?Shelf")
 CHEAP_ROBOT, _EXPENSIVE_ROBOT, _JAR, _CUPBOARD, _DESTINATION = "Robot1", "Robot2", "Jar002", "Cupboard001", "Platform001"
 STEPS = {
@@ -92,8 +94,9 @@ async def play(scenario: str, folder: Path, seed: int | None, console: Console |
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
     site, distance = prepare(scenario, folder, seed)
-    speed = recovery_demo.SPEED if scenario == "2" else SPEED
-    system = System([site], folder / "run", speed=speed, launcher=launcher, devices_per_process=1)
+    speed = {"2": recovery_demo.SPEED, "4": hotel_demo.SPEED}.get(scenario, SPEED)
+    world = WorldKind.KINEMATIC if scenario == "4" else WorldKind.PHYSICS
+    system = System([site], folder / "run", speed=speed, world=world, launcher=launcher, devices_per_process=1)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the Service Managers ..."):
             await system.start()
@@ -101,6 +104,8 @@ async def play(scenario: str, folder: Path, seed: int | None, console: Console |
             return await recovery_demo.perform(system, folder, console)
         if scenario == "3":
             return await cooperation_demo.perform(system, folder, console)
+        if scenario == "4":
+            return await hotel_demo.perform(system, folder, console)
         played = await _perform(scenario, system, folder, distance, console)
     finally:
         await system.stop()

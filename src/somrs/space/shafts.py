@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.space.solids import Point, Role, Solid, solid_of
+from somrs.space.storeys import elevation_of
 
 LIFT_RELATIONS = ("stopsAt", "leadsInto")
 """The relations that say where a lift stops, and which doors it has."""
@@ -158,16 +159,10 @@ def shafts_of(map: Map, ontology: Ontology) -> list[Shaft]:
         if cabin is None or cabin.role is not Role.LIFT:
             continue
         storeys = [arguments[1] for arguments in map.facts_with("stopsAt", 0, object.name)] if cabin.form == "Box" else []
-        levels = sorted((_elevation(map, ontology, storey), storey) for storey in storeys)
+        levels = sorted((elevation_of(storey, map, ontology), storey) for storey in storeys)
         landings = (
             Landing(level, storey, tuple(door for door in doors.get(object.name, ()) if abs(door.z - level) < SAME_FLOOR))
             for level, storey in levels
         )
         shafts.append(Shaft(cabin, tuple(landing for landing in landings if landing.doors)))
     return shafts
-
-
-def _elevation(map: Map, ontology: Ontology, storey: str) -> float:
-    object = map.objects[storey]
-    value = object.values.get("Elevation", ontology.default(object.type, "Elevation"))
-    return float(value) if isinstance(value, int | float) else 0.0

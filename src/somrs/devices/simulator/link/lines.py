@@ -51,8 +51,8 @@ class Order(Struct, frozen=True, kw_only=True, tag="command", tag_field="say"):
 
 
 class Break(Struct, frozen=True, kw_only=True, tag="break", tag_field="ask"):
-    """Inject a fault: now; after `delay` simulated seconds; when the robot has `carried` something for so many metres; or when it has
-    `released` what it carried and has drawn its arm in.
+    """Inject a fault: now; after `delay` simulated seconds; when the robot has `carried` something for so many metres, or a lift a robot;
+    or when it has `released` what it carried and has drawn its arm in.
     """
 
     robot: str
@@ -84,12 +84,14 @@ class Clock(Struct, frozen=True, kw_only=True, tag="clock", tag_field="ask"):
 
 
 class Picture(Struct, frozen=True, kw_only=True, tag="picture", tag_field="ask"):
-    """Request a picture of the world, or of an object and its surroundings, as PNG.
+    """Request a picture of the world, of a storey, or of an object and its surroundings, as PNG.
 
-    With `robot` and `carried`, the answer comes as soon as the robot has carried an object for so many metres; 0: as soon as it holds one.
+    `width`: in pixels; the height is 3/4 of it. With `robot` and `carried`, the answer comes as soon as the robot has carried an object for
+    so many metres, or a lift a robot; 0: as soon as it holds one.
     """
 
     subject: str | None = None
+    width: Annotated[int, Meta(ge=40, le=1200)] = 1200
     robot: str | None = None
     carried: Annotated[float, Meta(ge=0)] | None = None
 

@@ -223,8 +223,8 @@ class OperatorLink(Link):
     async def schedule(
         self, robot: str, fault: Fault, *, delay: float | None = None, carried: float | None = None, released: bool = False
     ) -> None:
-        """Schedule a fault: after `delay` simulated seconds, when the robot has `carried` something for so many metres, or when it has
-        `released` what it carried. Raises UsageError if none of these is given."""
+        """Schedule a fault: after `delay` simulated seconds, when the robot has `carried` something for so many metres, or a lift a robot,
+        or when it has `released` what it carried. Raises UsageError if none of these is given."""
         if delay is None and carried is None and not released:
             raise UsageError(
                 "give the time of the fault: `delay` in seconds, `carried` in metres that the robot carries something, "
@@ -249,12 +249,15 @@ class OperatorLink(Link):
         assert answer.time is not None, "the answer to `clock`"
         return Reading(time=answer.time, speed=answer.speed)
 
-    async def picture(self, subject: str | None = None, *, robot: str | None = None, carried: float | None = None) -> bytes:
-        """A PNG of the world, or of an object and its surroundings. Raises SimulationError when there is no OpenGL.
+    async def picture(
+        self, subject: str | None = None, *, width: int = 1200, robot: str | None = None, carried: float | None = None
+    ) -> bytes:
+        """A PNG of the world, of a storey, or of an object and its surroundings. Raises SimulationError when there is no OpenGL.
 
-        With `robot` and `carried`, waits until the robot has carried an object for so many metres; 0: until it holds one.
+        `width`: in pixels; the height is 3/4 of it. With `robot` and `carried`, waits until the robot has carried an object for so many
+        metres, or a lift a robot; 0: until it holds one.
         """
-        return (await self._ask(Picture(subject=subject, robot=robot, carried=carried))).png or b""
+        return (await self._ask(Picture(subject=subject, width=width, robot=robot, carried=carried))).png or b""
 
     async def ways(self, robot: str, *stops: str | tuple[float, float]) -> tuple[float | None, ...]:
         """Driving distances in metres to the first stop, from there to the next, and so on; None where there is no path."""

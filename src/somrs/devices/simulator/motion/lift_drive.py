@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, Status, Stop
+from msgspec.structs import replace
+
+from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, RobotState, Status, Stop
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.world.scene import Scene
@@ -72,6 +74,10 @@ class LiftDrive(StationaryDevice):
         """Whether a robot is in the cabin."""
         return abs(robot.solid.z - self.solid.z) < self.solid.height / 2 and self.shaft.contains(robot.pose()[:2])
 
+    def state(self) -> RobotState:
+        """Its state, with the height of its cabin, and with the robot in it as what it holds."""
+        return replace(super().state(), z=self.solid.z, holding=next((robot.name for robot in self._carried()), None))
+
     def command(self, command: Command, on_end: OnEnd) -> None:
         on_end(CommandDone(state=self.state()) if isinstance(command, Stop | Status) else self._refused())
 
@@ -107,13 +113,17 @@ class LiftDrive(StationaryDevice):
             self.scene.set_leaf(leaf, position + min(max(goal - position, -way), way))
 
     def _move_cabin(self) -> None:
-        carried = [robot for robot in self._robots.values() if self.carries(robot)]
+        carried = self._carried()
         way = self.solid.speed * self.scene.period
         z = self.solid.z + min(max(self._goal - self.solid.z, -way), way)
         self.solid = self.scene.raise_object(self.name, z)
         for robot in carried:
             robot.solid = self.scene.raise_object(robot.name, z)
             robot.level = self._goal
+
+    def _carried(self) -> list[Robot]:
+        """The robots in the cabin."""
+        return [robot for robot in self._robots.values() if self.carries(robot)]
 
     @property
     def name(self) -> str:

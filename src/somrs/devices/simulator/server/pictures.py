@@ -21,6 +21,7 @@ class _PlannedPicture:
     connection: Connection
     id: int
     subject: str | None
+    width: int
     robot: str
     carried: float
     carried_distance: CarriedDistance = field(default_factory=CarriedDistance)
@@ -34,17 +35,23 @@ class Pictures:
         self._camera: Camera | None = None
         self._planned: list[_PlannedPicture] = []
 
-    def take(self, subject: str | None) -> bytes:
-        """A PNG of the world, or of an object and its surroundings. Raises UsageError for an unknown object, WireError without OpenGL."""
+    def take(self, subject: str | None, width: int) -> bytes:
+        """A PNG of the world, of a storey, or of an object and its surroundings.
+
+        Raises UsageError for an unknown object, WireError without OpenGL.
+        """
         # The camera needs MuJoCo, which not every kind of world loads.
-        from somrs.devices.simulator.world.camera import Camera, close_up
+        from somrs.devices.simulator.world.camera import Camera, close_up, storey_view
 
         scene = self._simulation.scene
-        if subject is not None and subject not in scene.world.solids:
-            raise UsageError(f"{subject} is not in the simulated world")
+        span = self._simulation.span_of_storey(subject) if subject is not None else None
+        if subject is not None and span is None and subject not in scene.world.solids:
+            raise UsageError(f"{subject} is not in the simulated world, and no storey")
         try:
             self._camera = self._camera or Camera(scene)
-            return self._camera.picture(close_up(scene, subject) if subject is not None else None)
+            if span is not None:
+                return self._camera.picture(storey_view(scene, span), width)
+            return self._camera.picture(close_up(scene, subject) if subject is not None else None, width)
         except SimulationError as error:
             raise WireError("no-graphics", str(error)) from None
 
@@ -55,10 +62,10 @@ class Pictures:
             raise UsageError("a picture at a later time takes `robot`, and `carried`: the metres for which the robot has carried an object")
         if robot not in self._simulation.linked:
             raise UsageError(f"there is no robot {robot}; there are {', '.join(self._simulation.linked) or 'none'}")
-        self._planned.append(_PlannedPicture(connection, id, request.subject, robot, carried))
+        self._planned.append(_PlannedPicture(connection, id, request.subject, request.width, robot, carried))
 
-    def due(self) -> Iterator[tuple[Connection, int, str | None]]:
-        """Remove and yield the planned pictures that are due. Call it once per control period."""
+    def due(self) -> Iterator[tuple[Connection, int, str | None, int]]:
+        """Remove and yield the planned pictures that are due, with subject and width. Call it once per control period."""
         for picture in list(self._planned):
             if picture.connection.writer.transport.is_closing() or picture.robot not in self._simulation.linked:
                 self._planned.remove(picture)
@@ -66,7 +73,7 @@ class Pictures:
             metres = picture.carried_distance.measure(self._simulation.state(picture.robot))
             if metres is not None and metres >= picture.carried:
                 self._planned.remove(picture)
-                yield picture.connection, picture.id, picture.subject
+                yield picture.connection, picture.id, picture.subject, picture.width
 
     def close(self) -> None:
         """Free the camera."""

@@ -169,9 +169,9 @@ class Server:
         """Inject the scheduled faults and take the planned pictures that are due."""
         for robot, fault in self._schedule.due():
             self._fault(robot, fault)
-        for connection, id, subject in self._pictures.due():
+        for connection, id, subject, width in self._pictures.due():
             with _refusing(connection, id):
-                connection.send_line(Answer(id=id, png=self._pictures.take(subject)))
+                connection.send_line(Answer(id=id, png=self._pictures.take(subject, width)))
 
     # Connections
 
@@ -275,8 +275,8 @@ class Server:
                 answer = Answer(id=id, robots={name: self.simulation.state(name) for name in self.simulation.robots})
             case Clock():
                 answer = Answer(id=id, time=self.simulation.time, speed=self.speed)
-            case Picture(subject=subject, robot=None, carried=None):
-                answer = Answer(id=id, png=self._pictures.take(subject))
+            case Picture(subject=subject, width=width, robot=None, carried=None):
+                answer = Answer(id=id, png=self._pictures.take(subject, width))
             case Picture():
                 self._pictures.plan(connection, id, question)
                 return

@@ -32,6 +32,7 @@ from somrs.space.free_space import FreeSpace
 from somrs.space.leaves import Leaf
 from somrs.space.shafts import LIFT_RELATIONS, shafts_of
 from somrs.space.solids import Role, Solid, role_of, solid_of
+from somrs.space.storeys import span_of
 from somrs.traffic.ways import Ways
 
 Linked = Robot | StationaryDevice
@@ -168,6 +169,10 @@ class Simulation:
         if object not in self.scene.world.solids:
             raise UsageError(f"{object} is not in the simulated world")
         return self.scene.observe(object)
+
+    def span_of_storey(self, name: str) -> tuple[float, float] | None:
+        """The heights between which the undersides of a storey's objects are, m; None if there is no such storey."""
+        return span_of(name, self._map, self._ontology)
 
     # Faults
 
