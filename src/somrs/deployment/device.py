@@ -20,11 +20,12 @@ from msgspec import structs
 
 from somrs.client.client import Addresses
 from somrs.deployment.programs import run_program, until_stopped
+from somrs.deployment.shared_map import SharedMap
 from somrs.errors import DeviceError, InputError, RemoteError
 from somrs.kernel.component import Notified
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
-from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.knowledge import QueryMap, ReadMap, UpdateMap
 from somrs.protocol.messages.observations import Observation, observed_at
 from somrs.protocol.messages.people import client_address
 from somrs.runtime.host import Host
@@ -83,7 +84,7 @@ class DeviceRunner:
     """Runs one device in this process: `start` joins the system, `stop` leaves it. `data` is the folder of its journal.
 
     Devices of one process can share a journal and a host: they then have one port, and messages to the same destination are sent
-    together. The caller starts and stops a shared host, and closes a shared journal.
+    together. The caller starts and stops a shared host, and closes a shared journal. They can share a copy of the map, too.
     """
 
     def __init__(
@@ -94,13 +95,14 @@ class DeviceRunner:
         host: str | Host = "127.0.0.1",
         *,
         journal: Journal | None = None,
+        shared_map: SharedMap | None = None,
     ) -> None:
         self.device = device
         device.data = data
         self._addresses = addresses
         self._own_journal = journal is None
         self._journal = journal if journal is not None else device_journal(data, device.name)
-        self._host = host
+        self._host, self._shared_map = host, shared_map
         self._runtime: Host | None = None
         self._node: Node | None = None
         self._early: list[Observed] = []
@@ -220,16 +222,22 @@ class DeviceRunner:
         What a device reports holds now, and not when the Repository is there again.
         """
         assert self._runtime is not None, "devices send requests after they listen"
+        if isinstance(body, QueryMap | ReadMap) and self._shared_map is not None:
+            return await self._shared_map.answer(body)
         if isinstance(body, UpdateMap):
             body = structs.replace(body, observation=observed_at(body.observation, self._runtime.clock.now()))
         return await self._request(body, self._addresses.repository)
 
     async def _request(self, body: Body, recipient: str, sender: str = ANONYMOUS) -> Body:
-        runtime = self._runtime
-        assert runtime is not None, "devices send requests after they listen"
-        header = Header(sender=sender, recipient=recipient, message_id=uuid.uuid4().urn)
-        question = Message(header=header, body=body)
-        return (await retry_unanswered(lambda: runtime.request(question), MAP_TIME)).body
+        assert self._runtime is not None, "devices send requests after they listen"
+        return await request(self._runtime, body, recipient, sender)
+
+
+async def request(runtime: Host, body: Body, recipient: str, sender: str = ANONYMOUS) -> Body:
+    """Send a request of a device and return the answer. It is repeated for `MAP_TIME` while there is none. Raises RemoteError."""
+    header = Header(sender=sender, recipient=recipient, message_id=uuid.uuid4().urn)
+    question = Message(header=header, body=body)
+    return (await retry_unanswered(lambda: runtime.request(question), MAP_TIME)).body
 
 
 async def _serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:

@@ -12,8 +12,9 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from somrs.client.client import Addresses
-from somrs.deployment.device import DeviceRunner, device_journal, last_port, listen, load
+from somrs.deployment.device import DeviceRunner, device_journal, last_port, listen, load, request
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, run_program, until_stopped
+from somrs.deployment.shared_map import SharedMap
 from somrs.errors import DeviceError, SomrsError
 from somrs.runtime.host import Host
 
@@ -35,6 +36,13 @@ class Listeners:
         self._hosts: dict[int, Host] = {}
         """By the ports at which they listen, and by those at which they could not."""
         self._lock = asyncio.Lock()
+        self._shared_map: SharedMap | None = None
+
+    def share_map(self, host: Host, repository: str) -> SharedMap:
+        """The copy of the map for all devices; the first of their hosts keeps it."""
+        if self._shared_map is None:
+            self._shared_map = SharedMap(host, repository, lambda body: request(host, body, repository))
+        return self._shared_map
 
     async def find(self, port: int, name: str) -> Host:
         """The host that listens at a port of the last run, or in its place; for port 0, any."""
@@ -91,7 +99,8 @@ class HostedDevice:
         journal = device_journal(self._data, self.name)
         try:
             host = await self._listeners.find(last_port(journal), self.name)
-            runner = DeviceRunner(driver(self.name, world), self._addresses, self._data, host, journal=journal)
+            shared_map = self._listeners.share_map(host, self._addresses.repository)
+            runner = DeviceRunner(driver(self.name, world), self._addresses, self._data, host, journal=journal, shared_map=shared_map)
             try:
                 address = await runner.start()
                 self._last_failure = ""

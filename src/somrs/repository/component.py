@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import islice
 from typing import Self
 
 from msgspec import structs
@@ -31,9 +30,7 @@ from somrs.kernel.component import (
     Started,
     TimerFired,
 )
-from somrs.ontology.check import check
 from somrs.ontology.conformance import Violation
-from somrs.ontology.truth import bindings
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
@@ -55,7 +52,6 @@ from somrs.protocol.messages.knowledge import (
     ReadMap,
     ReadOntology,
     RenameObject,
-    Row,
     Rows,
     SubscribeMap,
     Undo,
@@ -63,14 +59,14 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.protocol.messages.leases import grant_lease
-from somrs.protocol.messages.paging import PAGE_BYTES, fit_page, size
+from somrs.protocol.messages.paging import PAGE_BYTES, size
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.definition import define_outcome, rename_outcome
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
+from somrs.repository.map_answers import MapAnswers
 from somrs.repository.merging import merge_outcome
 from somrs.repository.outcome import VERSION, Outcome, considered, note_provenance, rejected
-from somrs.repository.pages import MapPages, ontology_page
-from somrs.repository.promised_maps import PromisedMaps
+from somrs.repository.pages import ontology_page
 from somrs.repository.rollback import inverse
 from somrs.repository.state import (
     REMEMBERED,
@@ -87,10 +83,6 @@ from somrs.repository.undo import undo_outcome
 from somrs.repository.update import update_outcome
 from somrs.repository.version_conflict import version_conflicts
 
-MOST_ROWS = 1000
-"""The maximum number of rows in the answer to a QueryMap."""
-
-
 READS = ReadOntology | ReadMap | QueryMap | Consider | ReadHistory | ReadEvents
 """Requests that change nothing."""
 
@@ -101,8 +93,7 @@ class Repository:
     def __init__(self, address: str, contents: Contents) -> None:
         contents.address = address
         self.contents = contents
-        self._pages = MapPages(contents.map)
-        self._promised = PromisedMaps(contents)
+        self._answers = MapAnswers()
 
     @classmethod
     def restored(cls, contents: Contents) -> Self:
@@ -150,7 +141,7 @@ class Repository:
             case ReadOntology() | ReadMap() as question:
                 yield self._read(message, question)
             case QueryMap() as query:
-                yield self._answer(message, self._rows(query))
+                yield self._answer(message, self._answer_to(query))
             case UpdateMap() | Define() | RenameObject() | MergeObject() as alteration:
                 yield from self._run_once(message, lambda: self._alter(message, alteration, self._alteration_outcome(alteration, now), now))
             case Undo() as undo:
@@ -185,21 +176,11 @@ class Repository:
         if isinstance(question, ReadOntology):
             page = ontology_page(contents.ontology, contents.version, question.after, contents.ontology_changed_at)
             return self._answer(message, page)
-        map = self._promised.map_in(question.situation)
-        if self._pages.map is not map:
-            self._pages = MapPages(map)
-        return self._answer(message, self._pages.page(contents.version, question.after))
+        return self._answer(message, self._answer_to(question))
 
-    def _rows(self, query: QueryMap) -> Rows:
-        map = self._promised.map_in(query.situation)
-        formula = check(query.formula, self.contents.ontology, map)
-        limit = min(max(query.limit, 0), MOST_ROWS)
-        matching_rows = [
-            Row(bindings={name: str(term) for name, term in row.items()})
-            for row in islice(bindings(formula, map, self.contents.ontology), limit + 1)
-        ]
-        rows = tuple(fit_page(matching_rows, limit))
-        return Rows(rows=rows, version=self.contents.version, more=len(rows) < len(matching_rows))
+    def _answer_to(self, question: QueryMap | ReadMap) -> Rows | MapPage:
+        contents = self.contents
+        return self._answers.answer(question, contents.map, contents.ontology, contents.version)
 
     def _answered(self, message: Message, value: object, now: float) -> Effects:
         """Handle an answer of the archive."""

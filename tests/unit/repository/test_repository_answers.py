@@ -37,7 +37,7 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.protocol.messages.paging import PAGE_BYTES
-from somrs.repository import component
+from somrs.repository import component, map_answers
 from somrs.repository.component import Repository, only_reads
 from somrs.repository.pages import MapPages, ontology_page
 from somrs.repository.state import ArchivedEvents, Contents, DefinitionChange, EventsOf, HistoryOf, LeasesDue, PageOf, Subscription
@@ -218,7 +218,7 @@ def test_a_query_tells_as_much_as_is_wanted(repository: Repository, limit: int, 
 
 
 def test_a_query_never_tells_more_than_the_most(repository: Repository, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(component, "MOST_ROWS", 1)
+    monkeypatch.setattr(map_answers, "MOST_ROWS", 1)
     rows = ask(repository, QueryMap(formula="?Thing: Jar isOn Table1", limit=2), Rows)
     assert (len(rows.rows), rows.more) == (1, True)
 

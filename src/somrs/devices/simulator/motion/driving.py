@@ -151,8 +151,8 @@ def _travel_to(robot: Robot, stop: Berth | str | None, goal: Point, patience: fl
 
 def _is_free(robot: Robot, goal: Point) -> bool:
     """Whether nothing but robots stands at the goal, except for things that the robot is too near to already."""
-    need, here = robot.size.radius + MARGIN, robot.pose()[:2]
-    discs = [disc for disc in floor_things(robot, [robot.holding] if robot.holding else []) if disc.distance(here) >= need]
+    need, position = robot.size.radius + MARGIN, robot.pose()[:2]
+    discs = [disc for disc in floor_things(robot, [robot.holding] if robot.holding else []) if disc.distance(position) >= need]
     return robot.free_space.free(goal, need, discs)
 
 
@@ -173,7 +173,7 @@ def _check_arrival(robot: Robot, goal: Point, ended: TripEnded) -> None:
 def drive_on(robot: Robot) -> Generator[None, None, bool]:
     """Drive as far as places are granted, or to the end of the trip. Returns whether the robot has come to a place."""
     road, has_moved = robot.road, False
-    here, travels = robot.pose()[:2], robot.road.is_travelling
+    position, travels = robot.pose()[:2], robot.road.is_travelling
     while robot.road is road and road.is_travelling == travels:
         following = road.next_place
         if following is None:
@@ -185,17 +185,17 @@ def drive_on(robot: Robot) -> Generator[None, None, bool]:
         lift = _lift_to_pass(robot)
         if lift is not None and not (yield from _wait_for(robot, lift)):
             return has_moved
-        if not (road.is_on_its_way or sees(robot, here, following, SLACK)):
-            road.give_back(here, partial(sees, robot))
+        if not (road.is_on_its_way or sees(robot, position, following, SLACK)):
+            road.give_back(position, partial(sees, robot))
             yield from wait(robot, LOOK)
             return has_moved
         target = road.depart()
         assert target is not None, "it was granted"
-        yield from _drive_lane(robot, here, target)
+        yield from _drive_lane(robot, position, target)
         road.arrive()
         if lift is not None and road.zone is None:
             lift.release(robot.name)
-        here, has_moved = target, True
+        position, has_moved = target, True
     return has_moved
 
 

@@ -1,0 +1,44 @@
+"""Answers questions about a map, as it is or as it would be in a promised situation."""
+
+from __future__ import annotations
+
+from itertools import islice
+
+from somrs.ontology.check import check
+from somrs.ontology.objects import Map
+from somrs.ontology.truth import bindings
+from somrs.ontology.types import Ontology
+from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Row, Rows
+from somrs.protocol.messages.paging import fit_page
+from somrs.repository.pages import MapPages
+from somrs.repository.promised_maps import PromisedMaps
+
+MOST_ROWS = 1000
+"""The maximum number of rows in the answer to a QueryMap."""
+
+
+class MapAnswers:
+    """Answers questions, and keeps for the next ones what is the same in several."""
+
+    def __init__(self) -> None:
+        self._promised = PromisedMaps()
+        self._pages = MapPages(Map())
+
+    def answer(self, question: QueryMap | ReadMap, map: Map, ontology: Ontology, version: int) -> Rows | MapPage:
+        """The answer to a question about a map of this version. Raises FormulaError."""
+        asked_map = self._promised.map_in(question.situation, map, ontology)
+        if isinstance(question, QueryMap):
+            return _rows(question, asked_map, ontology, version)
+        if self._pages.map is not asked_map:
+            self._pages = MapPages(asked_map)
+        return self._pages.page(version, question.after)
+
+
+def _rows(query: QueryMap, map: Map, ontology: Ontology, version: int) -> Rows:
+    formula = check(query.formula, ontology, map)
+    limit = min(max(query.limit, 0), MOST_ROWS)
+    matching_rows = [
+        Row(bindings={name: str(term) for name, term in row.items()}) for row in islice(bindings(formula, map, ontology), limit + 1)
+    ]
+    rows = tuple(fit_page(matching_rows, limit))
+    return Rows(rows=rows, version=version, more=len(rows) < len(matching_rows))
