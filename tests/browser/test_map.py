@@ -595,3 +595,15 @@ def test_a_real_building_is_drawn_to_scale(office: RunningSystem, window: OpenWi
     assert {name for name in map_state.objects if "PositionX" in map_state.objects[name]} == set(
         page.eval_on_selector_all("[data-name]", "(all) => all.map((one) => one.dataset.name)")
     )
+
+
+def test_traffic_is_shown_on_demand_with_the_roadmap(system: RunningSystem, window: OpenWindow) -> None:
+    page = window(f"{system.url}/map")
+    button = page.get_by_role("button", name="Traffic")
+    expect(page.get_by_role("region", name="Traffic")).to_have_count(0)
+    button.click()
+    expect(page.locator(".fp-road")).to_have_count(1)
+    expect(page.get_by_role("region", name="Traffic").get_by_text("No robot waits for another.")).to_be_visible()
+    take_screenshot(page, "map-traffic")
+    button.click()
+    expect(page.locator(".fp-road")).to_have_count(0)

@@ -267,8 +267,8 @@ def test_a_topic_that_does_not_exist_is_answered_with_those_that_do_and_the_othe
             refused = msgspec.json.decode(await live.recv())
             assert refused["error"] == "NotFound"
             assert refused["problem"] == (
-                "there is no topic map 2 or maps or task; the topics are map, ontology, services, fleet, tasks, task ID, templates, "
-                "orders, people, questions, system. The other topics of the message are followed"
+                "there is no topic map 2 or maps or task; the topics are map, ontology, services, fleet, traffic, tasks, "
+                "task ID, templates, orders, people, questions, system. The other topics of the message are followed"
             )
             assert await live.recv() == '{"confirmed":1}'
             await api.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 0.7),)))

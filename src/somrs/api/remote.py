@@ -22,6 +22,7 @@ from somrs.api.scene import SceneService
 from somrs.api.system import SystemService
 from somrs.api.tasks import TaskService
 from somrs.api.topics import TOPICS
+from somrs.api.traffic import TrafficService
 from somrs.client.api_client import ApiClient, address_of
 from somrs.client.client import Addresses
 from somrs.client.hub import News
@@ -49,6 +50,7 @@ class Api:
     records: RecordService
     scene: SceneService
     system: SystemService
+    traffic: TrafficService
 
     def __init__(self, client: ApiClient) -> None:
         for group, declared in get_type_hints(Api).items():

@@ -21,6 +21,7 @@ from somrs.api.records import RecordService
 from somrs.api.scene import SceneService
 from somrs.api.system import SystemService
 from somrs.api.tasks import TaskService
+from somrs.api.traffic import TrafficService
 from somrs.client.client import Addresses, Client
 from somrs.client.hub import Hub
 from somrs.client.operations import Operation, operations
@@ -49,6 +50,7 @@ class ApiService:
         self.records = RecordService(context)
         self.scene = SceneService(context)
         self.system = SystemService(context)
+        self.traffic = TrafficService(context)
 
     def operations(self) -> Iterator[Operation]:
         for group, part in vars(self).items():

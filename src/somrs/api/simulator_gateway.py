@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
 
 import msgspec
 
+from somrs.api.waiting import waiting_text
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError, SomrsError
 
 PATIENCE = 1.5
-"""Seconds to wait for the simulator when the whole fleet is read."""
+"""Seconds to wait for the simulator's answers to a few questions."""
 
 
 class SimulatedRobot(msgspec.Struct, frozen=True, kw_only=True):
@@ -25,6 +27,8 @@ class SimulatedRobot(msgspec.Struct, frozen=True, kw_only=True):
     holding: str | None = None
     command: str | None = msgspec.field(default=None, name="doing")
     faults: tuple[Fault, ...] = ()
+    waiting: str = ""
+    """Why it waits in traffic, such as `waits for Robot3, which charges`; empty if it does not wait."""
 
 
 async def robots(simulator: str | None) -> Mapping[str, SimulatedRobot]:
@@ -32,17 +36,17 @@ async def robots(simulator: str | None) -> Mapping[str, SimulatedRobot]:
     if simulator is None:
         return {}
     try:
-        async with asyncio.timeout(PATIENCE), link(simulator) as operator:
-            states = await operator.robots()
-    except (TimeoutError, SomrsError):
+        async with answering(simulator) as operator:
+            states, traffic = await operator.robots(), await operator.traffic()
+    except SomrsError:
         return {}
-    return {name: _simulated(state) for name, state in states.items()}
+    return {name: _simulated(state, waiting_text(traffic.robots.get(name), traffic)) for name, state in states.items()}
 
 
-def _simulated(state: RobotState) -> SimulatedRobot:
+def _simulated(state: RobotState, waiting: str) -> SimulatedRobot:
     """The state of a robot, with its pose rounded so that a robot that stands still does not change."""
     x, y, yaw = (round(value, 2) for value in (state.x, state.y, state.yaw))
-    return SimulatedRobot(x=x, y=y, yaw=yaw, holding=state.holding, command=state.activity, faults=state.faults)
+    return SimulatedRobot(x=x, y=y, yaw=yaw, holding=state.holding, command=state.activity, faults=state.faults, waiting=waiting)
 
 
 async def break_or_mend(simulator: str | None, robot: str, fault: Fault, *, repair: bool) -> None:
@@ -56,6 +60,16 @@ async def break_or_mend(simulator: str | None, robot: str, fault: Fault, *, repa
         raise RemoteError("this system has no simulator; faults can be injected into simulated robots only")
     async with link(simulator) as operator:
         await (operator.repair if repair else operator.fault)(robot, fault)
+
+
+@asynccontextmanager
+async def answering(simulator: str) -> AsyncIterator[OperatorLink]:
+    """A link for a few questions. Raises RemoteError if they are not answered within `PATIENCE`."""
+    try:
+        async with asyncio.timeout(PATIENCE), link(simulator) as operator:
+            yield operator
+    except TimeoutError:
+        raise RemoteError(f"the simulator did not answer within {PATIENCE:g} s; try again") from None
 
 
 def link(simulator: str) -> OperatorLink:

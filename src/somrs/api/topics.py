@@ -11,6 +11,7 @@ from somrs.api.people import People
 from somrs.api.questions import OpenQuestions
 from somrs.api.system import SystemView
 from somrs.api.task_feed import TaskChanged, TasksChanged
+from somrs.api.traffic import Traffic
 from somrs.client.refusals import ErrorReport
 from somrs.protocol.messages.directory import ServicesJoined, ServicesLeft
 
@@ -22,6 +23,7 @@ TOPICS: dict[str, tuple[Any, ...]] = {
     "ontology": (int,),
     "services": (ServicesJoined | ServicesLeft,),
     "fleet": (Devices, ErrorReport),
+    "traffic": (Traffic, ErrorReport),
     "tasks": (TasksChanged,),
     ONE_TASK: (TaskChanged,),
     "templates": (),

@@ -213,6 +213,8 @@ def _note(device: DeviceView) -> str:
         parts.append(f"It holds {holding}.")
     if device.simulated is not None and device.simulated.command:
         parts.append(f"It is {COMMAND_LABELS.get(device.simulated.command, f'doing {device.simulated.command}')}.")
+    if device.simulated is not None and device.simulated.waiting:
+        parts.append(f"It {device.simulated.waiting}.")
     return " ".join(parts)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from somrs.protocol.messages.traffic import RobotInTraffic
 from somrs.traffic.berths import Berths
 from somrs.traffic.schedule import Schedule
-from somrs.traffic.state import TrafficState
+from somrs.traffic.state import RobotRecord, TrafficState
 
 
 def view(state: TrafficState, schedule: Schedule, berths: Berths) -> Iterator[RobotInTraffic]:
@@ -18,9 +18,19 @@ def view(state: TrafficState, schedule: Schedule, berths: Berths) -> Iterator[Ro
             robot=name,
             held=tuple(map(berths.name, schedule.held(name))),
             planned=tuple(map(berths.name, schedule.planned(name))),
-            waits_for=tuple(dict.fromkeys(schedule.obstacles(name))),
+            waits_for=_waits_for(name, record, schedule),
             mobility=record.mobility,
             silent=record.silent,
             trip=trip.id if trip is not None else None,
             destination=berths.name(trip.destination) if trip is not None else None,
         )
+
+
+def _waits_for(name: str, record: RobotRecord, schedule: Schedule) -> tuple[str, ...]:
+    """The robots that go first by the plan. While no way is planned, because nobody gets past: the first one on its shortest way."""
+    first = tuple(dict.fromkeys(schedule.obstacles(name)))
+    if first or record.trip is None or schedule.planned(name):
+        return first
+    way = schedule.graph.way(schedule.last(name), record.trip.destination, name)
+    holder = next((holder for place in way if (holder := schedule.holder(place, besides=name)) is not None), None)
+    return (holder,) if holder is not None else ()

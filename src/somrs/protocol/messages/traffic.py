@@ -198,7 +198,8 @@ class ReadTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class RobotInTraffic(Struct, frozen=True, kw_only=True):
-    """A robot: the places that it holds (the first is where it is), those planned after them, and the robots that have to go first.
+    """A robot: the places that it holds (the first is where it is), those planned after them, and the robots that have to go first: by the
+    plan, or because they stand in its way and none is planned.
 
     `silent`: its lease has ended, and nobody knows where on its way it is.
     """

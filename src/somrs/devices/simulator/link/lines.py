@@ -11,6 +11,7 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from somrs.devices.simulator.link.commands import Command, Fault, ObjectState, RobotState, Sighting
+from somrs.devices.simulator.link.roads import Roadmap, TrafficState
 from somrs.errors import WireError
 
 PROTOCOL = "SO-MRS robot link"
@@ -123,6 +124,14 @@ class Legs(Struct, frozen=True):
     out_of_order: tuple[str, ...] = ()
 
 
+class Roads(Struct, frozen=True, kw_only=True, tag="roads", tag_field="ask"):
+    """Request the roadmap, and what of it is closed."""
+
+
+class Traffic(Struct, frozen=True, kw_only=True, tag="traffic", tag_field="ask"):
+    """Request where the robots may drive, and whom they wait for."""
+
+
 class Idle(Struct, frozen=True, kw_only=True, tag="idle", tag_field="ask"):
     """Request an answer when all robots are idle."""
 
@@ -150,7 +159,7 @@ class Follow(Struct, frozen=True, kw_only=True, tag="poses", tag_field="ask"):
     rate: Annotated[float, Meta(ge=0)] = 20.0
 
 
-Question = Break | Repair | Look | Robots | Clock | Picture | Ways | Idle | Move | SetWeight | Follow
+Question = Break | Repair | Look | Robots | Clock | Picture | Ways | Roads | Traffic | Idle | Move | SetWeight | Follow
 
 
 class Ask(Struct, frozen=True, kw_only=True, tag="ask", tag_field="say"):
@@ -258,9 +267,11 @@ class Answer(Struct, frozen=True, kw_only=True, tag="answer", tag_field="say"):
     open: tuple[str, ...] | None = None
     """The open doors on the only way."""
     carries: bool | None = None
+    """Whether robots can put things on the last stop."""
     out_of_order: tuple[str, ...] | None = None
     """The doors that are out of order on the only way."""
-    """Whether robots can put things on the last stop."""
+    roadmap: Roadmap | None = None
+    traffic: TrafficState | None = None
 
 
 class Refused(Struct, frozen=True, kw_only=True, tag="error", tag_field="say"):

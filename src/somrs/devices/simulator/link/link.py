@@ -55,14 +55,17 @@ from somrs.devices.simulator.link.lines import (
     Poses,
     Refused,
     Repair,
+    Roads,
     Robots,
     ServerLine,
     SetWeight,
     State,
+    Traffic,
     Unheard,
     encode_line,
 )
 from somrs.devices.simulator.link.pose_buffer import PoseBuffer
+from somrs.devices.simulator.link.roads import Roadmap, TrafficState
 from somrs.errors import UsageError
 
 log = logging.getLogger(__name__)
@@ -243,6 +246,18 @@ class OperatorLink(Link):
 
     async def robots(self) -> dict[str, RobotState]:
         return (await self._ask(Robots())).robots or {}
+
+    async def roadmap(self) -> Roadmap:
+        """The roadmap, and what of it is closed now."""
+        roadmap = (await self._ask(Roads())).roadmap
+        assert roadmap is not None, "the answer to `roads`"
+        return roadmap
+
+    async def traffic(self) -> TrafficState:
+        """Where the robots may drive, and whom they wait for."""
+        traffic = (await self._ask(Traffic())).traffic
+        assert traffic is not None, "the answer to `traffic`"
+        return traffic
 
     async def clock(self) -> Reading:
         answer = await self._ask(Clock())

@@ -106,6 +106,12 @@ class RobotWork:
         is_driving = work is None or (work.failure is None and (work.command is None or robot.road.is_travelling))
         return Mobility.FREE if is_driving and not robot.paused else Mobility.BUSY
 
+    def object(self, robot: str) -> str | None:
+        """The object with which a robot works: what it grips, or on what it puts something; None if its command names none."""
+        work = self._work.get(robot)
+        command = work.command if work is not None else None
+        return next((name for field in ("object", "support", "container") if (name := getattr(command, field, None)) is not None), None)
+
     def _advance(self, robot: Robot, work: Work) -> None:
         try:
             next(work.routine)

@@ -34,8 +34,10 @@ from somrs.devices.simulator.link.lines import (
     Question,
     Refused,
     Repair,
+    Roads,
     Robots,
     SetWeight,
+    Traffic,
     Ways,
     Welcome,
     read_by_server,
@@ -273,6 +275,10 @@ class Server:
                 answer = Answer(id=id, object_state=self.simulation.observe(name))
             case Robots():
                 answer = Answer(id=id, robots={name: self.simulation.state(name) for name in self.simulation.robots})
+            case Roads():
+                answer = Answer(id=id, roadmap=self.simulation.roadmap())
+            case Traffic():
+                answer = Answer(id=id, traffic=self.simulation.traffic())
             case Clock():
                 answer = Answer(id=id, time=self.simulation.time, speed=self.speed)
             case Picture(subject=subject, width=width, robot=None, carried=None):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.driving import sees, things_on_floor
 from somrs.devices.simulator.motion.road_user import RoadUser
-from somrs.devices.simulator.motion.robot import Fleet, Robot
+from somrs.devices.simulator.motion.robot import Fleet, Lift, Robot
 from somrs.devices.simulator.server.traffic_office import RENEWAL, TrafficOffice
 from somrs.devices.simulator.world.scene import Scene
 from somrs.ontology.objects import Map
@@ -49,6 +49,11 @@ class SimulatedTraffic:
     def is_planning(self) -> bool:
         """Whether a plan is being made."""
         return self.office.is_planning
+
+    @property
+    def lifts(self) -> Mapping[str, Lift]:
+        """The lifts by name."""
+        return self._robots.lifts
 
     def user(self, solid: Solid) -> RoadUser:
         """The part in traffic of a robot that is added. It enters with the next `advance`."""

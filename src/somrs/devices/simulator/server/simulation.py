@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, ObjectState, RobotState, Sense, Status
+from somrs.devices.simulator.link.roads import Roadmap, TrafficState
 from somrs.devices.simulator.motion.door_drive import DoorDrive
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.lift_drive import LiftDrive
@@ -19,6 +20,7 @@ from somrs.devices.simulator.motion.robot import Fleet, Robot
 from somrs.devices.simulator.server.free_spaces import FreeSpaces
 from somrs.devices.simulator.server.robot_work import RobotWork
 from somrs.devices.simulator.server.simulated_traffic import SimulatedTraffic
+from somrs.devices.simulator.server.traffic_view import roadmap_view, traffic_view
 from somrs.devices.simulator.world.kinds import WorldKind, make_scene
 from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import RESTING
@@ -173,6 +175,14 @@ class Simulation:
     def span_of_storey(self, name: str) -> tuple[float, float] | None:
         """The heights between which the undersides of a storey's objects are, m; None if there is no such storey."""
         return span_of(name, self._map, self._ontology)
+
+    def roadmap(self) -> Roadmap:
+        """The roadmap of the robots, and what of it is closed."""
+        return roadmap_view(self._traffic)
+
+    def traffic(self) -> TrafficState:
+        """Where the robots may drive, and whom they wait for."""
+        return traffic_view(self._traffic, self.robots, self._work)
 
     # Faults
 

@@ -42,7 +42,10 @@ class TrafficOffice:
     def __init__(self, roadmap: Roadmap) -> None:
         self.roadmap = NumberedRoadmap(roadmap)
         self.component = Traffic(ADDRESS, roadmap)
-        self._planner = TrafficPlanner(roadmap, Random())
+        self._random = Random()
+        self._planner = TrafficPlanner(roadmap, self._random)
+        self.edition = self._random.getrandbits(32)
+        """Another number with each change of the roadmap, and of what is closed on it."""
         self._users: dict[str, RoadUser] = {}
         self._timers: dict[Hashable, float] = {}
         self._problems: dict[Hashable, PlanTraffic] = {}
@@ -172,8 +175,18 @@ class TrafficOffice:
         passages = tuple(self._closed_passage(passage) for passage in out_of_order)
         closing = CloseWays(places=self._names(places), lanes=self._closed_lanes(lanes), passages=passages)
         if closing != self._closed:
-            self._closed = closing
+            self._closed, self.edition = closing, self._random.getrandbits(32)
             self.tell("map", closing)
+
+    @property
+    def closed_places(self) -> set[str]:
+        """The places that nobody uses."""
+        return {*self._closed.places, *(place for passage in self._closed.passages for place in passage.places)}
+
+    @property
+    def closed_lanes(self) -> set[ClosedLane]:
+        """The lanes between other places that nobody uses."""
+        return {*self._closed.lanes, *(lane for passage in self._closed.passages for lane in passage.lanes)}
 
     def _closed_passage(self, passage: Solid) -> ClosedPassage:
         """The places and lanes at which a robot would be in a door; or the lanes by which it would come into a lift, or ride in it."""

@@ -8,7 +8,9 @@ import { get, Live } from "somrs-floorplan/live.js";
 import { Plan } from "somrs-floorplan/plan.js";
 import { Poses } from "somrs-floorplan/poses.js";
 import { sample } from "somrs-floorplan/shapes.js";
+import { TrafficNews } from "somrs-floorplan/traffic.js";
 
+const TRAFFIC = "somrs-traffic"; // set while traffic is shown, per browser tab
 const KEPT = "somrs-plan"; // the visible part, stored per browser tab for reloads
 
 export default {
@@ -29,10 +31,20 @@ export default {
         <button type="button" @click="zoomBy(1.4)" aria-label="Zoom in" title="Zoom in (+)"><q-icon name="add" /></button>
         <button type="button" @click="zoomBy(1 / 1.4)" aria-label="Zoom out" title="Zoom out (-)"><q-icon name="remove" /></button>
         <button type="button" @click="fit()" aria-label="Show all" title="Show all (0)"><q-icon name="fit_screen" /></button>
+        <button type="button" v-if="!past()" @click="showTraffic(!traffic)" :aria-pressed="traffic" aria-label="Traffic" title="Ways of robots, and who waits for whom"><q-icon name="route" /></button>
         <button type="button" @click="legend = !legend" :aria-pressed="legend" aria-label="Legend" title="Meaning of the symbols"><q-icon name="legend_toggle" /></button>
       </div>
       <div v-if="legend" class="fp-legend" role="region" aria-label="Legend">
         <span v-for="one in legendOf" :key="one.title" class="fp-legend-row"><span v-html="one.picture"></span>{{ one.title }}</span>
+      </div>
+      <div v-if="traffic && !past()" class="fp-traffic" role="region" aria-label="Traffic">
+        <p v-if="hold" class="fp-traffic-hold"><q-icon name="front_hand" /> Traffic is held: {{ hold }}</p>
+        <p v-if="!waiting.length" role="status">{{ unknown ? "Traffic cannot be read." : "No robot waits for another." }}</p>
+        <ul v-else>
+          <li v-for="one in waiting.slice(0, 8)" :key="one.robot"><button type="button" class="somrs-link" @click="choose(one.robot); show(one.robot)">{{ one.robot }}</button> {{ one.waiting }}</li>
+          <li v-if="waiting.length > 8">and {{ waiting.length - 8 }} more</li>
+        </ul>
+        <p class="fp-traffic-key"><span class="fp-key-granted"></span>granted <span class="fp-key-planned"></span>planned <span class="fp-key-wait"></span>waits for</p>
       </div>
       <div class="fp-foot">
         <div class="fp-scale" :style="{ width: bar.pixels + 'px' }" :aria-label="'Scale: ' + bar.text"><span>{{ bar.text }}</span></div>
@@ -64,7 +76,7 @@ export default {
   data() {
     return {
       id: `fp${Math.random().toString(36).slice(2, 8)}`, storeys: [], storey: "", bar: { pixels: 60, text: "" }, where: "", said: "", loading: true, lost: false,
-      trouble: "", legend: this.show_legend, unplaced: [], carrying: false, placing: false, shown: 0, kinds: [],
+      trouble: "", legend: this.show_legend, unplaced: [], carrying: false, placing: false, shown: 0, kinds: [], traffic: false, waiting: [], hold: "", unknown: false,
     };
   },
   computed: {
@@ -104,9 +116,12 @@ export default {
     this.live = new Live((news) => this.hear(news));
     this.poses = new Poses((poses) => plan.see(poses), (shares) => plan.swing(shares));
     if (!this.past()) this.poses.follow();
+    this.trafficNews = new TrafficNews((news) => this.hearTraffic(news));
+    if (sessionStorage.getItem(TRAFFIC) && !this.past()) this.showTraffic(true);
   },
   unmounted() {
     this.live.end();
+    this.trafficNews.end();
     this.poses.end();
     this.watching.disconnect();
     this.hands.end();
@@ -155,6 +170,33 @@ export default {
     focus() { this.$refs.pad.focus({ preventScroll: true }); },
     say(text) { this.said = text; },
 
+    // Traffic
+
+    showTraffic(shown) {
+      this.traffic = shown;
+      if (shown) {
+        sessionStorage.setItem(TRAFFIC, "shown");
+        this.trafficNews.begin();
+        return;
+      }
+      sessionStorage.removeItem(TRAFFIC);
+      this.hideTraffic();
+    },
+    hideTraffic() {
+      this.trafficNews.end();
+      this.plan.showRoads(null);
+      this.plan.showWays([]);
+      [this.waiting, this.hold] = [[], ""];
+    },
+    hearTraffic({ traffic, roadmap, lost }) {
+      this.unknown = lost === true;
+      if (roadmap) this.plan.showRoads(roadmap);
+      if (!traffic) return;
+      this.plan.showWays(traffic.robots);
+      this.waiting = traffic.robots.filter((robot) => robot.waiting);
+      this.hold = traffic.hold;
+    },
+
     // News of the map
 
     hear(news) {
@@ -186,8 +228,13 @@ export default {
       if (!this.definitions) return;
       const wanted = this.version;
       this.plan.forget();
-      if (this.past()) this.poses.rest();
-      else this.poses.follow();
+      if (this.past()) {
+        this.poses.rest();
+        this.hideTraffic();
+      } else {
+        this.poses.follow();
+        if (this.traffic) this.trafficNews.begin();
+      }
       try {
         // A past map is drawn with the ontology of its time.
         const then = this.past() ? `?version=${wanted}` : "";

@@ -296,3 +296,90 @@ test("lanes lead from waypoint to waypoint on their storey, with an arrow if the
   await settled();
   assert.equal(drawnLanes(), "M4 5L1 1");
 });
+
+// Robot1 is at these numbers, after it was at (6, 6) on the ground.
+async function moves(...numbers) {
+  const poses = server.socket("/api/poses");
+  poses.say({ table: 3, movers: [{ name: "Robot1", numbers: 4 }] });
+  for (const [time, values] of [[0, [6, 6, 0, 0]], [0.1, numbers], [1, numbers]]) {
+    const buffer = new ArrayBuffer(24 + 4 + 16);
+    const head = new DataView(buffer);
+    head.setFloat64(0, time, true);
+    head.setUint32(16, 3, true);
+    head.setUint32(20, 1, true);
+    new Float32Array(buffer, 28).set(values);
+    poses.say(buffer);
+    await clock.pass(500);
+  }
+}
+
+test("a robot that rides to another storey is drawn there", async () => {
+  await moves(7, 6, 3, 0);
+  assert.equal(drawn("Robot1"), null, "it is not on the ground any more");
+  const select = one.element.querySelector("select");
+  select.value = "Upper";
+  select.dispatchEvent(new Event("change"));
+  await clock.pass(50);
+  assert.ok(drawn("Robot1"));
+});
+
+const ROADMAP = { number: 5, places: [[1, 1, 0], [2, 1, 0], [3, 1, 0], [3, 1, 3]], lanes: [[0, 1], [1, 2], [2, 3]], closed_places: [], closed_lanes: [1] };
+const TRAFFIC = {
+  roadmap: 5, hold: "",
+  robots: [
+    { robot: "Robot1", granted: [[6, 6, 0]], planned: [[7, 6, 0], [8, 6, 0]], destination: [8, 6, 0], waits_for: ["Jar001"], waiting: "waits for Jar001, which has to go first" },
+    { robot: "Robot2", granted: [[1, 1, 3], [2, 1, 3]] },
+  ],
+};
+
+async function showTraffic() {
+  server.answers["/api/traffic"] = TRAFFIC;
+  server.answers["/api/traffic/roadmap"] = ROADMAP;
+  one.element.querySelector('button[aria-label="Traffic"]').click();
+  await settled();
+  server.socket("/api/live").open();
+  await clock.pass(200);
+}
+
+test("traffic is read only while it is shown", async () => {
+  assert.ok(!server.asked.some((address) => address.startsWith("/api/traffic")));
+  await showTraffic();
+  assert.deepEqual(server.socket("/api/live").sent, [{ follow: ["traffic"] }]);
+  const panel = () => text(one.element.querySelector(".fp-traffic"));
+  assert.match(panel(), /Robot1 waits for Jar001, which has to go first/);
+  server.socket("/api/live").say({ topic: "traffic", value: { ...TRAFFIC, hold: "fire alarm in B1", robots: [] } });
+  await clock.pass(50);
+  assert.match(panel(), /Traffic is held: fire alarm in B1/);
+  const socket = server.socket("/api/live");
+  one.element.querySelector('button[aria-label="Traffic"]').click();
+  await settled();
+  assert.ok(socket.closed);
+  assert.equal(one.element.querySelector(".fp-traffic"), null);
+  assert.equal(drawing.querySelector(".fp-road"), null);
+});
+
+test("the roadmap of the storey is drawn, and what of it is closed", async () => {
+  await showTraffic();
+  await clock.pass(50);
+  assert.equal(drawing.querySelector(".fp-road").getAttribute("d"), "M1 1L2 1");
+  assert.equal(drawing.querySelector(".fp-road-closed").getAttribute("d"), "M2 1L3 1");
+  assert.equal(drawing.querySelector(".fp-road-ride").getAttribute("d"), "M3 1h0");
+  assert.equal(server.asked.filter((address) => address === "/api/traffic/roadmap").length, 1);
+  server.answers["/api/traffic/roadmap"] = { ...ROADMAP, number: 6, closed_lanes: [] };
+  server.socket("/api/live").say({ topic: "traffic", value: { ...TRAFFIC, roadmap: 6 } });
+  await clock.pass(3000);
+  assert.equal(drawing.querySelector(".fp-road-closed"), null);
+  assert.equal(server.asked.filter((address) => address === "/api/traffic/roadmap").length, 2);
+});
+
+test("the ways of the robots on the storey are drawn, and for whom they wait", async () => {
+  await showTraffic();
+  await clock.pass(50);
+  assert.equal(drawing.querySelectorAll(".fp-way-planned").length, 1, "Robot2 is upstairs");
+  assert.equal(drawing.querySelectorAll(".fp-wait").length, 1);
+  assert.equal(text(drawing.querySelector(".fp-wait title")), "Robot1 waits for Jar001, which has to go first");
+  server.answers["/api/map"] = () => building();
+  server.socket("/api/live").say({ topic: "traffic", value: { ...TRAFFIC, robots: [] } });
+  await clock.pass(50);
+  assert.equal(drawing.querySelectorAll(".fp-way-planned, .fp-wait").length, 0);
+});

@@ -5,6 +5,7 @@ import { kindOf } from "./kinds.js";
 const PLACED_BY = ["isOn", "isIn", "isHeldBy"];
 const PART_OF = "isPartOf";
 const FURNITURE = 3; // as `carries` of a kind
+const RISE = 0.05; // m that a robot has to rise or sink before its storey is found out again
 const SOMEWHERE = 0.3; // m below a storey's floor at which an object still belongs to it
 
 export class Model {
@@ -15,6 +16,7 @@ export class Model {
     this.objects = new Map();
     this._facts = new Map();
     this._about = new Map();
+    this._heights = new Map(); // of robots that have moved, as the simulator says
     this._forget();
     this._ancestors = new Map();
     this._storeys = null;
@@ -172,6 +174,30 @@ export class Model {
     return this._storeys;
   }
 
+  // The storey on whose floor something of this height stands.
+  storeyAt(height) {
+    const storeys = this.storeys();
+    return (storeys.findLast((storey) => storey.elevation <= height + SOMEWHERE) ?? storeys[0])?.name ?? "";
+  }
+
+  // A robot is at this height now, such as in a lift. Returns whether it has come to another storey.
+  rise(name, height) {
+    if (this.kind(name)?.id !== "robot") return false;
+    const known = this._heights.get(name) ?? this.solid(name)?.z ?? 0;
+    if (Math.abs(height - known) < RISE) return false;
+    const before = this.storeyOf(name);
+    this._heights.set(name, height);
+    this._of.delete(name);
+    for (const rider of this.riders(name)) this._of.delete(rider);
+    return this.storeyOf(name) !== before;
+  }
+
+  // All robots are where the map says.
+  settle() {
+    this._heights.clear();
+    this._forget();
+  }
+
   storeyOf(name) {
     let known = this._of.get(name);
     if (known === undefined) {
@@ -186,6 +212,7 @@ export class Model {
     if (storeys.length === 0) return "";
     const object = this.objects.get(name);
     if (object && this.isA(object.type, "Storey")) return name;
+    if (this._heights.has(name)) return this.storeyAt(this._heights.get(name));
     const above = this.factsAbout(name).find((fact) => fact.relation === PART_OF && fact.arguments[0] === name)?.arguments[1];
     if (above !== undefined && above !== name) {
       const found = this.storeyOf(above);

@@ -9,6 +9,7 @@ import { bounds, Model, reach } from "./model.js";
 import { Motion } from "./motion.js";
 import { pose } from "./shapes.js";
 import { Sheets } from "./sheets.js";
+import { RoadmapLayer, Ways } from "./traffic.js";
 import { View } from "./view.js";
 
 const LABELS_REST = 120; // milliseconds between two layouts of the labels while the plan is panned
@@ -35,6 +36,8 @@ export class Plan {
     this._sheets = new Sheets(element);
     this._layers = new Layers(this._sheets.groups);
     this._lanes = new Lanes(this._sheets.groups.get("ground"));
+    this._roads = new RoadmapLayer(this._sheets.groups.get("ground"));
+    this._ways = new Ways(this._sheets.ways);
     this._links = new Links(this._sheets.links);
     this._labels = new Labels(this._sheets.labels);
     this._frame = new Frame(this._sheets.marks, this._sheets.screen);
@@ -87,7 +90,24 @@ export class Plan {
     this.storey = known.some((one) => one.name === storey) ? storey : (known.find((one) => one.elevation >= 0) ?? known[0])?.name ?? "";
     if (before !== this.storey) this._motion.end();
     this.refresh();
+    if (before !== this.storey && this._roadmap) this.showRoads(this._roadmap);
     if (fit || before !== this.storey) this.fit();
+  }
+
+  // Draw the roadmap of traffic on the storey; null: none.
+  showRoads(roadmap) {
+    this._roadmap = roadmap;
+    this._roads.show(roadmap, (height) => this._isHere(height));
+  }
+
+  // Draw the ways of robots in traffic.
+  showWays(robots) {
+    this._ways.set(robots);
+    this.draw();
+  }
+
+  _isHere(height) {
+    return this.model.storeyAt(height) === this.storey;
   }
 
   fit() {
@@ -140,6 +160,8 @@ export class Plan {
   // Draw objects at their simulated poses until the map has new ones.
   see(poses) {
     const moved = new Set();
+    const risen = [...poses].filter(([name, at]) => this.model.rise(name, at.z)).map(([name]) => name);
+    if (risen.length) this.refresh(new Set(risen.flatMap((name) => this._group(name))));
     for (const [name, at] of poses) {
       if (!this._layers.has(name) || this._held.has(name)) continue;
       if (!this._moving.has(name)) this._moving.set(name, pose(this.model.solid(name)));
@@ -159,6 +181,7 @@ export class Plan {
   forget() {
     const names = new Set([...this._moving.keys(), ...this._layers.forgetShares()]);
     this._moving.clear();
+    this.model.settle();
     if (names.size) this.refresh(names);
   }
 
@@ -237,6 +260,7 @@ export class Plan {
     this._due = null;
     const { view } = this;
     this._sheets.show(view, this._layers.size);
+    this._ways.draw(view, (name) => this.spot(name), (height) => this._isHere(height));
     this._links.moved(view);
     this._frame.show({
       model: this.model,

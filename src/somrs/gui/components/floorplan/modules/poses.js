@@ -8,7 +8,7 @@ const LEAVES = 2; // numbers of a pose up to which it is that of leaves
 const STILL = 0.01; // metres or radians; an object that moved less since its first pose is drawn at its map pose
 
 export class Poses {
-  // `place(poses)` is called before each frame with the moved objects: a map from names to { x, y, turned }; `swing(shares)` with the doors
+  // `place(poses)` is called before each frame with the moved objects: a map from names to { x, y, z, turned }; `swing(shares)` with the doors
   // and cupboards whose leaves moved: a map from names to how far each leaf is open, from 0 to 1.
   constructor(place, swing) {
     this._place = place;
@@ -85,12 +85,12 @@ export class Poses {
         swung.set(name, numbers);
         return;
       }
-      const [x, y, , turned] = numbers;
+      const [x, y, z, turned] = numbers;
       const first = this._first.get(name);
-      if (!first) this._first.set(name, { x, y, turned });
-      else if (first.moves || Math.hypot(x - first.x, y - first.y) > STILL || Math.abs(turned - first.turned) > STILL) {
+      if (!first) this._first.set(name, { x, y, z, turned });
+      else if (first.moves || Math.hypot(x - first.x, y - first.y, z - first.z) > STILL || Math.abs(turned - first.turned) > STILL) {
         first.moves = true;
-        moved.set(name, { x, y, turned });
+        moved.set(name, { x, y, z, turned });
       }
     });
     if (swung.size) this._swing(swung);

@@ -23,7 +23,7 @@ export class Sheets {
     }
     const top = root.appendChild(svg("svg", { class: "fp-top", "aria-hidden": "true" }));
     const group = (cls) => top.appendChild(svg("g", { class: cls }));
-    [this.marks, this.links, this.labels, this.arrows, this.screen] = ["fp-marks", "fp-links", "fp-labels", "fp-arrows", "fp-screen"].map(group);
+    [this.ways, this.marks, this.links, this.labels, this.arrows, this.screen] = ["fp-ways", "fp-marks", "fp-links", "fp-labels", "fp-arrows", "fp-screen"].map(group);
     this._painted = null; // the view for which the sheets are painted
     this._paintedAt = 0;
   }

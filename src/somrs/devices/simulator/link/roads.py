@@ -1,0 +1,59 @@
+"""What an operator sees of traffic: the roadmap, and where robots may drive and whom they wait for. Plain values, in lines of the link."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from somrs.protocol.messages.traffic import Mobility
+
+RoadPoint = tuple[float, float, float]
+"""x, y, and the height of the floor, m."""
+
+
+class Roadmap(Struct, frozen=True, kw_only=True):
+    """The roadmap, and what of it is closed now.
+
+    `number` is another one after each change of the roadmap or of what is closed. `lanes`: each once, by the positions of its ends in
+    `places`, counted from 0, whether it leads in one direction or in both. `closed_places`, `closed_lanes`: the positions, in these, of
+    those that nobody uses.
+    """
+
+    number: int
+    places: tuple[RoadPoint, ...]
+    lanes: tuple[tuple[int, int], ...]
+    closed_places: tuple[int, ...] = ()
+    closed_lanes: tuple[int, ...] = ()
+
+
+class RobotInTraffic(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A robot that takes part in traffic, or cannot (`refusal`).
+
+    `granted`: the way along which it may drive, from the place where it is; `planned`: on from there, as far as it is planned;
+    `destination`: the end of its trip, if it has one. `waits_for`: the robots that go before it, if it was granted nothing; `lift`: the
+    lift that it waits for, or that it is in. `command`: what it carries out, and `object`: with what; `paused`: an operator has stopped
+    it.
+    """
+
+    granted: tuple[RoadPoint, ...] = ()
+    planned: tuple[RoadPoint, ...] = ()
+    destination: RoadPoint | None = None
+    waits_for: tuple[str, ...] = ()
+    lift: str | None = None
+    riding: bool = False
+    """Whether it is in the lift."""
+    mobility: Mobility = Mobility.FREE
+    silent: bool = False
+    paused: bool = False
+    command: str | None = None
+    object: str | None = None
+    refusal: str = ""
+
+
+class TrafficState(Struct, frozen=True, kw_only=True):
+    """Traffic now: the number of the `roadmap`, the robots by name, why nobody is granted a way (`hold`), and the lifts that nobody may
+    enter."""
+
+    roadmap: int
+    robots: dict[str, RobotInTraffic]
+    hold: str = ""
+    closed_lifts: tuple[str, ...] = ()

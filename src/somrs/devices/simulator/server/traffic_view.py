@@ -1,0 +1,90 @@
+"""What an operator sees of the traffic of a simulation: the roadmap, the ways that are granted and planned, and who waits for whom."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from somrs.devices.simulator.link.roads import Roadmap, RoadPoint, RobotInTraffic, TrafficState
+from somrs.devices.simulator.motion.robot import Robot
+from somrs.devices.simulator.server.robot_work import RobotWork
+from somrs.devices.simulator.server.simulated_traffic import SimulatedTraffic
+from somrs.protocol.messages.traffic import ReadTraffic, TrafficView
+from somrs.protocol.messages.traffic import RobotInTraffic as RobotView
+
+DIGITS = 2
+"""Decimal digits of points: a way is drawn to a centimetre."""
+
+PointOf = Callable[[str], RoadPoint]
+
+
+def roadmap_view(traffic: SimulatedTraffic) -> Roadmap:
+    """The roadmap, and what of it is closed now."""
+    office = traffic.office
+    numbers, graph = office.roadmap.numbers, office.roadmap.graph
+    lanes = sorted({(min(start, end), max(start, end)) for start, ends in enumerate(graph.successors) for end in ends})
+    positions = {lane: position for position, lane in enumerate(lanes)}
+    closed_lanes = ((numbers[lane.start], numbers[lane.end]) for lane in office.closed_lanes)
+    return Roadmap(
+        number=office.edition,
+        places=tuple(_point(place.x, place.y, place.level) for place in office.roadmap.roadmap.places),
+        lanes=tuple(lanes),
+        closed_places=tuple(sorted(numbers[place] for place in office.closed_places)),
+        closed_lanes=tuple(sorted({positions[min(lane), max(lane)] for lane in closed_lanes})),
+    )
+
+
+def traffic_view(traffic: SimulatedTraffic, robots: Mapping[str, Robot], work: RobotWork) -> TrafficState:
+    """Where the robots may drive, and whom they wait for."""
+    office = traffic.office
+    view = office.tell("operator", ReadTraffic())
+    assert isinstance(view, TrafficView), "the answer to ReadTraffic"
+    in_traffic = {robot.robot: robot for robot in view.robots}
+    berths = {berth.name: berth for berth in view.berths}
+
+    def point_of(robot: Robot) -> PointOf:
+        def point(name: str) -> RoadPoint:
+            if (berth := berths.get(name)) is not None:
+                return _point(berth.x, berth.y, robot.road.level)
+            place = office.roadmap.roadmap.places[office.roadmap.numbers[name]]
+            return _point(place.x, place.y, place.level)
+
+        return point
+
+    return TrafficState(
+        roadmap=office.edition,
+        robots={name: _robot_view(robot, in_traffic.get(name), point_of(robot), work.object(name)) for name, robot in robots.items()},
+        hold=view.hold,
+        closed_lifts=tuple(sorted(name for name, lift in traffic.lifts.items() if not lift.is_usable)),
+    )
+
+
+def _robot_view(robot: Robot, view: RobotView | None, point: PointOf, object: str | None) -> RobotInTraffic:
+    if view is None:
+        return RobotInTraffic(command=robot.activity, object=object, paused=robot.paused, refusal=robot.road.refusal)
+    lift, is_riding = _lift_of(robot)
+    return RobotInTraffic(
+        granted=tuple(map(point, view.held)),
+        planned=tuple(map(point, view.planned)),
+        destination=point(view.destination) if view.destination is not None else None,
+        waits_for=view.waits_for if len(view.held) == 1 else (),
+        lift=lift,
+        riding=is_riding,
+        mobility=view.mobility,
+        silent=view.silent,
+        paused=robot.paused,
+        command=robot.activity,
+        object=object,
+    )
+
+
+def _lift_of(robot: Robot) -> tuple[str | None, bool]:
+    """The lift in which a robot is, or in front of which it waits to be let in; and whether it is inside."""
+    road, lifts = robot.road, robot.fleet.lifts
+    if road.zone in lifts:
+        return road.zone, True
+    waits = road.next_zone in lifts and not road.is_on_its_way and robot.stands
+    return (road.next_zone if waits else None), False
+
+
+def _point(x: float, y: float, level: float) -> RoadPoint:
+    return round(x, DIGITS), round(y, DIGITS), round(level, DIGITS)
