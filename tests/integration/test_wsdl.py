@@ -40,7 +40,7 @@ from tests.support.hang import HANG_TIME
 from tests.support.lab import contents
 from tests.support.paths import ROOT
 
-DOCS = ROOT / "docs" / "reference" / "wire.md"
+DOCS = [ROOT / "docs" / "reference" / name for name in ("wire.md", "traffic.md")]
 SCHEMAS = {
     soap.FRP: "frp",
     soap.DIRECTORY: "directory",
@@ -321,7 +321,7 @@ def test_every_description_compiles() -> None:
 
 
 def documented() -> list[str]:
-    return re.findall(r"```xml\n(<env:Envelope.*?)```", DOCS.read_text(), re.DOTALL) if DOCS.exists() else []
+    return [example for page in DOCS for example in re.findall(r"```xml\n(<env:Envelope.*?)```", page.read_text(), re.DOTALL)]
 
 
 def test_the_examples_are_what_is_on_the_wire() -> None:

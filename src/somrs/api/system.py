@@ -17,13 +17,14 @@ from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.protocol.messages.knowledge import OntologyPage, ReadOntology
 from somrs.protocol.messages.orders import ReadTemplates, TemplatesPage
 from somrs.protocol.messages.task_news import ReadTasks, Tasks
+from somrs.protocol.messages.traffic import ReadRoadmap, RoadmapPage
 from somrs.version import __version__
 
 PATIENCE = 2.0
 """Seconds within which a component has to answer."""
 
 OFFSET_BEYOND_ALL = 1_000_000
-"""An offset greater than the number of definitions: the Repository returns an empty page quickly."""
+"""An offset greater than the number of definitions, and of places: the Repository and traffic return an empty page quickly."""
 
 NAME_BEYOND_ALL = "\U0010fffd"
 """A name that sorts after all others: the Scheduler returns an empty page quickly."""
@@ -80,6 +81,8 @@ class SystemService:
             )
         if (simulator := addresses.simulator) is not None:
             probes.append(("Simulator", simulator, lambda: _clock(simulator)))
+        if (traffic := addresses.traffic) is not None:
+            probes.append(("Traffic", traffic, lambda: context.client.ask(traffic, ReadRoadmap(after=OFFSET_BEYOND_ALL), RoadmapPage)))
         parts = await asyncio.gather(*(_probe_part(*probe) for probe in probes))
         if addresses.api is not None:
             parts.append(PartView(name="API", address=addresses.api, milliseconds=0.0))  # this response proves that it answers

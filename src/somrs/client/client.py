@@ -55,6 +55,8 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     """The public API: the URL below which its operations are."""
     scheduler: str | None = None
     """The Scheduler, which keeps templates and standing orders."""
+    traffic: str | None = None
+    """Traffic, which grants places to robots; None for a symbolic world."""
 
     @classmethod
     def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:

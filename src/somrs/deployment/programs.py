@@ -26,7 +26,7 @@ from somrs.runtime.host import Host
 from somrs.runtime.node import Report, Watch
 
 if TYPE_CHECKING:
-    from somrs.devices.simulator.server.simulation import Simulation
+    from somrs.devices.simulator.server.server import Server
     from somrs.devices.simulator.world.kinds import WorldKind
     from somrs.ontology.files.loading import LoadedModel
     from somrs.storage.journal import Journal
@@ -216,18 +216,25 @@ def speed_of(text: str) -> float | None:
 
 
 async def run_simulator(addresses: Addresses, host: str, port: int, speed: float | None, kind: WorldKind) -> None:
-    """Run the simulator. Its world, of this kind, is built from the Repository's map. Objects that are added to the map are added to it."""
-    from somrs.devices.simulator.server.follower import Follower
+    """Run the simulator. Its world, of this kind, is built from the Repository's map. Objects that are added to the map are added to it.
 
-    runtime = Host(host)
+    It has the traffic of its building, in which robots that are not simulated take part at the address of traffic.
+    """
+    from somrs.deployment.traffic import serve_simulated_traffic
+    from somrs.devices.simulator.server.follower import Follower
+    from somrs.devices.simulator.server.server import Server
+
+    runtime = Host(host, urlsplit(addresses.traffic or "").port or 0)
     await runtime.start()
-    world = Follower(f"{runtime.url}/simulator", addresses.repository, kind)
+    world = Follower(f"{runtime.url}/simulator", addresses.repository, kind, traffic=f"{runtime.url}/traffic")
     runtime.add("/simulator", lambda address: world)
     try:
         async with asyncio.timeout(MAP_TIME):
             await world.read.wait()
         assert world.simulation is not None, "made when the map has been read"
-        await _serve_robots(world.simulation, host, port, speed)
+        server = Server(world.simulation, host=host, port=port, speed=speed)
+        serve_simulated_traffic(world.simulation, runtime, server.wake)
+        await _serve_robots(server)
     except TimeoutError:
         raise RemoteError(f"no map came from {addresses.repository} within {MAP_TIME:.0f} s; is the Repository running?") from None
     finally:
@@ -236,11 +243,12 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
 
 async def run_simulator_of_files(site: Sequence[Path], host: str, port: int, speed: float | None, kind: WorldKind) -> None:
     """Run the simulator alone, for developers of drivers: its world is built from the map in the files."""
+    from somrs.devices.simulator.server.server import Server
     from somrs.devices.simulator.server.simulation import Simulation
 
     loaded = load_site(site)
     assert loaded.map is not None, "load_site returns a map"
-    await _serve_robots(Simulation(loaded.map, loaded.ontology, kind), host, port, speed)
+    await _serve_robots(Server(Simulation(loaded.map, loaded.ontology, kind), host=host, port=port, speed=speed))
 
 
 async def run_world(addresses: Addresses, host: str, port: int, speed: float | None) -> None:
@@ -262,11 +270,8 @@ def has_windows() -> bool:
     return find_spec("nicegui") is not None
 
 
-async def _serve_robots(simulation: Simulation, host: str, port: int, speed: float | None) -> None:
+async def _serve_robots(server: Server) -> None:
     """Serve the simulated robots until this process is stopped, or the physics diverges."""
-    from somrs.devices.simulator.server.server import Server
-
-    server = Server(simulation, host=host, port=port, speed=speed)
     await server.start()
     stop_waiter = asyncio.create_task(until_stopped("simulator", f"{server.host}:{server.port}"))
     running = [stop_waiter, asyncio.create_task(server.ended())]

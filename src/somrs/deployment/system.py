@@ -139,7 +139,7 @@ class System:
         """Start all programs. Return when all devices offer their services."""
         self.data.mkdir(parents=True, exist_ok=True)
         check_unused(self.data)
-        self._reservation = Reservation(self.host, 7, self._ports_before())
+        self._reservation = Reservation(self.host, 8, self._ports_before())
         ports = self._reservation.ports
         self.addresses = Addresses(
             repository=f"http://{self.host}:{ports[0]}/repository",
@@ -157,7 +157,12 @@ class System:
         driven = devices(map, ontology)
         bodiless = symbolic(driven)
         world_address = self._world_address or f"{self.host}:{ports[3]}"
-        self.addresses = replace(self.addresses, world=world_address) if bodiless else replace(self.addresses, simulator=world_address)
+        if bodiless:
+            self.addresses = replace(self.addresses, world=world_address)
+        else:
+            # A simulator that runs already has a traffic of its own.
+            traffic_address = f"http://{self.host}:{ports[7]}/traffic" if self._world_address is None else None
+            self.addresses = replace(self.addresses, simulator=world_address, traffic=traffic_address)
         # Not earlier: while another system uses this data folder, its addresses must stay in the file.
         self.addresses.write(self.data)
         self._listed = True
@@ -190,6 +195,7 @@ class System:
             addresses.gui or "",
             addresses.api or "",
             addresses.scheduler or "",
+            addresses.traffic or "",
         )
         return [urlsplit(place).port or 0 for place in places]
 

@@ -13,7 +13,7 @@ from somrs.protocol.messages.traffic import Berth
 from somrs.space.lines import point_distance
 from somrs.traffic.planning.graph import Graph, PrivatePlace
 from somrs.traffic.roadmap import NumberedRoadmap, UsedBerth, least_distance
-from somrs.traffic.state import Closed, PlannedBerth
+from somrs.traffic.state import Closed, PlannedBerth, Position
 
 GAP = 0.01
 """The least distance between robots that stand at berths, in metres."""
@@ -46,6 +46,15 @@ class Berths:
         entry = self.slots[number - self.roadmap.graph.size]
         assert entry is not None, "only those in use have a number"
         return entry.berth.name
+
+    def position(self, number: int) -> Position:
+        """Where the place or berth of this number is."""
+        if number < self.roadmap.graph.size:
+            place = self.roadmap.roadmap.places[number]
+            return Position(x=place.x, y=place.y, level=place.level, radius=place.radius)
+        entry = self.slots[number - self.roadmap.graph.size]
+        assert entry is not None, "only those in use have a number"
+        return Position(x=entry.berth.x, y=entry.berth.y, level=entry.level, radius=entry.berth.radius)
 
     def add(self, robot: str, berth: Berth) -> None:
         """Use a berth. Raises UsageError for one that cannot be used."""

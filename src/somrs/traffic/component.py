@@ -8,14 +8,15 @@ somebody takes it out of traffic.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Self
 
 from somrs.errors import InputError, UsageError
 from somrs.kernel.codec import Schema
-from somrs.kernel.component import Answered, Effect, Effects, Input, Received, Send, SetTimer, TimerFired
+from somrs.kernel.component import Answered, Effect, Effects, Input, Notified, Received, Send, SetTimer, TimerFired
 from somrs.ontology.modes import out_of_order
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.envelope import ANONYMOUS, Message, normalised_id, reply
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.traffic import (
@@ -27,6 +28,7 @@ from somrs.protocol.messages.traffic import (
     HoldTraffic,
     LeaveTraffic,
     Mobility,
+    ReadRoadmap,
     ReadTraffic,
     ReportPlace,
     RequestTrip,
@@ -47,13 +49,15 @@ from somrs.traffic.state import (
     PlanDue,
     PlanQuestion,
     PlanTraffic,
+    Position,
+    RoadmapMade,
     RobotRecord,
     Timer,
     TrafficPlan,
     TrafficState,
     Trip,
 )
-from somrs.traffic.view import view
+from somrs.traffic.view import roadmap_page, view
 
 REMEMBERED = 1_000
 """How many entries are remembered, so that one that arrives again changes nothing."""
@@ -62,8 +66,8 @@ REMEMBERED = 1_000
 class Traffic:
     """The traffic on a roadmap. Robots enter, ask for trips, and report where they are."""
 
-    def __init__(self, address: str, roadmap: Roadmap) -> None:
-        self._begin(TrafficState(address=address, roadmap=roadmap))
+    def __init__(self, address: str, roadmap: Roadmap, *, follower: str = "", edition: int = 0) -> None:
+        self._begin(TrafficState(address=address, roadmap=roadmap, follower=follower, edition=edition, fences=edition))
 
     @classmethod
     def restored(cls, state: TrafficState) -> Self:
@@ -101,6 +105,10 @@ class Traffic:
         """Whether others wait for places that this robot holds."""
         return any(robot in self._schedule.obstacles(name) for name in self.state.robots if name != robot)
 
+    def positions(self, robot: str) -> tuple[Position, ...]:
+        """The points of the places that a robot holds, in the order of its way."""
+        return tuple(map(self._berths.position, self._schedule.held(robot)))
+
     def handle(self, event: Input, now: float) -> list[Effect]:
         """Handle an input and return its effects."""
         return [*self._effects(event, now)]
@@ -116,6 +124,8 @@ class Traffic:
                 pass
             case Answered(PlanQuestion(serial), value) if serial == self.state.serial:
                 yield from self._dispatcher.apply(value)
+            case Notified(RoadmapMade(roadmap=roadmap)):
+                yield from self.renew(roadmap, int(now))
         self._note_silent(now)
         yield from self._dispatcher.end_trips()
         yield from self._dispatcher.grant(now)
@@ -123,6 +133,29 @@ class Traffic:
         yield from self._dispatcher.plan(now)
         times = (robot.expires_at for robot in self.state.robots.values() if not robot.silent)
         yield SetTimer(LeasesDue(), min(times, default=None))
+
+    def renew(self, roadmap: Roadmap, edition: int, placed: Collection[str] = ()) -> Effects:
+        """Go on with a new roadmap, of at least this edition. All robots have to enter anew; until they do, they are astray, but for those
+        that are `placed` otherwise."""
+        state, edition = self.state, max(edition, self.state.fences + 1)
+        sends = [*self._dispatcher.roadmap_replaced(edition)]
+        astray = state.astray | {name: self.positions(name) for name in state.robots}
+        self._begin(
+            TrafficState(
+                address=state.address,
+                roadmap=roadmap,
+                follower=state.follower,
+                edition=edition,
+                fences=edition,
+                sent=state.sent,
+                serial=state.serial,
+                entered=state.entered,
+                hold=state.hold,
+                held_by=state.held_by,
+                astray={name: positions for name, positions in astray.items() if name not in placed},
+            )
+        )
+        yield from sends
 
     def _handle_request(self, message: Message, now: float) -> Effects:
         match message.body:
@@ -140,10 +173,13 @@ class Traffic:
                     record.trip = None
                     self.state.changed = True
             case LeaveTraffic(robot=name):
+                self.state.astray.pop(name, None)
                 if self.state.robots.pop(name, None) is not None:
                     self._schedule.leave(name)
                     self._obstacles_changed()
                 yield self._answer(message, TrafficLeft(robot=name))
+            case CloseWays() | HoldTraffic() if self.state.follower not in ("", message.header.sender):
+                raise UsageError("traffic follows the map by itself: change the map, where doors are open and buildings have modes")
             case CloseWays() as body:
                 self._close(body)
             case HoldTraffic() as body if body.number > self.state.held_by:
@@ -154,6 +190,8 @@ class Traffic:
                 robots = tuple(view(self.state, self._schedule, self._berths))
                 berths = tuple(used.berth for used in self.state.berths if used)
                 yield self._answer(message, TrafficView(robots=robots, berths=berths, hold=self.state.hold))
+            case ReadRoadmap(after=offset):
+                yield self._answer(message, roadmap_page(self.state, self._berths.roadmap.graph, offset))
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
             case body:
@@ -169,7 +207,7 @@ class Traffic:
         """Let the robot enter. A repeated message is of a time that is over: the robot may have moved since."""
         entered, request = self.state.entered, normalised_id(message.header.message_id)
         if request not in entered:
-            answer = self._enter(body, message.header.sender, now)
+            answer = self._enter(body, robot_address(message.header), now)
             entered[request] = answer.fence
             while len(entered) > REMEMBERED:
                 del entered[next(iter(entered))]
@@ -178,9 +216,13 @@ class Traffic:
         elif (record := self.state.robots.get(body.robot)) is not None and record.fence == entered[request]:
             yield self._answer(message, self._entered(body.robot))
 
-    def _enter(self, body: EnterTraffic, sender: str, now: float) -> TrafficEntered:
-        if sender == ANONYMOUS:
-            raise UsageError("a robot needs an address, to which places are granted: set the sender")
+    def _enter(self, body: EnterTraffic, address: str, now: float) -> TrafficEntered:
+        if address == ANONYMOUS:
+            raise UsageError("a robot needs an address, to which places are granted: state it in wsa:From")
+        if body.edition not in (None, self.state.edition):
+            raise UsageError(
+                f"the roadmap has edition {self.state.edition}, and not {body.edition} any more: read it again, and enter anew"
+            )
         lease = grant_lease(body.lease)
         for berth in body.berths:
             self._use_berth(body.robot, berth)
@@ -189,9 +231,10 @@ class Traffic:
         if towards is not None and towards not in self._berths.graph.options(place, body.robot):
             raise UsageError(f"no lane leads from {body.place} to {body.towards}")
         self._put(body.robot, place, towards)
+        self.state.astray.pop(body.robot, None)
         self.state.fences += 1
         self.state.robots[body.robot] = RobotRecord(
-            address=sender, fence=self.state.fences, lease=lease, expires_at=now + lease, mobility=body.mobility
+            address=address, fence=self.state.fences, lease=lease, expires_at=now + lease, mobility=body.mobility
         )
         self._obstacles_changed()
         return self._entered(body.robot)
@@ -311,6 +354,11 @@ class Traffic:
         return TripBegun(trip=body.trip, length=distance)
 
 
+def robot_address(header: Header) -> str:
+    """The address to which a robot wants its grants: its own, or else the one to which it wants its answers."""
+    return header.sender if header.sender != ANONYMOUS else header.reply_to
+
+
 SCHEMA = Schema(
     component="traffic",
     version=1,
@@ -319,6 +367,7 @@ SCHEMA = Schema(
     questions=PlanQuestion,
     tasks=PlanTraffic,
     answers=TrafficPlan,
+    notices=RoadmapMade,
     restore=Traffic.restored,
 )
 """The types in the journal of traffic."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from somrs.kernel.component import Ask, Effects, Send, SetTimer
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id
-from somrs.protocol.messages.traffic import Granted, Mobility, TripEnded, TripResult
+from somrs.protocol.messages.traffic import Granted, Mobility, RoadmapReplaced, TripEnded, TripResult
 from somrs.traffic.berths import Berths
 from somrs.traffic.closures import Closures
 from somrs.traffic.exits import Exits
@@ -106,12 +106,18 @@ class Dispatcher:
         way = tuple(map(self._berths.name, self._schedule.held(name)))
         return self._send(record, Granted(robot=name, fence=record.fence, number=record.grants, progress=record.progress, way=way))
 
+    def roadmap_replaced(self, edition: int) -> Effects:
+        """Tell all robots that there is a new roadmap."""
+        for name, record in self.state.robots.items():
+            yield self._send(record, RoadmapReplaced(robot=name, fence=record.fence, edition=edition))
+
     def _send(self, record: RobotRecord, body: Body) -> Send:
         self.state.sent += 1
         header = Header(
             sender=self.state.address,
             recipient=record.address,
-            message_id=message_id(self.state.address, "traffic", self.state.sent),
+            # The edition makes the id one of this program, also if an earlier one has left no journal.
+            message_id=message_id(self.state.address, "traffic", self.state.edition, self.state.sent),
             reply_to=self.state.address,
         )
         return Send(Message(header=header, body=body))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from somrs.space.clearance import Disc
 from somrs.space.distances import distances_from
 from somrs.space.free_space import SLACK
 from somrs.space.shafts import SAME_FLOOR
@@ -16,6 +18,7 @@ from somrs.space.solids import Solid
 from somrs.traffic.layout import MARGIN, SAMPLES
 from somrs.traffic.planning.graph import Lane
 from somrs.traffic.roadmap import NumberedRoadmap
+from somrs.traffic.state import Position
 
 Points = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -93,6 +96,16 @@ class Obstructions:
             for start in self._roadmap.graph.successors[end]:  # lanes of lifts lead both ways
                 if places[start].zone != lift or places[start].level != places[end].level:
                     yield start, end
+
+
+def discs_along(positions: Sequence[Position]) -> Iterator[tuple[float, Disc]]:
+    """The space of a robot that may be anywhere on its way, as discs, with the heights of their floors."""
+    for start, end in pairwise(positions):
+        steps = max(1, math.ceil(math.dist((start.x, start.y), (end.x, end.y)) / max(start.radius / 2, MARGIN)))
+        for share in (step / steps for step in range(steps if start.level == end.level else 1)):
+            yield start.level, Disc(start.x + (end.x - start.x) * share, start.y + (end.y - start.y) * share, start.radius)
+    for last in positions[-1:]:
+        yield last.level, Disc(last.x, last.y, last.radius)
 
 
 def least_room(room: Room, starts: Points, ends: Points) -> NDArray[np.float64]:

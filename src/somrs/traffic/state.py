@@ -122,13 +122,30 @@ class TrafficPlan(Struct, frozen=True, kw_only=True):
     stuck: tuple[str, ...] = ()
 
 
+class Position(Struct, frozen=True, kw_only=True):
+    """A point at which a robot may be, on the map, in metres. `level`: the height of its floor; `radius`: of the largest robot there."""
+
+    x: float
+    y: float
+    level: float
+    radius: float
+
+
+class RoadmapMade(Struct, frozen=True, kw_only=True, tag=True):
+    """The program has made a new roadmap, because the building has changed."""
+
+    roadmap: Roadmap
+
+
 class TrafficState(Struct, kw_only=True):
     """The state of traffic on a roadmap.
 
     `held` and `planned` belong to the schedule, `berths` to `Berths`. `serial` is that of the last plan that was asked for; `is_planning`:
     its answer is awaited. `changed`: robots, their trips or their mobility are others than in the last plan that was asked for. `whole`:
     what is planned is to be followed to its end. `hold`: why nobody is granted a way, if that is so; `held_by`: the number of the message
-    that said so. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans
+    that said so. `follower`: the address of whoever follows the map; if there is one, nobody else closes ways and holds traffic. `edition`:
+    that of the roadmap. `astray`: the robots that took part on the roadmap before and not on this one yet, with the points of the places
+    that they held, in the order of their ways. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans
     moved nobody. `searched_at`: when ways were searched for last because a robot had not come nearer to its goal.
     """
 
@@ -149,6 +166,9 @@ class TrafficState(Struct, kw_only=True):
     whole: bool = False
     hold: str = ""
     held_by: int = 0
+    follower: str = ""
+    edition: int = 0
+    astray: dict[str, tuple[Position, ...]] = field(default_factory=dict)
     planned_at: float = 0.0
     failures: int = 0
     searched_at: float = 0.0

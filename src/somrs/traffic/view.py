@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from somrs.protocol.messages.traffic import RobotInTraffic
+from somrs.protocol.messages.paging import fit_page
+from somrs.protocol.messages.traffic import RoadmapLane, RoadmapPage, RoadmapPlace, RobotInTraffic
 from somrs.traffic.berths import Berths
+from somrs.traffic.planning.graph import Graph
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import RobotRecord, TrafficState
 
@@ -34,3 +36,23 @@ def _waits_for(name: str, record: RobotRecord, schedule: Schedule) -> tuple[str,
     way = schedule.graph.way(schedule.last(name), record.trip.destination, name)
     holder = next((holder for place in way if (holder := schedule.holder(place, besides=name)) is not None), None)
     return (holder,) if holder is not None else ()
+
+
+def roadmap_page(state: TrafficState, graph: Graph, offset: int) -> RoadmapPage:
+    """The places of the roadmap from this number on, as many as fit on a page. `graph`: that of the whole roadmap."""
+    places, offset = state.roadmap.places, max(offset, 0)
+    items = (
+        RoadmapPlace(
+            name=place.name,
+            x=place.x,
+            y=place.y,
+            level=place.level,
+            radius=place.radius,
+            zone=place.zone,
+            lanes=tuple(RoadmapLane(end=places[end].name, seconds=graph.length(number, end)) for end in graph.successors[number]),
+        )
+        for number, place in enumerate(places[offset:], offset)
+    )
+    page = tuple(fit_page(items))
+    end = offset + len(page)
+    return RoadmapPage(edition=state.edition, places=page, next=end, more=end < len(places))

@@ -465,7 +465,7 @@ def test_what_cannot_be_is_refused() -> None:
     harness = Harness(one_way)
     harness.enter("R1", "B")
     assert "no lanes lead from B to A" in text_of(harness.trip("R1", "A")[0])
-    assert "set the sender" in text_of(harness.send(ANONYMOUS, EnterTraffic(robot="R2", place="A", lease=LEASE))[0])
+    assert "state it in wsa:From" in text_of(harness.send(ANONYMOUS, EnterTraffic(robot="R2", place="A", lease=LEASE))[0])
     assert harness.send("R9", LeaveTraffic(robot="R9"))[0] == TrafficLeft(robot="R9")
     fault = harness.send("R1", TrafficLeft(robot="R1"))[0]
     assert isinstance(fault, Fault)

@@ -40,6 +40,7 @@ TrafficBody = (
     traffic.EnterTraffic | traffic.TrafficEntered | traffic.ReportPlace | traffic.RequestTrip | traffic.TripBegun
     | traffic.CancelTrip | traffic.TripEnded | traffic.Granted | traffic.LeaveTraffic | traffic.TrafficLeft
     | traffic.CloseWays | traffic.HoldTraffic | traffic.ReadTraffic | traffic.TrafficView
+    | traffic.ReadRoadmap | traffic.RoadmapPage | traffic.RoadmapReplaced
 )  # fmt: skip
 if TYPE_CHECKING:
     # For type checkers, `Body` is the common base class: checking a union of this size would take half of their time.
@@ -90,6 +91,7 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     traffic.RequestTrip: (traffic.TripBegun,),
     traffic.LeaveTraffic: (traffic.TrafficLeft,),
     traffic.ReadTraffic: (traffic.TrafficView,),
+    traffic.ReadRoadmap: (traffic.RoadmapPage,),
     frp.Query: (frp.Status,),
 }
 """The requests that are always answered, with their answers; a Fault may come instead. All other messages are one-way."""

@@ -1,6 +1,7 @@
 """The bodies of the traffic protocol: robots enter, ask for trips, drive where they are granted places, and say where they are.
 
-A robot has a *fence*, a number that grows each time it enters: a message with an earlier one comes from before, and is refused.
+A robot has a *fence*, a number that grows each time it enters: a message with an earlier one comes from before, and is refused. A roadmap
+has an *edition*, a number that grows each time it is made: names of places are those of one edition.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ class EnterTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
     """The robot is at a place of the roadmap, and takes part. It renews its lease with each report, within `lease` seconds.
 
     `towards`: the next place, if the robot is on its way there. `berths`: those of the two that are beside the roadmap. A robot that enters
-    again, after a restart, gives back all other places. Sent by the robot, which is the sender.
+    again, after a restart, gives back all other places. `edition`: that of the roadmap which the robot has read; it is refused if there is
+    another one. Sent by the robot, which is the sender.
     """
 
     robot: str
@@ -51,6 +53,7 @@ class EnterTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
     berths: tuple[Berth, ...] = ()
     lease: float
     mobility: Mobility = Mobility.FREE
+    edition: int | None = None
 
 
 class TrafficEntered(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -191,6 +194,53 @@ class HoldTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
 
     reason: str = ""
     number: int
+
+
+class ReadRoadmap(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Read the places and lanes, page by page. `after`: `next` of the page before."""
+
+    after: int = 0
+
+
+class RoadmapLane(Struct, frozen=True, kw_only=True):
+    """A lane to the place `end`. `seconds`: how long a robot is taken to need."""
+
+    end: str
+    seconds: float
+
+
+class RoadmapPlace(Struct, frozen=True, kw_only=True):
+    """A place, with its coordinates on the map in metres, and the lanes that begin there.
+
+    `level`: the height of its floor. `radius`: of the largest robots for which it is. `zone`: the lift, or other area for one robot at a
+    time, of which it is a part. A lane to a place on another level is a ride in that lift.
+    """
+
+    name: str
+    x: float
+    y: float
+    level: float = 0.0
+    radius: float = 0.0
+    zone: str | None = None
+    lanes: tuple[RoadmapLane, ...] = ()
+
+
+class RoadmapPage(MessageBody, frozen=True, kw_only=True, tag=True):
+    """A part of the roadmap of this edition. If another page has another edition, the roadmap was made anew meanwhile: begin again."""
+
+    edition: int
+    places: tuple[RoadmapPlace, ...] = ()
+    next: int = 0
+    more: bool = False
+
+
+class RoadmapReplaced(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The building has changed, and there is a new roadmap: the robot takes part no more, until it enters anew. It may drive to the end of
+    the way that it was granted before, where others keep away from it. Sent to each robot that took part."""
+
+    robot: str
+    fence: int
+    edition: int
 
 
 class ReadTraffic(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -46,7 +46,7 @@ COMPONENTS: dict[str, tuple[str, Kinds]] = {
         (*_requests(CLIENTS), *_without_fault(ParticipantBody), directory.ServicesJoined, directory.ServicesLeft, *_FOLLOWS_MAP),
     ),
     "scheduler": ("Scheduler", (*_requests(ORDERS), *_FOLLOWS_MAP)),
-    "traffic": ("Traffic", (*_requests(TRAFFIC), traffic.CancelTrip, traffic.CloseWays, traffic.HoldTraffic)),
+    "traffic": ("Traffic", (*_requests(TRAFFIC), traffic.CancelTrip)),
     "devices": ("ServiceManager", (*_without_fault(CoordinatorBody), directory.ServiceTypesChanged)),
     "simulator": ("Simulator", _FOLLOWS_MAP),
 }

@@ -12,7 +12,7 @@ from somrs.ontology.types import Value
 from somrs.protocol.messages import frp, orders
 from somrs.protocol.messages.bodies import REQUESTS
 from somrs.protocol.soap import wsdl, xsd
-from somrs.protocol.soap.soap import CLIENTS, DIRECTORY, FRP, KNOWLEDGE, NAMESPACES, ORDERS
+from somrs.protocol.soap.soap import CLIENTS, DIRECTORY, FRP, KNOWLEDGE, NAMESPACES, ORDERS, TRAFFIC
 
 
 class Color(StrEnum):
@@ -301,6 +301,7 @@ MAP = ["MapChanged", "OntologyChanged"]
             None,
             ["Arrange", "Accept", "Cancel", "Execute", "Stop", "Compensate", "Query", "End", "ServiceTypesChanged"],
         ),
+        ("traffic", "Traffic", TRAFFIC, ["CancelTrip"]),
         ("simulator", "Simulator", None, MAP),
     ],
 )

@@ -16,6 +16,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.server.traffic_office import ADDRESS
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.devices.simulator.world.recognition import are_alike
 from somrs.kernel.component import Effect, Input, Started
@@ -33,11 +34,11 @@ SAME_PLACE = 0.1
 class Follower:
     """A component that only receives. `simulation` is set when the event `read` is set: when the map has been read.
 
-    `kind`: what moves the world.
+    `kind`: what moves the world. `traffic`: the address of its traffic.
     """
 
-    def __init__(self, address: str, repository: str, kind: WorldKind = WorldKind.PHYSICS) -> None:
-        self._kind = kind
+    def __init__(self, address: str, repository: str, kind: WorldKind = WorldKind.PHYSICS, traffic: str = ADDRESS) -> None:
+        self._kind, self._traffic = kind, traffic
         self.replica = Replica(address, repository)
         self.read = asyncio.Event()
         self.simulation: Simulation | None = None
@@ -53,7 +54,7 @@ class Follower:
             return []
         map_before, self._map = self._map, self.replica.map
         if self.simulation is None and self.replica.ready:
-            self.simulation = Simulation(self.replica.map, self.replica.ontology, self._kind)
+            self.simulation = Simulation(self.replica.map, self.replica.ontology, self._kind, traffic_address=self._traffic)
             for name, object in self.replica.map.objects.items():
                 self.simulation.set_paused(name, object.values.get(PAUSED) is True)
             self._follow_modes(self.simulation)

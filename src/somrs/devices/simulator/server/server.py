@@ -95,6 +95,10 @@ class Server:
         if not self._running.cancelled():
             self._running.result()
 
+    def wake(self) -> None:
+        """Something may have to move: a simulation at rest goes on."""
+        self._wake.set()
+
     # Time
 
     async def _run(self) -> None:
@@ -223,7 +227,7 @@ class Server:
                         self._ask(connection, id, question)
                     case Hello():
                         raise WireError("not-allowed", "hello was sent already; a connection is for one robot")
-        self._wake.set()
+        self.wake()
 
     def _command(self, connection: Connection, order: Order) -> None:
         robot = connection.robot

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 
@@ -9,16 +10,20 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.driving import sees, things_on_floor
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.devices.simulator.motion.robot import Fleet, Lift, Robot
-from somrs.devices.simulator.server.traffic_office import RENEWAL, TrafficOffice
+from somrs.devices.simulator.server.traffic_office import FOLLOWER, RENEWAL, Deliver, TrafficOffice
 from somrs.devices.simulator.world.scene import Scene
+from somrs.kernel.component import Send
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
+from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.traffic import LeaveTraffic, Mobility
 from somrs.space.clearance import Disc
 from somrs.space.dimensions import dimensions_of
 from somrs.space.free_space import FreeSpace
 from somrs.space.solids import Solid
+from somrs.traffic.component import Traffic
 from somrs.traffic.layout import OpenBuilding, lay_out
+from somrs.traffic.obstructions import discs_along
 from somrs.traffic.roadmap import Roadmap
 from somrs.traffic.ways import Ways
 
@@ -33,9 +38,12 @@ class SimulatedTraffic:
     because something was built, removed, or added that needs more room.
     """
 
-    def __init__(self, scene: Scene, robots: Fleet, free_space: Callable[[float], FreeSpace]) -> None:
+    def __init__(self, scene: Scene, robots: Fleet, free_space: Callable[[float], FreeSpace], address: str) -> None:
         self._scene, self._robots, self._free_space = scene, robots, free_space
-        self.office = TrafficOffice(Roadmap(places=(), lanes=()))
+        self.deliver: Deliver = lambda message: None
+        """Sends the messages for robots that are not simulated, of which there are none before it is set."""
+        traffic = Traffic(address, Roadmap(places=(), lanes=()), follower=FOLLOWER, edition=int(time.time()))
+        self.office = TrafficOffice(traffic, self._send)
         self._ways = Ways(self.office.roadmap, {}, {})
         self.changed, self.outdated = True, False
         self._looked_at = self._joined_at = 0.0
@@ -46,9 +54,18 @@ class SimulatedTraffic:
         """The doors and lifts that are out of order, or do not work."""
 
     @property
-    def is_planning(self) -> bool:
-        """Whether a plan is being made."""
-        return self.office.is_planning
+    def busy(self) -> bool:
+        """Whether a plan is being made, or a robot that is not simulated is under way."""
+        return self.office.is_planning or self.office.is_foreign_trip_open
+
+    def _send(self, message: Message) -> None:
+        self.deliver(message)
+
+    def receive(self, message: Message) -> None:
+        """A message from outside the simulation."""
+        foreign = self.office.foreign
+        self.office.receive(message, self._scene.time)
+        self.changed |= foreign != self.office.foreign
 
     @property
     def lifts(self) -> Mapping[str, Lift]:
@@ -81,7 +98,7 @@ class SimulatedTraffic:
         solids = [robot.solid for robot in self._robots.values()]
         radii = [dimensions_of(solid).radius for solid in solids]
         building = OpenBuilding(map, ontology, [solid.z for solid in solids])
-        self.office = TrafficOffice(lay_out(building, radii))
+        self._replace(lay_out(building, radii))
         self._ways = Ways(self.office.roadmap, building.spaces, building.doors)
         self.office.hold(self._hold)
         for robot in self._robots.values():
@@ -90,6 +107,15 @@ class SimulatedTraffic:
         self.changed, self.outdated = True, False
         self._join()
         self._close()
+
+    def _replace(self, roadmap: Roadmap) -> None:
+        """Have traffic on another roadmap. Robots that are not simulated are where they were, until they enter anew."""
+        traffic = Traffic.restored(self.office.component.state)
+        effects = [*traffic.renew(roadmap, int(time.time()), [*self._robots])]
+        self.office = TrafficOffice(traffic, self._send)
+        for effect in effects:
+            if isinstance(effect, Send) and effect.message.header.recipient not in self._robots:
+                self._send(effect.message)
 
     def current_ways(self, map: Map, ontology: Ontology) -> Ways:
         """The ways of robots in the building as it is now."""
@@ -109,14 +135,14 @@ class SimulatedTraffic:
 
     def advance(self, map: Map, ontology: Ontology) -> None:
         """Let time pass."""
-        time = self._scene.time
+        now = self._scene.time
         if self.outdated:
             self.lay_out(map, ontology)
-        if self.changed or time >= self._looked_at + LOOK:
+        if self.changed or now >= self._looked_at + LOOK:
             self._close()
-        if time >= self._joined_at + RENEWAL:
+        if now >= self._joined_at + RENEWAL:
             self._join()
-        self.office.advance(time, lambda name: _is_silent(self._robots[name]))
+        self.office.advance(now, lambda name: _is_silent(self._robots[name]))
 
     def note_mobility(self, robot: Robot, mobility: Mobility) -> None:
         """Say whether a robot can make room, unless it is silent."""
@@ -141,11 +167,16 @@ class SimulatedTraffic:
         """Close what is blocked by things on the floor, doors, and robots that do not take part."""
         self._looked_at = self._scene.time
         self._robots.levels |= {_level(robot) for robot in self._robots.values()}
+        if self.office.foreign:
+            self._robots.levels |= {*self.office.levels}
         standing = {level: things_on_floor(self._scene, level) for level in self._robots.levels}
         for robot in self._robots.values():
             if not robot.road.takes_part:
                 x, y, _ = robot.pose()
                 standing[_level(robot)].append(Disc(x, y, robot.size.radius))
+        for positions in self.office.component.state.astray.values():
+            for level, disc in discs_along(positions):
+                standing.setdefault(level, []).append(disc)
         rounded = {level: [Disc(round(disc.x, 2), round(disc.y, 2), disc.radius) for disc in discs] for level, discs in standing.items()}
         shut = tuple(sorted({*self._out_of_order, *(name for name, lift in self._robots.lifts.items() if not lift.is_usable)}))
         if self.changed or (rounded, shut) != (self._standing, self._shut):

@@ -17,6 +17,7 @@ from somrs.devices.simulator.motion.door_drive import DoorDrive
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.lift_drive import LiftDrive
 from somrs.devices.simulator.motion.robot import Fleet, Robot
+from somrs.devices.simulator.server import traffic_office
 from somrs.devices.simulator.server.free_spaces import FreeSpaces
 from somrs.devices.simulator.server.robot_work import RobotWork
 from somrs.devices.simulator.server.simulated_traffic import SimulatedTraffic
@@ -30,6 +31,7 @@ from somrs.devices.simulator.world.weighing_scale import WeighingScale
 from somrs.errors import UsageError
 from somrs.ontology.objects import FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
+from somrs.protocol.messages.envelope import Message
 from somrs.space.free_space import FreeSpace
 from somrs.space.leaves import Leaf
 from somrs.space.shafts import LIFT_RELATIONS, shafts_of
@@ -44,7 +46,9 @@ Linked = Robot | StationaryDevice
 class Simulation:
     """A world built from a map, with its robots and cameras."""
 
-    def __init__(self, map: Map, ontology: Ontology, world: WorldKind = WorldKind.PHYSICS) -> None:
+    def __init__(
+        self, map: Map, ontology: Ontology, world: WorldKind = WorldKind.PHYSICS, *, traffic_address: str = traffic_office.ADDRESS
+    ) -> None:
         self._map, self._ontology = map, ontology
         self.scene = make_scene(world, map, ontology)
         self._free_spaces = self._new_free_spaces()
@@ -56,7 +60,7 @@ class Simulation:
         self.linked: Mapping[str, Linked] = ChainMap[str, Any](self.stationary, self.robots)
         """Everything with a robot link."""
         self._work = RobotWork(self.scene, self.robots)
-        self._traffic = SimulatedTraffic(self.scene, self.robots, self._free_space_at)
+        self._traffic = SimulatedTraffic(self.scene, self.robots, self._free_space_at, traffic_address)
         self.out_of_order: frozenset[str] = frozenset()
         """The doors and lifts that no robot uses."""
         self._pulled: set[str] = set()
@@ -79,7 +83,7 @@ class Simulation:
         """Whether anything moves, or work is pending."""
         drives: list[DoorDrive | LiftDrive] = [*self._drives, *self.lifts]
         working = self._work.busy or any(drive.busy for drive in drives if drive.solid.name not in self._paused)
-        return working or self._traffic.is_planning or not self._at_rest()
+        return working or self._traffic.busy or not self._at_rest()
 
     @property
     def _drives(self) -> list[DoorDrive]:
@@ -372,6 +376,16 @@ class Simulation:
         elif solid.role is Role.LIFT:
             shaft = next(shaft for shaft in shafts_of(self._map, self._ontology) if shaft.name == solid.name)
             self.stationary[solid.name] = self.robots.lifts[solid.name] = LiftDrive(solid, self.scene, self.robots, shaft)
+
+    # Robots that are not simulated
+
+    def serve_traffic(self, deliver: traffic_office.Deliver) -> None:
+        """Let robots that are not simulated take part in traffic. `deliver`: sends a message to its recipient."""
+        self._traffic.deliver = deliver
+
+    def receive(self, message: Message) -> None:
+        """A message to traffic from outside, between two control periods."""
+        self._traffic.receive(message)
 
     def ways(self) -> Ways:
         """The ways of robots, for quotes."""

@@ -13,7 +13,8 @@ import numpy as np
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.kernel.component import Answered, Ask, Input, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.envelope import Header, Message, reply
+from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.traffic import ClosedLane, ClosedPassage, CloseWays, HoldTraffic
 from somrs.space.clearance import Disc
 from somrs.space.free_space import FreeSpace
@@ -24,10 +25,13 @@ from somrs.traffic.layout import SAME_SIZE
 from somrs.traffic.obstructions import Obstructions
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.planning.graph import FAR, Lane
-from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
+from somrs.traffic.roadmap import NumberedRoadmap
 from somrs.traffic.state import PlanTraffic
 
 ADDRESS = "traffic"
+"""The address of traffic in which only simulated robots take part."""
+FOLLOWER = "map"
+"""Who tells traffic which ways are closed: the simulation, which follows the map."""
 CLEAR_OF_LIFT = 5
 """How many places away from a lift a robot ends the trip that takes it to another floor."""
 NEAREST = 20
@@ -36,12 +40,17 @@ RENEWAL = 3.0
 """The time after which robots renew their leases, in simulated seconds."""
 
 
-class TrafficOffice:
-    """Traffic on a roadmap, on the simulated clock."""
+Deliver = Callable[[Message], None]
+"""Sends a message to its recipient."""
 
-    def __init__(self, roadmap: Roadmap) -> None:
+
+class TrafficOffice:
+    """Traffic on a roadmap, on the simulated clock. `deliver`: sends the messages for robots that are not simulated."""
+
+    def __init__(self, component: Traffic, deliver: Deliver) -> None:
+        roadmap = component.state.roadmap
         self.roadmap = NumberedRoadmap(roadmap)
-        self.component = Traffic(ADDRESS, roadmap)
+        self.component, self._deliver = component, deliver
         self._random = Random()
         self._planner = TrafficPlanner(roadmap, self._random)
         self.edition = self._random.getrandbits(32)
@@ -54,8 +63,6 @@ class TrafficOffice:
         self._now = 0.0
         self._renewed_at = 0.0
         self._closed = CloseWays()
-        self._hold_count = 0
-        """How often traffic was held or let go on."""
         self._obstructions = Obstructions(self.roadmap)
 
     @property
@@ -80,6 +87,26 @@ class TrafficOffice:
         id = f"{robot}/m{next(self._ids)}"
         header = Header(sender=robot, recipient=ADDRESS, message_id=id, reply_to=robot)
         return self._handle(Received(Message(header=header, body=body)), id)
+
+    def receive(self, message: Message, now: float) -> None:
+        """A message of a robot that is not simulated, or of somebody who wants to see traffic."""
+        self._now = now
+        robot = getattr(message.body, "robot", None)
+        if robot in self._users:
+            text = f"{robot} is a robot of the simulator, which moves it and reports where it is: let your robot have another name"
+            self._deliver(reply(message, Fault(code="Sender", text=text), self.component.state.address))
+            return
+        self._handle(Received(message))
+
+    @property
+    def foreign(self) -> list[str]:
+        """The robots that take part and are not simulated."""
+        return [name for name in self.component.state.robots if name not in self._users]
+
+    @property
+    def is_foreign_trip_open(self) -> bool:
+        """Whether a robot that is not simulated has a trip."""
+        return any(self.component.state.robots[name].trip is not None for name in self.foreign)
 
     def occupant(self, robot: str) -> str | None:
         """The robot that works where the trip of this one leads; None if there is none."""
@@ -142,6 +169,8 @@ class TrafficOffice:
                     answer = message.body
                 case Send(message) if message.header.recipient in self._users:
                     self._users[message.header.recipient].receive(message.body)
+                case Send(message):
+                    self._deliver(message)
                 case SetTimer(timer, None):
                     self._timers.pop(timer, None)
                 case SetTimer(timer, float() as due_at):
@@ -158,8 +187,7 @@ class TrafficOffice:
     def hold(self, reason: str) -> None:
         """Hold traffic for a reason, or without one let it go on."""
         if reason != self.component.state.hold:
-            self._hold_count += 1
-            self.tell("map", HoldTraffic(reason=reason, number=self._hold_count))
+            self.tell(FOLLOWER, HoldTraffic(reason=reason, number=self.component.state.held_by + 1))
 
     # What stands in the way
 
@@ -176,7 +204,7 @@ class TrafficOffice:
         closing = CloseWays(places=self._names(places), lanes=self._closed_lanes(lanes), passages=passages)
         if closing != self._closed:
             self._closed, self.edition = closing, self._random.getrandbits(32)
-            self.tell("map", closing)
+            self.tell(FOLLOWER, closing)
 
     @property
     def closed_places(self) -> set[str]:
