@@ -18,6 +18,7 @@ from somrs.ontology.objects import Map, Object
 from somrs.runtime.host import Host
 from tests.support.foreign_robot import ForeignRobot
 from tests.support.hang import HANG_TIME
+from tests.support.simulated_tower import HEIGHT, tower
 from tests.support.simulator_room import ONTOLOGY, box, robot
 
 LONG_LEASE = 3600.0
@@ -40,10 +41,10 @@ class Building:
 
         asyncio.run_coroutine_threadsafe(run(), self._loop).result(HANG_TIME)
 
-    def drive(self, name: str, x: float, y: float) -> list[CommandDone | CommandGivenUp]:
+    def drive(self, name: str, x: float, y: float, z: float | None = None) -> list[CommandDone | CommandGivenUp]:
         """Send a simulated robot somewhere. The list gets the end of the command."""
         ends: list[CommandDone | CommandGivenUp] = []
-        self.call(lambda simulation: simulation.command(name, DriveTo(x=x, y=y), ends.append))
+        self.call(lambda simulation: simulation.command(name, DriveTo(x=x, y=y, z=z), ends.append))
         return ends
 
 
@@ -186,3 +187,56 @@ def test_a_foreign_robot_is_told_of_a_new_roadmap_and_others_keep_away_from_it_u
         foreigner.close()
 
     play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), work)
+
+
+def test_a_foreign_robot_rides_in_a_lift_by_turns_with_a_simulated_one() -> None:
+    def work(building: Building) -> None:
+        foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
+        foreigner.read_roadmap()
+        foreigner.enter(foreigner.nearest(6, 3), LONG_LEASE)
+        passed: list[tuple[float, bool]] = []
+
+        def check(start: str, end: str) -> None:
+            """Note on which floor the cabin is, and whether its doors are open there, when the robot passes them."""
+            here, there = foreigner.places[start], foreigner.places[end]
+            if (here.zone, here.level) != (there.zone, there.level):
+
+                def look(simulation: Simulation) -> None:
+                    (lift,) = simulation.lifts
+                    gate = simulation.scene.leaves("Gate1" if there.level == 0.0 else "Gate2")[0]
+                    assert abs(lift.solid.z - there.level) < 0.01
+                    passed.append((there.level, gate.is_open(simulation.scene.leaf_position(gate))))
+
+                building.call(look)
+
+        foreigner.on_arrival = check
+        ends = building.drive("Robot1", 3, 3, HEIGHT)
+        foreigner.request("up", foreigner.nearest(5, 4, HEIGHT))
+        foreigner.drive_until(lambda: "up" in foreigner.ended and bool(ends))
+        assert foreigner.ended["up"] == ("arrived", [])
+        assert isinstance(ends[0], CommandDone), ends
+        assert passed == [(0.0, True), (HEIGHT, True), (HEIGHT, True)]  # into the lift, up in it, and out of it
+        again = building.drive("Robot1", 3, 3, 0.0)
+        foreigner.drive_until(lambda: bool(again))
+        assert isinstance(again[0], CommandDone), "the lift is free again"
+        foreigner.close()
+
+    play(tower((2, 2, 0)), work)
+
+
+def test_a_foreign_robot_is_not_let_into_a_lift_that_is_out_of_order_and_learns_its_name() -> None:
+    def work(building: Building) -> None:
+        foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
+        foreigner.read_roadmap()
+        foreigner.enter(foreigner.nearest(6, 3), LONG_LEASE)
+        goal = foreigner.nearest(5, 4, HEIGHT)
+        foreigner.request("up", goal)
+        building.call(lambda simulation: simulation.close_passages(("Lift1",)))
+        foreigner.drive_until(lambda: "up" in foreigner.ended)
+        assert foreigner.ended["up"][0] == "closed"
+        assert foreigner.places[foreigner.place].level == 0.0
+        with pytest.raises(zeep.exceptions.Fault, match="Lift1 is out of order"):
+            foreigner.request("again", goal)
+        foreigner.close()
+
+    play(tower((2, 2, 0)), work)

@@ -90,6 +90,9 @@ class ForeignRobot:
         self.ended: dict[str, tuple[str, list[str]]] = {}
         """By trip: its result, and the robots in the way."""
         self.is_replaced = False
+        self._open: tuple[int, str] | None = None
+        """Before which place the doors of a lift are open, with the progress of that time."""
+        self.on_arrival: Callable[[str, str], None] = lambda start, end: None
 
     def _from(self) -> list[etree._Element]:
         header = etree.Element(f"{{{WSA}}}From")
@@ -153,17 +156,24 @@ class ForeignRobot:
                 self.way = texts["Way"][self.progress - int(texts["Progress"][0]) + 1 :]
             case "TripEnded":
                 self.ended[texts["Trip"][0]] = texts["Result"][0], texts.get("Robots", [])
+            case "PassageOpen" if int(texts["Fence"][0]) == self.fence:
+                self._open = int(texts["Progress"][0]), texts["Place"][0]
             case "RoadmapReplaced" if int(texts["Fence"][0]) == self.fence:
                 self.is_replaced = True
         return True
 
     def drive(self) -> None:
-        """Drive as far as places are granted, and report each."""
-        while self.way:
+        """Drive as far as places are granted and doors of lifts are open, and report each place."""
+        while self.way and not self._waits_for_lift(self.way[0]):
+            self.on_arrival(self.place, self.way[0])
             self.place = self.way.pop(0)
             self.driven.append(self.place)
             self.progress += 1
             self.report()
+
+    def _waits_for_lift(self, following: str) -> bool:
+        here, there = self.places[self.place], self.places[following]
+        return (here.zone, here.level) != (there.zone, there.level) and self._open != (self.progress, following)
 
     def drive_until(self, is_over: Callable[[], bool], renew_within: float = 1.0) -> None:
         """Drive where places are granted, and renew the lease, until the condition holds."""

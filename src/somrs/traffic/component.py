@@ -105,6 +105,10 @@ class Traffic:
         """Whether others wait for places that this robot holds."""
         return any(robot in self._schedule.obstacles(name) for name in self.state.robots if name != robot)
 
+    def place_name(self, number: int) -> str:
+        """The name of the place or berth of this number."""
+        return self._berths.name(number)
+
     def positions(self, robot: str) -> tuple[Position, ...]:
         """The points of the places that a robot holds, in the order of its way."""
         return tuple(map(self._berths.position, self._schedule.held(robot)))

@@ -40,7 +40,7 @@ TrafficBody = (
     traffic.EnterTraffic | traffic.TrafficEntered | traffic.ReportPlace | traffic.RequestTrip | traffic.TripBegun
     | traffic.CancelTrip | traffic.TripEnded | traffic.Granted | traffic.LeaveTraffic | traffic.TrafficLeft
     | traffic.CloseWays | traffic.HoldTraffic | traffic.ReadTraffic | traffic.TrafficView
-    | traffic.ReadRoadmap | traffic.RoadmapPage | traffic.RoadmapReplaced
+    | traffic.ReadRoadmap | traffic.RoadmapPage | traffic.RoadmapReplaced | traffic.PassageOpen
 )  # fmt: skip
 if TYPE_CHECKING:
     # For type checkers, `Body` is the common base class: checking a union of this size would take half of their time.

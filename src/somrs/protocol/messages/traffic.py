@@ -149,6 +149,21 @@ class Granted(MessageBody, frozen=True, kw_only=True, tag=True):
     way: tuple[str, ...]
 
 
+class PassageOpen(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The cabin of the lift `passage` is there, and its doors are open: the robot may come to `place`, the next one of its way. The doors
+    stay open until it has reported that place, and so on.
+
+    Sent for each lane that leads into a lift or out of it, and for each ride, after which the robot is at `place` without having moved.
+    `progress`: how many places the robot had come to by its last report.
+    """
+
+    robot: str
+    fence: int
+    progress: int
+    passage: str
+    place: str
+
+
 class LeaveTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
     """The robot was taken away: it is at no place of the roadmap any more. The answer is TrafficLeft."""
 

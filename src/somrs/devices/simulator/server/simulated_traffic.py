@@ -10,6 +10,7 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.driving import sees, things_on_floor
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.devices.simulator.motion.robot import Fleet, Lift, Robot
+from somrs.devices.simulator.server.foreign_rides import ForeignRides
 from somrs.devices.simulator.server.traffic_office import FOLLOWER, RENEWAL, Deliver, TrafficOffice
 from somrs.devices.simulator.world.scene import Scene
 from somrs.kernel.component import Send
@@ -44,6 +45,7 @@ class SimulatedTraffic:
         """Sends the messages for robots that are not simulated, of which there are none before it is set."""
         traffic = Traffic(address, Roadmap(places=(), lanes=()), follower=FOLLOWER, edition=int(time.time()))
         self.office = TrafficOffice(traffic, self._send)
+        self._rides = ForeignRides(robots.lifts, self._send)
         self._ways = Ways(self.office.roadmap, {}, {})
         self.changed, self.outdated = True, False
         self._looked_at = self._joined_at = 0.0
@@ -66,6 +68,7 @@ class SimulatedTraffic:
         foreign = self.office.foreign
         self.office.receive(message, self._scene.time)
         self.changed |= foreign != self.office.foreign
+        self._rides.advance(self.office.component, self.office.foreign)
 
     @property
     def lifts(self) -> Mapping[str, Lift]:
@@ -143,6 +146,7 @@ class SimulatedTraffic:
         if now >= self._joined_at + RENEWAL:
             self._join()
         self.office.advance(now, lambda name: _is_silent(self._robots[name]))
+        self._rides.advance(self.office.component, self.office.foreign)
 
     def note_mobility(self, robot: Robot, mobility: Mobility) -> None:
         """Say whether a robot can make room, unless it is silent."""
