@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from somrs.client.client import Addresses
+from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.camera import Camera, close_up, opengl, overview, region, storey_view
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SimulationError
 from somrs.ontology.types import Value
+from tests.support.command import somrs
 from tests.support.simulated_tower import HEIGHT, tower
 from tests.support.simulator_room import ONTOLOGY, room, thing
 
@@ -71,6 +76,28 @@ def test_a_picture_has_the_width_that_is_asked_for(gl: str) -> None:
     assert pixels(camera.picture(width=200)).shape == (150, 200, 3)
     assert pixels(camera.picture()).shape == pixels(camera.picture(width=900)).shape == (300, 400, 3)
     camera.close()
+
+
+def test_the_command_saves_pictures_of_the_building_a_storey_and_an_object_and_says_what_there_is_not(gl: str, tmp_path: Path) -> None:
+    async def test() -> None:
+        server = Server(Simulation(tower((2, 2, 0)), ONTOLOGY, WorldKind.KINEMATIC))
+        await server.start()
+        try:
+            Addresses(repository="", registry="", task_manager="", simulator=f"{server.host}:{server.port}").write(tmp_path)
+            images = []
+            for subject in ((), ("--of", "Storey1"), ("--of", "Robot1")):
+                file = tmp_path / "picture.png"
+                shown = await asyncio.to_thread(somrs, "picture", file, *subject, "--data", tmp_path)
+                assert shown.returncode == 0, shown.stderr
+                images.append(file.read_bytes())
+            assert len({*images}) == 3
+            wrong = await asyncio.to_thread(somrs, "picture", tmp_path / "no.png", "--of", "Storey9", "--data", tmp_path)
+            assert wrong.returncode != 0
+            assert "Storey9 is not in the simulated world" in wrong.stderr
+        finally:
+            await server.stop()
+
+    asyncio.run(test())
 
 
 def test_no_opengl_is_said_not_crashed_over(monkeypatch: pytest.MonkeyPatch) -> None:

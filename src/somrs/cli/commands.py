@@ -301,9 +301,9 @@ async def fault(robot: str, fault_name: str, repair: bool, data: Path) -> None:
     print(f"{robot}: {fault_name} {'repaired' if repair else 'broken'}")
 
 
-async def picture(output: Path, data: Path) -> None:
+async def picture(output: Path, subject: str | None, data: Path) -> None:
     from somrs.devices.simulator.link.link import OperatorLink
 
     async with OperatorLink(*_simulator(data)) as operator:
-        output.write_bytes(await operator.picture())
+        output.write_bytes(await operator.picture(subject))
     print(output)

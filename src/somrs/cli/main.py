@@ -263,11 +263,15 @@ def fault(
 
 
 @app.command()
-def picture(out: Annotated[Path, typer.Argument(help="The PNG file to write.")], data: Data = DEFAULT_FOLDER) -> None:
+def picture(
+    out: Annotated[Path, typer.Argument(help="The PNG file to write.")],
+    of: Annotated[str | None, typer.Option(help="An object, or a storey as seen from above; by default, the building.")] = None,
+    data: Data = DEFAULT_FOLDER,
+) -> None:
     """Save a picture of the simulated world as it is now."""
     from somrs.cli.commands import picture as run
 
-    awaited(run(out, data))
+    awaited(run(out, of, data))
 
 
 @map_app.command()

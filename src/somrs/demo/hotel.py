@@ -306,7 +306,7 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     (folder / "messages.svg").write_text(chart([line for line in record.lines if line.type != "Progress"], title), encoding="utf-8")
     timeline_bars = bars(record.lines)
     (folder / "timeline.svg").write_text(svg(timeline_bars, record.marks, title), encoding="utf-8")
-    player.film.save(folder / "film.webp")
+    has_film = player.film.save(folder / "film.webp")
     pictures = sorted(folder.glob("[A-F].png"))
     if pictures:
         sheet(pictures, STEPS, folder / "pictures.png")
@@ -322,8 +322,9 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     console.print(timeline_table(timeline_bars, record.marks, console.width))
     for thing, view in record.views.items():
         console.print(terminal.steps(f"Plan of {_goal(thing)}", view.steps), terminal.outcome(view))
-    if pictures:
-        console.print(terminal.table("Pictures", ("file", "content"), ((picture.name, STEPS[picture.stem]) for picture in pictures)))
+    files = [(picture.name, STEPS[picture.stem]) for picture in pictures] + [("film.webp", "both storeys from above")] * has_film
+    if files:
+        console.print(terminal.table("Pictures", ("file", "content"), files))
     console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
     console.print(f"It took {time.monotonic() - started:.0f} s. All files are in {folder}/")
     return 0 if all(checks.values()) else 1
