@@ -607,3 +607,24 @@ def test_traffic_is_shown_on_demand_with_the_roadmap(system: RunningSystem, wind
     take_screenshot(page, "map-traffic")
     button.click()
     expect(page.locator(".fp-road")).to_have_count(0)
+
+
+def test_a_no_go_zone_is_drawn_on_the_plan_and_removed(system: RunningSystem, window: OpenWindow) -> None:
+    page = window(f"{system.url}/map")
+    pad = page.locator(".fp-pad")
+    expect(page.get_by_text(re.compile(r"^\d+ objects"))).to_be_visible()
+    page.get_by_role("button", name="Zone").click()
+    box = pad.bounding_box()
+    assert box is not None
+    for x, y in ((0.45, 0.4), (0.55, 0.6)):
+        page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+    page.get_by_role("group", name="New zone").get_by_role("button", name="Finish").click()
+    dialog = page.get_by_role("dialog", name="New zone")
+    dialog.get_by_label("Name").fill("WetFloor")
+    dialog.get_by_role("button", name="Draw").click()
+    expect(pad.locator('[data-name="WetFloor"]')).to_have_count(1)
+    take_screenshot(page, "map-zone")
+    (zone,) = api(system, "/zones")["zones"]
+    assert (zone["name"], zone["limit"], len(zone["corners"])) == ("WetFloor", None, 4)
+    page.get_by_role("button", name="Undo").click()
+    expect(pad.locator('[data-name="WetFloor"]')).to_have_count(0)

@@ -23,6 +23,7 @@ from somrs.api.system import SystemService
 from somrs.api.tasks import TaskService
 from somrs.api.topics import TOPICS
 from somrs.api.traffic import TrafficService
+from somrs.api.zones import ZoneService
 from somrs.client.api_client import ApiClient, address_of
 from somrs.client.client import Addresses
 from somrs.client.hub import News
@@ -51,6 +52,7 @@ class Api:
     scene: SceneService
     system: SystemService
     traffic: TrafficService
+    zones: ZoneService
 
     def __init__(self, client: ApiClient) -> None:
         for group, declared in get_type_hints(Api).items():

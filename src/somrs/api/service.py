@@ -22,6 +22,7 @@ from somrs.api.scene import SceneService
 from somrs.api.system import SystemService
 from somrs.api.tasks import TaskService
 from somrs.api.traffic import TrafficService
+from somrs.api.zones import ZoneService
 from somrs.client.client import Addresses, Client
 from somrs.client.hub import Hub
 from somrs.client.operations import Operation, operations
@@ -51,6 +52,7 @@ class ApiService:
         self.scene = SceneService(context)
         self.system = SystemService(context)
         self.traffic = TrafficService(context)
+        self.zones = ZoneService(context)
 
     def operations(self) -> Iterator[Operation]:
         for group, part in vars(self).items():

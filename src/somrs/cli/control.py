@@ -34,7 +34,8 @@ class ModeName(StrEnum):
     OUT_OF_ORDER = "out-of-order"
 
 
-async def _with_api(data: Path, call: Callable[[Api], Awaitable[Result]]) -> Result:
+async def with_api(data: Path, call: Callable[[Api], Awaitable[Result]]) -> Result:
+    """Call an operation of the API of the running system."""
     from somrs.api.remote import api_of
     from somrs.client.client import Addresses
 
@@ -49,13 +50,13 @@ def _print_stopped(names: tuple[str, ...]) -> None:
 @control_app.command()
 def stop(device: AnyDevice = None, storey: StoreyOption = None, author: Author = DEFAULT_AUTHOR, data: Data = DEFAULT_FOLDER) -> None:
     """Stop devices at once. They stand still and keep their work, until `somrs release`."""
-    _print_stopped(awaited(_with_api(data, lambda api: api.control.stop(device=device, storey=storey, by=author))).stopped)
+    _print_stopped(awaited(with_api(data, lambda api: api.control.stop(device=device, storey=storey, by=author))).stopped)
 
 
 @control_app.command()
 def release(device: AnyDevice = None, storey: StoreyOption = None, author: Author = DEFAULT_AUTHOR, data: Data = DEFAULT_FOLDER) -> None:
     """Let stopped devices go on."""
-    _print_stopped(awaited(_with_api(data, lambda api: api.control.release(device=device, storey=storey, by=author))).stopped)
+    _print_stopped(awaited(with_api(data, lambda api: api.control.release(device=device, storey=storey, by=author))).stopped)
 
 
 @control_app.command(name="out-of-service")
@@ -66,7 +67,7 @@ def out_of_service(
     data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Take a device out of service, or back. It finishes the work that it has, and gets no more."""
-    awaited(_with_api(data, lambda api: api.control.service(device, active=back, by=author)))
+    awaited(with_api(data, lambda api: api.control.service(device, active=back, by=author)))
     print(f"{device} is {'in service' if back else 'out of service'}")
 
 
@@ -75,13 +76,13 @@ def go(
     device: DeviceName, place: Annotated[str, typer.Argument(help="The place, an object of the map.")], data: Data = DEFAULT_FOLDER
 ) -> None:
     """Send a device to a place, as a task."""
-    print(awaited(_with_api(data, lambda api: api.control.go(device, place=place))).task)
+    print(awaited(with_api(data, lambda api: api.control.go(device, place=place))).task)
 
 
 @control_app.command()
 def charge(device: DeviceName, data: Data = DEFAULT_FOLDER) -> None:
     """Let a device charge its battery, as a task."""
-    print(awaited(_with_api(data, lambda api: api.control.charge(device))).task)
+    print(awaited(with_api(data, lambda api: api.control.charge(device))).task)
 
 
 @control_app.command()
@@ -109,7 +110,7 @@ def mode(
             return await api.control.modes()
         return await api.control.set_mode(Mode[mode.name], building=building, lift=lift, door=door, by=author)
 
-    current = awaited(_with_api(data, call))
+    current = awaited(with_api(data, call))
     if json:
         terminal.print_json(current)
     elif not current.modes:

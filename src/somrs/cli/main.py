@@ -19,6 +19,7 @@ from somrs.cli.orders import orders_app, templates_app
 from somrs.cli.run import run_app
 from somrs.cli.task_options import PolicyOption
 from somrs.cli.tasks import tasks_app
+from somrs.cli.zones import zones_app
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.version import __version__
 
@@ -33,6 +34,7 @@ app.add_typer(map_app, name="map")
 app.add_typer(ontology_app, name="ontology")
 app.add_typer(tasks_app)
 app.add_typer(control_app)
+app.add_typer(zones_app)
 app.add_typer(templates_app, name="templates")
 app.add_typer(orders_app, name="orders")
 app.add_typer(run_app, name="run")

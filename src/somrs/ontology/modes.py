@@ -76,6 +76,14 @@ def out_of_order(names: Sequence[str]) -> str:
     return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'} out of order"
 
 
+def why_closed(passages: Sequence[str], zones: Sequence[str]) -> str:
+    """Why ways are closed, such as `Door1 is out of order and Zone1 is a no-go zone`. `passages`: lifts and doors that are out of order."""
+    reasons = [out_of_order(passages)] if passages else []
+    if zones:
+        reasons.append(f"{' and '.join(zones)} {'is a no-go zone' if len(zones) == 1 else 'are no-go zones'}")
+    return " and ".join(reasons)
+
+
 def reason_of(name: str, mode: Mode) -> str:
     """The reason for which something waits, for users."""
     return out_of_order([name]) if mode is Mode.OUT_OF_ORDER else _REASONS[mode].format(name)

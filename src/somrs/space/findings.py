@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,8 @@ from somrs.space.dimensions import dimensions_of
 from somrs.space.distances import STEP, distances_from, distances_from_segment, points_along
 from somrs.space.fitting import TOLERANCE, is_in_the_way, overlaps
 from somrs.space.reachability import Ground
-from somrs.space.solids import Point, Role, Solid, solid_of
+from somrs.space.solids import Point, Role, Solid, area_of, solid_of
+from somrs.space.zones import NO_GO_ZONE, zone_objects
 
 ROBOT_RADIUS, ROBOT_HEIGHT = 0.25, 1.85
 """The size of a robot where the map has none, m."""
@@ -48,7 +49,8 @@ def find_mistakes(map: Map, ontology: Ontology) -> list[Finding]:
     """All mistakes in the geometry of a map. If its coordinates cannot be metres, this alone."""
     site = _Site(map, ontology)
     return site.unbuildable + (
-        list(site.implausible_sizes()) or [*site.in_walls(), *site.without_floor(), *site.blocked_lanes(), *site.unreachable()]
+        list(site.implausible_sizes())
+        or [*site.in_walls(), *site.without_floor(), *site.blocked_lanes(), *site.in_zones(), *site.unreachable()]
     )
 
 
@@ -68,7 +70,8 @@ class _Site:
     def __init__(self, map: Map, ontology: Ontology) -> None:
         self.map, self.ontology = map, ontology
         self.unbuildable: list[Finding] = []
-        solids = [solid for object in map.objects.values() if (solid := self._solid(object)) is not None]
+        solids = [solid for object in map.objects.values() if (solid := self._solid(object, solid_of)) is not None]
+        self.zones = [area for object in zone_objects(map, ontology) if (area := self._solid(object, area_of)) is not None]
         self.solids = solids
         self.floors = [solid for solid in solids if solid.role is Role.FLOOR]
         self.walls = [solid for solid in solids if solid.role is Role.WALL]
@@ -83,9 +86,9 @@ class _Site:
         self.robot_radius = min((dimensions_of(robot).radius for robot in self.robots), default=ROBOT_RADIUS)
         self.levels = self._levels()
 
-    def _solid(self, object: Object) -> Solid | None:
+    def _solid(self, object: Object, solid_maker: Callable[[Object, Ontology], Solid | None]) -> Solid | None:
         try:
-            return solid_of(object, self.ontology)
+            return solid_maker(object, self.ontology)
         except SimulationError as error:
             self.unbuildable.append(Finding(subject=object.name, rule="shape", message=str(error).removeprefix(f"{object.name}: ")))
             return None
@@ -157,7 +160,8 @@ class _Site:
         if not self.floors:
             return
         robots = [_Spot(robot.name, robot.type, (robot.x, robot.y), robot.z) for robot in self.robots if robot.name not in self.in_lifts]
-        for spot in (*robots, *self.places):
+        zones = [_Spot(zone.name, zone.type, (zone.x, zone.y), zone.z) for zone in self.zones if self._level_of(zone.z) is None]
+        for spot in (*robots, *self.places, *zones):
             if not self._is_on_floor(spot):
                 message = "there is no floor under it; move it, correct its height, or add a floor"
                 yield Finding(subject=spot.name, rule="no-floor", message=message)
@@ -165,6 +169,20 @@ class _Site:
     def _is_on_floor(self, spot: _Spot) -> bool:
         level = self._level_of(spot.z)
         return level is not None and any(floor.distance(*spot.point) <= STEP for floor in self._floors_of(level))
+
+    # Zones
+
+    def in_zones(self) -> Iterator[Finding]:
+        """Places in no-go zones, to which nobody goes, and robots that stand in one."""
+        for zone in (area for area in self.zones if self.ontology.is_subtype(area.type, NO_GO_ZONE)):
+            for place in self.places:
+                if abs(place.z - zone.z) <= _LEVEL_DISTANCE and zone.distance(*place.point) < 0:
+                    message = f"no robot goes there: it is in the no-go zone {zone.name}; move one of them"
+                    yield Finding(subject=place.name, rule="no-go", message=message)
+            for robot in self.robots:
+                if abs(robot.z - zone.z) <= _LEVEL_DISTANCE and zone.distance(robot.x, robot.y) < 0:
+                    message = f"it stands in the no-go zone {zone.name}, and can only leave it; move one of them"
+                    yield Finding(subject=robot.name, rule="no-go", message=message)
 
     # Lanes
 

@@ -40,6 +40,8 @@ class Role(StrEnum):
     ROBOT = "robot"
     CAMERA = "camera"
     """A stationary camera."""
+    ZONE = "zone"
+    """An area of a floor that is in nobody's way, and in which robots drive slowly or not at all (`zones.py`)."""
     LIFT = "lift"
     """The cabin of a lift: `shafts.py` says what of it is in the way on each storey."""
 
@@ -52,6 +54,7 @@ _ROLES = (
     ("Place", Role.MARK),
     ("Waypoint", Role.IGNORED),
     ("Station", Role.IGNORED),
+    ("Zone", Role.ZONE),
     ("Floor", Role.FLOOR),
     ("Door", Role.DOOR),
     ("Wall", Role.WALL),
@@ -206,7 +209,19 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
 
     Raises SimulationError for values from which no solid can be made.
     """
+    role = role_of(object, ontology)
+    return _make(object, ontology, role) if role not in (Role.IGNORED, Role.ZONE) else None
 
+
+def area_of(object: Object, ontology: Ontology) -> Solid | None:
+    """The area of a zone; None if its position or form is unknown. Raises SimulationError for values that make none."""
+    area = _make(object, ontology, Role.ZONE)
+    if area is not None and area.extent <= 0:
+        raise SimulationError(f"{object.name}: a {object.type} without extent is no zone; give it a Shape in the map")
+    return area
+
+
+def _make(object: Object, ontology: Ontology, role: Role) -> Solid | None:
     def value(path: str) -> Value | None:
         own_value = object.values.get(path)
         return ontology.default(object.type, path) if own_value is None else own_value
@@ -219,8 +234,8 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
             raise SimulationError(f"{object.name}: {path} must be a finite number, not {attribute_value!r}; correct it in the map")
         return float(attribute_value)
 
-    role, form = role_of(object, ontology), value("Shape.Form")
-    if role is Role.IGNORED or form is None or value("PositionX") is None or value("PositionY") is None:
+    form = value("Shape.Form")
+    if form is None or value("PositionX") is None or value("PositionY") is None:
         return None
     color = value("Color")
     gripper = ontology.is_subtype(object.type, "MobileManipulator")
@@ -256,7 +271,7 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
     )
     if value("Weight") is None:
         solid = replace(solid, weight=DENSITY * solid.volume)
-    if role is not Role.MARK and (solid.extent <= 0 or solid.height <= 0):
+    if role not in (Role.MARK, Role.ZONE) and (solid.extent <= 0 or solid.height <= 0):
         raise SimulationError(f"{object.name}: a {object.type} without extent cannot be built; give it a Shape in the map")
     return solid
 

@@ -13,7 +13,7 @@ from somrs.protocol.messages.traffic import Berth
 from somrs.space.lines import point_distance
 from somrs.traffic.planning.graph import Graph, PrivatePlace
 from somrs.traffic.roadmap import NumberedRoadmap, UsedBerth, least_distance
-from somrs.traffic.state import Closed, PlannedBerth, Position
+from somrs.traffic.state import Closed, OutOfOrder, PlannedBerth, Position
 
 GAP = 0.01
 """The least distance between robots that stand at berths, in metres."""
@@ -77,15 +77,15 @@ class Berths:
         self._closed = closed
         self.graph = self._make_graph()
 
-    def passages_out_of_order(self, robot: str, start: int, destination: int) -> tuple[str, ...]:
-        """The passages that are out of order on the shortest way that there would be with them, if there would be one."""
+    def closed_passages(self, robot: str, start: int, destination: int) -> tuple[OutOfOrder, ...]:
+        """The passages that are out of order, and the no-go zones, on the shortest way that there would be with them."""
         passages = self._closed.passages
         if not passages:
             return ()
         graph = with_berths(self.roadmap.graph, Closed(self._closed.places, self._closed.lanes), self.private_places)
         way = [*graph.way(start, destination, robot)]
         lanes = {*pairwise((start, *way))}
-        return tuple(passage.name for passage in passages if not (lanes.isdisjoint(passage.lanes) and {*way}.isdisjoint(passage.places)))
+        return tuple(passage for passage in passages if not (lanes.isdisjoint(passage.lanes) and {*way}.isdisjoint(passage.places)))
 
     def keep(self, numbers: Collection[int]) -> bool:
         """Use only the berths of these numbers any more. Returns whether there were others."""

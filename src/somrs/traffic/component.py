@@ -14,7 +14,7 @@ from typing import Self
 from somrs.errors import InputError, UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Answered, Effect, Effects, Input, Notified, Received, Send, SetTimer, TimerFired
-from somrs.ontology.modes import out_of_order
+from somrs.ontology.modes import why_closed
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
@@ -56,6 +56,7 @@ from somrs.traffic.state import (
     TrafficPlan,
     TrafficState,
     Trip,
+    names_of,
 )
 from somrs.traffic.view import roadmap_page, view
 
@@ -313,7 +314,9 @@ class Traffic:
         def lanes(closed: tuple[ClosedLane, ...]) -> tuple[tuple[int, int], ...]:
             return tuple((number(lane.start), number(lane.end)) for lane in closed)
 
-        passages = tuple(OutOfOrder(passage.name, tuple(map(number, passage.places)), lanes(passage.lanes)) for passage in body.passages)
+        passages = tuple(
+            OutOfOrder(passage.name, tuple(map(number, passage.places)), lanes(passage.lanes), passage.zone) for passage in body.passages
+        )
         self.state.closed = Closed(tuple(map(number, body.places)), lanes(body.lanes), passages)
         self._berths.close(self.state.closed)
         self._schedule.graph = self._berths.graph
@@ -348,8 +351,8 @@ class Traffic:
         destination, start = self._berths.number(body.destination, body.robot), self._schedule.last(body.robot)
         distance = self._berths.graph.distances(destination)[start]
         if distance == FAR:
-            passages = self._dispatcher.passages_out_of_order(body.robot, destination)
-            reason = f": {out_of_order(passages)}" if passages else ""
+            passages = self._dispatcher.closed_passages(body.robot, destination)
+            reason = f": {why_closed(*names_of(passages))}" if passages else ""
             raise UsageError(f"no lanes lead from {self._berths.name(start)} to {body.destination}{reason}")
         if body.number > record.requested:  # the same request may arrive again
             record.requested = body.number

@@ -11,7 +11,18 @@ from somrs.traffic.closures import Closures
 from somrs.traffic.exits import Exits
 from somrs.traffic.planning.graph import FAR
 from somrs.traffic.schedule import Schedule
-from somrs.traffic.state import PlanDue, PlannedRobot, PlanQuestion, PlanTraffic, RobotRecord, TrafficPlan, TrafficState, Trip
+from somrs.traffic.state import (
+    OutOfOrder,
+    PlanDue,
+    PlannedRobot,
+    PlanQuestion,
+    PlanTraffic,
+    RobotRecord,
+    TrafficPlan,
+    TrafficState,
+    Trip,
+    names_of,
+)
 
 AHEAD = 3
 """The number of places that a robot is granted beyond the one where it is: enough not to stop at each."""
@@ -50,17 +61,18 @@ class Dispatcher:
             elif record.mobility is Mobility.IMMOBILE:
                 yield self._end_trip(name, TripResult.IMMOBILE)
             elif (blockers := self._closures.blockers(name, record.trip, closed)) is not None:
-                passages = self.passages_out_of_order(name, record.trip.destination) if not blockers else ()
+                passages = self.closed_passages(name, record.trip.destination) if not blockers else ()
                 yield self._end_trip(name, TripResult.CLOSED, blockers, passages)
 
-    def passages_out_of_order(self, name: str, destination: int) -> tuple[str, ...]:
-        """The passages that are out of order on the robot's way to a place to which no other way leads."""
-        return self._berths.passages_out_of_order(name, self._schedule.last(name), destination)
+    def closed_passages(self, name: str, destination: int) -> tuple[OutOfOrder, ...]:
+        """The passages that are out of order, and the no-go zones, on the robot's way to a place to which no other way leads."""
+        return self._berths.closed_passages(name, self._schedule.last(name), destination)
 
-    def _end_trip(self, name: str, result: TripResult, robots: tuple[str, ...] = (), passages: tuple[str, ...] = ()) -> Send:
+    def _end_trip(self, name: str, result: TripResult, robots: tuple[str, ...] = (), closed: tuple[OutOfOrder, ...] = ()) -> Send:
         record = self.state.robots[name]
         assert record.trip is not None, "only trips end"
-        ended = TripEnded(robot=name, trip=record.trip.id, result=result, robots=robots, passages=passages)
+        passages, zones = names_of(closed)
+        ended = TripEnded(robot=name, trip=record.trip.id, result=result, robots=robots, passages=passages, zones=zones)
         record.trip = None
         self.state.changed = True
         return self._send(record, ended)

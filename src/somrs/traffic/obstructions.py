@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -79,6 +80,27 @@ class Obstructions:
                 places += touched[0]
                 lanes += touched[1]
         return places, lanes
+
+    def into_zone(self, area: Solid) -> Iterator[Lane]:
+        """The lanes on which a robot would be in a no-go zone, but for those by which one that is in it comes nearer to its edge."""
+        places, lanes = self.touching(area)
+        successors = self._roadmap.graph.successors
+        steps, edge = dict.fromkeys(places, math.inf), deque[int]()
+        for place in places:
+            if any(end not in steps for end in successors[place]):
+                steps[place] = 1
+                edge.append(place)
+        while edge:
+            place = edge.popleft()
+            for inner in successors[place]:  # lanes of free space lead both ways
+                if steps.get(inner) == math.inf:
+                    steps[inner] = steps[place] + 1
+                    edge.append(inner)
+        yield from lanes
+        touching_lanes = (
+            (start, end) for place in places for neighbour in successors[place] for start, end in ((place, neighbour), (neighbour, place))
+        )
+        yield from (lane for lane in dict.fromkeys(touching_lanes) if steps.get(lane[0], 0) <= steps.get(lane[1], 0))
 
     def _without_room(self, floor: _Floor, room: Room, lanes: Numbers, rows: Numbers) -> tuple[list[int], list[Lane]]:
         blocked = np.zeros(len(floor.numbers), dtype=bool)

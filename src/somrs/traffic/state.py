@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from msgspec import Struct, field
 
 from somrs.protocol.messages.traffic import Mobility
@@ -69,11 +71,20 @@ class PlannedRobot(Struct, frozen=True, array_like=True):
 
 
 class OutOfOrder(Struct, frozen=True, array_like=True):
-    """A lift or a door that nobody uses, with its places and lanes."""
+    """A lift or a door that nobody uses, or a no-go zone (`is_zone`), with its places and lanes."""
 
     name: str
     places: tuple[int, ...]
     lanes: tuple[tuple[int, int], ...]
+    is_zone: bool = False
+
+
+def names_of(passages: Iterable[OutOfOrder]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The names of the lifts and doors, and those of the zones."""
+    closed_passages = [*passages]
+    return tuple(passage.name for passage in closed_passages if not passage.is_zone), tuple(
+        passage.name for passage in closed_passages if passage.is_zone
+    )
 
 
 class Closed(Struct, frozen=True, array_like=True):

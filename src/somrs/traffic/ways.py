@@ -39,11 +39,14 @@ Kept = TypeVar("Kept")
 
 @dataclass(frozen=True, slots=True)
 class Closed:
-    """What robots cannot pass: these doors and lifts, and what stands on floors, by their heights."""
+    """What robots cannot pass: these doors and lifts, what stands on floors, by their heights, and `forbidden` areas. `slow`: the zones in
+    which they drive slowly, with the highest speed there, m/s."""
 
     doors: frozenset[str] = frozenset()
     lifts: frozenset[str] = frozenset()
     standing: tuple[tuple[float, Disc], ...] = ()
+    forbidden: tuple[Solid, ...] = ()
+    slow: tuple[tuple[Solid, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,8 +65,8 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A way. `length`: in metres, where a ride in a lift counts as far as the robot drives in that time; `end`: where it ends, and the
-    height of that floor; `doors`, `lifts`: through which it leads."""
+    """A way. `length`: in metres, where a ride in a lift, and a lane in a slow zone, count as far as the robot drives in that time; `end`:
+    where it ends, and the height of that floor; `doors`, `lifts`: through which it leads."""
 
     length: float
     end: Point
@@ -95,7 +98,9 @@ class Ways:
         self._metres = np.hypot(*(self._points[self._starts] - self._points[self._ends]).T) * ~is_ride
         self._seconds = np.array([LIFT_WAIT + roadmap.graph.length(*lane) for lane in lanes]) * is_ride
         """What rides take; 0 for lanes on one floor."""
-        obstructions = Obstructions(roadmap)
+        self._obstructions = obstructions = Obstructions(roadmap)
+        self._zone_lanes: dict[tuple[Solid, bool], list[int]] = {}
+        """By area, and whether it is a no-go zone: the lanes that are closed, or on which robots drive slowly."""
         self._lanes_of = {name: self._all_lanes(*obstructions.touching(door)) for name, door in doors.items()}
         self._lanes_of |= {lift: [self._lane_numbers[lane] for lane in obstructions.into_lift(lift)] for lift in roadmap.zones}
         self._doors_on: dict[int, list[str]] = {}
@@ -229,7 +234,7 @@ class Ways:
         joined_places, first_rows = np.unique(goal.places[order], return_index=True)
         order = order[first_rows]  # the best stand of each place
         open_lanes = self._open_lanes(closed, goal.radius)
-        weights = self._metres[open_lanes] + self._seconds[open_lanes] * speed
+        weights = self._metres[open_lanes] * self._slowness(closed, speed)[open_lanes] + self._seconds[open_lanes] * speed
         rows = np.concatenate([self._ends[open_lanes], np.full(len(joined_places), size)])
         columns = np.concatenate([self._starts[open_lanes], joined_places])
         backwards = csr_array((np.concatenate([weights, costs[order]]), (rows, columns)), (size + 1, size + 1))
@@ -241,11 +246,33 @@ class Ways:
         is_open = np.ones(len(self._starts), dtype=bool)
         for name in (*closed.doors, *closed.lifts):
             is_open[self._lanes_of.get(name, [])] = False
+        for area in closed.forbidden:
+            is_open[self._lanes_in(area, forbidden=True)] = False
         for level, disc in closed.standing:
             near_lanes = self._near_lanes(level, disc, radius)
             starts, ends = self._points[self._starts[near_lanes]], self._points[self._ends[near_lanes]]
             is_open[near_lanes[_reach(disc, starts, ends, radius)]] = False
         return is_open
+
+    def _slowness(self, closed: Closed, speed: float) -> NDArray[np.float64]:
+        """How many times longer each lane takes because of slow zones."""
+        slowness: NDArray[np.float64] = np.ones(len(self._starts))
+        for area, limit in closed.slow:
+            lanes = self._lanes_in(area, forbidden=False)
+            slowness[lanes] = np.maximum(slowness[lanes], speed / limit)
+        return slowness
+
+    def _lanes_in(self, area: Solid, *, forbidden: bool) -> list[int]:
+        """The lanes that a no-go zone closes; or those of which a half or more is in a slow zone."""
+        if (area, forbidden) not in self._zone_lanes:
+            middles = (self._points[self._starts] + self._points[self._ends]) / 2
+            levels = np.array([place.level for place in self._roadmap.roadmap.places])[self._starts]
+            is_in_area = (abs(levels - area.z) < SAME_FLOOR) & (distances_from(area, middles) < 0)
+            entering_lanes = self._obstructions.into_zone(area) if forbidden else ()
+            self._zone_lanes[area, forbidden] = (
+                [self._lane_numbers[lane] for lane in entering_lanes] if forbidden else np.flatnonzero(is_in_area).tolist()
+            )
+        return self._zone_lanes[area, forbidden]
 
     def _near_lanes(self, level: float, disc: Disc, radius: float) -> NDArray[np.int64]:
         numbers, tree = self._layer(round(level, 1), radius)
@@ -263,8 +290,7 @@ class Ways:
         if not len(starts):
             return closed_lines
         (left, bottom), (right, top) = np.minimum(starts, ends).min(axis=0), np.maximum(starts, ends).max(axis=0)
-        for name in closed.doors:
-            door = self.doors[name]
+        for door in (*(self.doors[name] for name in closed.doors), *closed.forbidden):
             reach = door.extent + radius + MARGIN
             is_near = left - reach <= door.x <= right + reach and bottom - reach <= door.y <= top + reach
             if is_near and abs(door.z - level) < SAME_FLOOR and (around is None or door.distance(*around) >= radius):

@@ -125,13 +125,15 @@ class TripResult(StrEnum):
 
 
 class TripEnded(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The trip is over. `robots`: those that are in the way; `passages`: the lifts and doors on the way that are out of order."""
+    """The trip is over. `robots`: those that are in the way; `passages`: the lifts and doors on the way that are out of order;
+    `zones`: the no-go zones on it."""
 
     robot: str
     trip: str
     result: TripResult
     robots: tuple[str, ...] = ()
     passages: tuple[str, ...] = ()
+    zones: tuple[str, ...] = ()
 
 
 class Granted(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -182,16 +184,18 @@ class ClosedLane(Struct, frozen=True, kw_only=True):
 
 
 class ClosedPassage(Struct, frozen=True, kw_only=True):
-    """A lift or a door that is out of order, with the places and lanes to which nobody comes without it."""
+    """A lift or a door that is out of order, or a no-go zone (`zone`), with the places and lanes to which nobody comes because of it."""
 
     name: str
+    zone: bool = False
     places: tuple[str, ...] = ()
     lanes: tuple[ClosedLane, ...] = ()
 
 
 class CloseWays(MessageBody, frozen=True, kw_only=True, tag=True):
     """These places and lanes are closed from now on, and all others are open: doors are shut, or things stand in the way; or they are ways
-    through `passages` that are out of order. Robots that are there may leave. Sent by whoever follows the map; nothing is answered.
+    through `passages` that are out of order, or into no-go zones. Robots that are there may leave. Sent by whoever follows the map; nothing
+    is answered.
     """
 
     places: tuple[str, ...] = ()

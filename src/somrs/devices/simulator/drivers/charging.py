@@ -16,7 +16,7 @@ from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_nu
 from somrs.devices.simulator.link.commands import RobotState
 from somrs.devices.simulator.link.lines import Legs, PathStop
 from somrs.errors import RemoteError, UsageError
-from somrs.ontology.modes import out_of_order
+from somrs.ontology.modes import why_closed
 from somrs.protocol.messages.knowledge import Rows, UpdateMap
 from somrs.protocol.messages.submission import Submit
 from somrs.service_manager.sdk.device import Task
@@ -127,11 +127,12 @@ class ChargingRobot(SimulatedDevice):
     # The charge that work needs
 
     async def legs_through(self, task: Task, *stops: PathStop) -> Legs:
-        """As for every device. Raises Refusal if a door on the only way is out of order, and if the charge is not enough for the way, the
+        """As for every device. Raises Refusal if a door or a lift on the only way is out of order, if a no-go zone
+        closes it, and if the charge is not enough for the way, the
         work, and the way to the nearest charger."""
         legs = await super().legs_through(task, *stops)
-        if legs.out_of_order:
-            raise Refusal(out_of_order(legs.out_of_order), not_now=True)
+        if closed := why_closed(legs.out_of_order, legs.zones):
+            raise Refusal(closed, not_now=True)
         if None not in legs.lengths:
             await self._check_charge(task, sum(length or 0.0 for length in legs.lengths), stops)
         return legs

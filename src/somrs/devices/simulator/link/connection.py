@@ -137,7 +137,14 @@ class Link:
 
     async def _legs(self, robot: str, stops: Stops, situation: str | None) -> Legs:
         answer = await self._ask(Ways(robot=robot, stops=stops, situation=situation))
-        return Legs(answer.lengths or (), answer.shut or (), answer.open or (), answer.carries is not False, answer.out_of_order or ())
+        return Legs(
+            answer.lengths or (),
+            answer.shut or (),
+            answer.open or (),
+            answer.carries is not False,
+            answer.out_of_order or (),
+            answer.zones or (),
+        )
 
     async def _keep_connected(self) -> None:
         """Connect, process lines, and reconnect when the connection is lost."""

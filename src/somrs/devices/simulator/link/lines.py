@@ -114,7 +114,7 @@ class Legs(Struct, frozen=True):
 
     `shut`: the shut doors that have to be opened for it; `open`: the open doors that have to stay open. `carries`: whether robots can put
     things on the last stop; True for a point. `out_of_order`: if there is no path, the doors and lifts without which there is none, because
-    they are out of order.
+    they are out of order; `zones`: the no-go zones without which there would be one.
     """
 
     lengths: tuple[float | None, ...]
@@ -122,6 +122,7 @@ class Legs(Struct, frozen=True):
     open: tuple[str, ...] = ()
     carries: bool = True
     out_of_order: tuple[str, ...] = ()
+    zones: tuple[str, ...] = ()
 
 
 class Roads(Struct, frozen=True, kw_only=True, tag="roads", tag_field="ask"):
@@ -269,7 +270,9 @@ class Answer(Struct, frozen=True, kw_only=True, tag="answer", tag_field="say"):
     carries: bool | None = None
     """Whether robots can put things on the last stop."""
     out_of_order: tuple[str, ...] | None = None
-    """The doors that are out of order on the only way."""
+    """The doors and lifts that are out of order on the only way."""
+    zones: tuple[str, ...] | None = None
+    """The no-go zones on the only way."""
     roadmap: Roadmap | None = None
     traffic: TrafficState | None = None
 

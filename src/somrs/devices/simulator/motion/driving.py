@@ -7,10 +7,10 @@ from collections.abc import Collection, Generator
 from functools import partial
 
 from somrs.devices.simulator.motion.road_user import ASTRAY
-from somrs.devices.simulator.motion.robot import BRAKING, GivenUp, Lift, Robot, Routine, stand, wait, wrap
+from somrs.devices.simulator.motion.robot import COMFORTABLE, GivenUp, Lift, Robot, Routine, stand, wait, wrap
 from somrs.devices.simulator.motion.traffic import GAP
 from somrs.devices.simulator.world.scene import Scene
-from somrs.ontology.modes import out_of_order
+from somrs.ontology.modes import why_closed
 from somrs.protocol.messages.traffic import Berth, TripEnded, TripResult
 from somrs.space.clearance import Disc
 from somrs.space.lines import point_distance
@@ -118,6 +118,9 @@ def _enter(robot: Robot) -> None:
 
 def _travel(robot: Robot, goal: Point, patience: float) -> Routine:
     _enter(robot)
+    zone = robot.fleet.zones.forbidden_zone_at(goal, robot.level, robot.size.radius)
+    if zone is not None and robot.fleet.zones.forbidden_zone_at(robot.pose()[:2], robot.level, robot.size.radius) != zone:
+        raise GivenUp("unreachable", f"{robot.name} does not go to ({goal[0]:.2f}, {goal[1]:.2f}): {why_closed((), [zone])}")
     stop = robot.road.stop_at(goal, partial(sees, robot)) if _is_free(robot, goal) else None
     yield from _travel_to(robot, stop, goal, patience)
 
@@ -162,7 +165,8 @@ def _check_arrival(robot: Robot, goal: Point, ended: TripEnded) -> None:
     way = f"the path of {robot.name} to ({goal[0]:.2f}, {goal[1]:.2f})"
     match ended.result:
         case TripResult.CLOSED:
-            reason = f": {out_of_order(ended.passages)}" if ended.passages else names or " by what stands there"
+            closed = why_closed(ended.passages, ended.zones)
+            reason = f": {closed}" if closed else names or " by what stands there"
             raise GivenUp("blocked", f"{way} is blocked{reason}")
         case TripResult.NO_ROOM:
             raise GivenUp("blocked", f"on {way} there is no room: {' and '.join(ended.robots)} cannot let it pass")
@@ -252,7 +256,7 @@ def _drive_lane(robot: Robot, start: Point, end: Point) -> Routine:
             error = 0.0  # so near to the goal, the direction is mostly noise
         allowed = robot.solid.speed * max(0.0, math.cos(error)) ** 4 if abs(error) < 1.0 else 0.0
         exit_speed = 0.02 if is_final else _corner_speed(robot, start, end, ahead[0])
-        allowed = min(allowed, math.sqrt(exit_speed * exit_speed + 2 * 0.6 * BRAKING * max(0.0, distance - 0.01)))
+        allowed = min(allowed, math.sqrt(exit_speed * exit_speed + 2 * COMFORTABLE * max(0.0, distance - 0.01)))
         allowed = min(allowed, distance / robot.period)  # not past the place within this period
         robot.move(direction, allowed, _turning(error))
         yield

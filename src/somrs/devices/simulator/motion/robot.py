@@ -21,11 +21,14 @@ from somrs.space.dimensions import Dimensions, dimensions_of
 from somrs.space.free_space import FreeSpace
 from somrs.space.solids import Point, Solid
 from somrs.space.squares import Squares, box_around
+from somrs.space.zones import Zones
 
 ACCELERATION = 0.8
 """Acceleration of the base, m/s²."""
 BRAKING = 1.2
 """Deceleration that claims assume, m/s²; the servos can brake harder."""
+COMFORTABLE = 0.6 * BRAKING
+"""Deceleration with which it comes to a place or into a slow zone, m/s²."""
 TURNING, TURNING_UP = 1.6, 4.0
 """Turning speed and turning acceleration of the base, rad/s and rad/s²."""
 RATES = {"turret": 1.3, "lift": 0.4, "reach": 0.4, "wrist": 2.5, "left": 0.08, "right": 0.08}
@@ -157,10 +160,11 @@ class Robot:
         Returns the robot for which the speed was reduced, if any.
         """
         self._moved = True
-        limit = TURNING_UP * self.period
+        step = TURNING_UP * self.period
         turning = max(-TURNING, min(TURNING, turning))
-        self._turning = max(self._turning - limit, min(self._turning + limit, turning))
-        target_speed = max(0.0, min(speed, self.speed + ACCELERATION * self.period, self.solid.speed))
+        self._turning = max(self._turning - step, min(self._turning + step, turning))
+        limit = self.fleet.zones.speed_limit(self.pose()[:2], self.level, direction, COMFORTABLE)
+        target_speed = max(0.0, min(speed, self.speed + ACCELERATION * self.period, self.solid.speed, limit))
         target_speed = max(target_speed, self.speed - BRAKING * self.period)
         obstacle: Robot | None = None
         for share in (1.0, 0.8, 0.6, 0.4, 0.2, 0.0):
@@ -294,13 +298,15 @@ class Lift(Protocol):
 class Fleet(dict[str, Robot]):
     """All robots by name, and which of them are near each other.
 
-    `sweeps`: the space through which a door moves, by the robot that opens or closes it. `lifts`: by name.
+    `sweeps`: the space through which a door moves, by the robot that opens or closes it. `lifts`: by name. `zones`:
+    those that operators have drawn.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.sweeps: dict[str, Capsule] = {}
         self.lifts: dict[str, Lift] = {}
+        self.zones = Zones()
         self.levels: set[float] = set()
         """The heights of the floors on which robots are, or to which they are on their way, as the roadmap has them."""
         self._squares = Squares[Robot](CELL)

@@ -91,13 +91,15 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
     shut_doors = frozenset(name for name, door in doors.items() if name in unusable or not promised.doors.get(name, door.open))
     planner = _LegPlanner(simulation, ways, simulation.robots[robot], promised)
     lifts = frozenset(lift.name for lift in simulation.lifts if not lift.is_usable)
-    closed = Closed(shut_doors, lifts, planner.standing())
+    zones = simulation.robots.zones
+    closed = Closed(shut_doors, lifts, planner.standing(), zones.forbidden, zones.slow)
     leg_ways = planner.ways(stops, closed)
-    if None not in leg_ways or not (shut_doors or lifts):
+    if None not in leg_ways or not (shut_doors or lifts or zones.forbidden):
         return Legs(_lengths(leg_ways), (), _needed(planner, stops, closed, leg_ways), carries)
     with_doors = planner.ways(stops, replace(closed, doors=unusable))
     if None in with_doors:
-        return Legs(_lengths(leg_ways), carries=carries, out_of_order=_out_of_order(planner, stops, replace(closed, doors=unusable)))
+        out_of_order, forbidden = _closing(planner, stops, replace(closed, doors=unusable))
+        return Legs(_lengths(leg_ways), carries=carries, out_of_order=out_of_order, zones=forbidden)
     to_open = [door for door in doors if door in shut_doors and door in _doors(with_doors)]
     for door in [*to_open] if len(to_open) > 1 else ():  # a longer way may need fewer doors
         shorter = planner.ways(stops, replace(closed, doors=(shut_doors - {*to_open}) | {door}))
@@ -109,15 +111,22 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
     return Legs(_lengths(with_doors), tuple(to_open), tuple(door for door in needed if door not in to_open), carries)
 
 
-def _out_of_order(planner: _LegPlanner, stops: Stops, closed: Closed) -> tuple[str, ...]:
-    """The doors and lifts that are out of order, which are those that are closed, on the way that there would be with all of them."""
-    if not (closed.doors or closed.lifts):
-        return ()
-    leg_ways = planner.ways(stops, replace(closed, doors=frozenset(), lifts=frozenset()))
-    if None in leg_ways:
-        return ()
-    lifts = {lift for way in leg_ways if way is not None for lift in way.lifts}
-    return (*sorted(closed.doors & _doors(leg_ways)), *sorted(closed.lifts & lifts))
+def _closing(planner: _LegPlanner, stops: Stops, closed: Closed) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What closes the way: the doors and lifts that are out of order, which are those that are closed, on the way that there would be with
+    all of them; and the no-go zones without each of which there would be one."""
+    zones = tuple(area.name for area in closed.forbidden if _is_way(planner, stops, closed, omitted=area))
+    for passable in (closed, replace(closed, forbidden=())) if not zones else ():
+        leg_ways = planner.ways(stops, replace(passable, doors=frozenset(), lifts=frozenset()))
+        if None not in leg_ways:
+            lifts = {lift for way in leg_ways if way is not None for lift in way.lifts}
+            joint_zones = () if passable is closed else tuple(area.name for area in closed.forbidden)
+            return (*sorted(closed.doors & _doors(leg_ways)), *sorted(closed.lifts & lifts)), joint_zones
+    return (), zones
+
+
+def _is_way(planner: _LegPlanner, stops: Stops, closed: Closed, omitted: Solid) -> bool:
+    """Whether there would be a way without this no-go zone."""
+    return None not in planner.ways(stops, replace(closed, forbidden=tuple(area for area in closed.forbidden if area is not omitted)))
 
 
 def _needed(planner: _LegPlanner, stops: Stops, closed: Closed, leg_ways: Sequence[Way | None]) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
 from somrs.ontology.types import PAUSED
 from somrs.space.solids import Role, solid_of
+from somrs.space.zones import zones_of
 
 SAME_PLACE = 0.1
 """Largest distance between a thing of the world and the place that the map states for it, m."""
@@ -100,6 +101,7 @@ class Follower:
         current = modes(self.replica.map)
         simulation.hold(hold_reason(current))
         simulation.close_passages(passages_out_of_order(current))
+        simulation.set_zones(zones_of(self.replica.map, self.replica.ontology))
 
     def _remove(self, simulation: Simulation, name: str, into: str | None) -> None:
         """Follow an object that leaves the map. `into`: the object that it turned out to be.

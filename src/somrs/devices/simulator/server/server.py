@@ -299,6 +299,7 @@ class Server:
                     open=legs.open,
                     carries=legs.carries,
                     out_of_order=legs.out_of_order or None,
+                    zones=legs.zones or None,
                 )
             case SetWeight(object=name, weight=weight):
                 self.simulation.set_weight(name, weight)

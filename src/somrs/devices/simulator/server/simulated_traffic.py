@@ -22,6 +22,7 @@ from somrs.space.clearance import Disc
 from somrs.space.dimensions import dimensions_of
 from somrs.space.free_space import FreeSpace
 from somrs.space.solids import Solid
+from somrs.space.zones import Zones
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import OpenBuilding, lay_out
 from somrs.traffic.obstructions import discs_along
@@ -136,6 +137,11 @@ class SimulatedTraffic:
         self.changed |= names != self._out_of_order
         self._out_of_order = names
 
+    def set_zones(self, zones: Zones) -> None:
+        """Let robots keep out of these no-go zones, and drive slowly in these slow zones."""
+        self.changed |= zones != self._robots.zones
+        self._robots.zones = zones
+
     def advance(self, map: Map, ontology: Ontology) -> None:
         """Let time pass."""
         now = self._scene.time
@@ -187,7 +193,7 @@ class SimulatedTraffic:
             self.changed, self._standing, self._shut = False, rounded, shut
             solids = self._scene.world.solids
             free_spaces = {level: self._free_space(level) for level in self._robots.levels}
-            self.office.close(free_spaces, rounded, [solids[name] for name in shut if name in solids])
+            self.office.close(free_spaces, rounded, [solids[name] for name in shut if name in solids], self._robots.zones.forbidden)
 
 
 def _is_silent(robot: Robot) -> bool:

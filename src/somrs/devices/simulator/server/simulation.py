@@ -37,6 +37,7 @@ from somrs.space.leaves import Leaf
 from somrs.space.shafts import LIFT_RELATIONS, shafts_of
 from somrs.space.solids import Role, Solid, role_of, solid_of
 from somrs.space.storeys import span_of
+from somrs.space.zones import Zones, zones_of
 from somrs.traffic.ways import Ways
 
 Linked = Robot | StationaryDevice
@@ -71,6 +72,7 @@ class Simulation:
         """Simulated time of the last motion that was observed."""
         for solid in [*self.scene.world.solids.values()]:
             self._add_linked(solid)
+        self.set_zones(zones_of(map, ontology))
         self._traffic.lay_out(self._map, self._ontology)
 
     @property
@@ -342,6 +344,10 @@ class Simulation:
     def hold(self, reason: str) -> None:
         """Let no robot drive on for a reason, such as a fire; or without one let them go on."""
         self._traffic.hold(reason)
+
+    def set_zones(self, zones: Zones) -> None:
+        """Let robots keep out of these no-go zones, and drive slowly in these slow zones."""
+        self._traffic.set_zones(zones)
 
     def close_passages(self, names: tuple[str, ...]) -> None:
         """Let no robot use these doors and lifts, which are out of order, and only these."""

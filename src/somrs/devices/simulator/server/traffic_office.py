@@ -191,16 +191,22 @@ class TrafficOffice:
 
     # What stands in the way
 
-    def close(self, free_spaces: Mapping[float, FreeSpace], things: Mapping[float, list[Disc]], out_of_order: Sequence[Solid] = ()) -> None:
-        """Close the places and lanes where something stands: by level, what the free_space knows, and things on the floor; and those in
-        doors and lifts that are out of order."""
+    def close(
+        self,
+        free_spaces: Mapping[float, FreeSpace],
+        things: Mapping[float, list[Disc]],
+        out_of_order: Sequence[Solid] = (),
+        forbidden: Sequence[Solid] = (),
+    ) -> None:
+        """Close the places and lanes where something stands: by level, what the free_space knows, and things on the floor; those in doors
+        and lifts that are out of order; and the ways into no-go zones."""
         places: list[int] = []
         lanes: list[Lane] = []
         for level in free_spaces.keys() & {*self._obstructions.levels}:  # nobody drives on other levels now
             blocked = self._obstructions.blocked(level, partial(_room, free_spaces[level], things[level]))
             places += blocked[0]
             lanes += blocked[1]
-        passages = tuple(self._closed_passage(passage) for passage in out_of_order)
+        passages = (*map(self._closed_passage, out_of_order), *map(self._closed_zone, forbidden))
         closing = CloseWays(places=self._names(places), lanes=self._closed_lanes(lanes), passages=passages)
         if closing != self._closed:
             self._closed, self.edition = closing, self._random.getrandbits(32)
@@ -221,6 +227,9 @@ class TrafficOffice:
         is_lift = passage.role is Role.LIFT
         places, lanes = ([], [*self._obstructions.into_lift(passage.name)]) if is_lift else self._obstructions.touching(passage)
         return ClosedPassage(name=passage.name, places=self._names(places), lanes=self._closed_lanes(lanes))
+
+    def _closed_zone(self, area: Solid) -> ClosedPassage:
+        return ClosedPassage(name=area.name, zone=True, lanes=self._closed_lanes([*self._obstructions.into_zone(area)]))
 
     def _names(self, places: list[int]) -> tuple[str, ...]:
         return tuple(self.roadmap.names[place] for place in places)

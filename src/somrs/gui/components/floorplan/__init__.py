@@ -15,6 +15,7 @@ Events, each with a dict:
   of the map when the drag began. `unanswered {names}`: these objects were moved back because the page did not answer.
 - `dropped {thing, target, x, y}` and `picked {name, x, y, target}`, in `pick`. `target`: the highest support, place or floor there.
 - `placed {type, x, y, turned, target, storey}`: the position of a new object, after `place(type)`; `stopped {}`: placing was cancelled.
+- `outlined {corners, storey}`: the corners of a zone, after `sketch_zone`, each x and y.
 - `open {name}` (Enter, double click), `remove {name}` (Delete), `undo {}` (Ctrl+Z).
 - `storey {name, alone}`: the storey shown, and whether it is the only one; `loaded {version, objects}`: a map was read.
 """
@@ -110,6 +111,10 @@ class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"so
         defaults."""
         self.run_method("place", type_name, dict(values or {}))
 
+    def sketch_zone(self) -> None:
+        """Let the user click the corners of a zone; emits `outlined`."""
+        self.run_method("sketchZone", True)
+
     def focus(self) -> None:
         self.run_method("focus")
 
@@ -139,6 +144,9 @@ class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"so
 
     def on_placed(self, handler: EventHandler) -> FloorPlan:
         return self._add_handler("placed", handler)
+
+    def on_outlined(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("outlined", handler)
 
     def on_stopped(self, handler: EventHandler) -> FloorPlan:
         return self._add_handler("stopped", handler)

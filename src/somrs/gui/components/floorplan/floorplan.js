@@ -56,6 +56,11 @@ export default {
         </div>
       </div>
       <div class="fp-hint" v-if="hint" role="note">{{ hint }}</div>
+      <div class="fp-hint fp-sketching" v-if="corners !== null" role="group" aria-label="New zone">
+        <span role="status">{{ corners < 2 ? "Click the corners of the zone: two for a box." : corners + " corners. Click the first one, or:" }}</span>
+        <button type="button" v-if="corners > 1" @click="finishZone()">Finish</button>
+        <button type="button" @click="sketchZone(false)">Cancel</button>
+      </div>
       <div class="fp-lost" v-if="lost" role="alert"><q-icon name="cloud_off" /> The connection is lost. The data may be outdated. Reconnecting…</div>
       <div class="fp-lost" v-if="trouble" role="alert"><q-icon name="error_outline" /> {{ trouble }}</div>
       <div class="fp-loading" v-if="loading" role="status">Reading the map…</div>
@@ -72,11 +77,11 @@ export default {
     snap: { type: Number, default: 0 },
     show_legend: Boolean,
   },
-  emits: ["select", "moved", "placed", "dropped", "picked", "open", "remove", "undo", "storey", "loaded", "unanswered", "stopped"],
+  emits: ["select", "moved", "placed", "dropped", "picked", "open", "remove", "undo", "storey", "loaded", "unanswered", "stopped", "outlined"],
   data() {
     return {
       id: `fp${Math.random().toString(36).slice(2, 8)}`, storeys: [], storey: "", bar: { pixels: 60, text: "" }, where: "", said: "", loading: true, lost: false,
-      trouble: "", legend: this.show_legend, unplaced: [], carrying: false, placing: false, shown: 0, kinds: [], traffic: false, waiting: [], hold: "", unknown: false,
+      trouble: "", legend: this.show_legend, unplaced: [], carrying: false, placing: false, shown: 0, kinds: [], corners: null, traffic: false, waiting: [], hold: "", unknown: false,
     };
   },
   computed: {
@@ -157,6 +162,7 @@ export default {
     place(type, values = {}) {
       if (!type && !this.placing) return; // a late cancel must not stop a drag
       this.placing = type ?? false;
+      this.plan.sketch = this.corners = null;
       this.values = values;
       this.plan.ghost = null;
       this.turned = 0;

@@ -30,6 +30,7 @@ from somrs.gui.pages.map.removal import remove
 from somrs.gui.pages.map.search_panel import SearchPanel
 from somrs.gui.pages.map.sheet import Sheet, SheetActions
 from somrs.gui.pages.map.version_slider import VersionSlider
+from somrs.gui.pages.map.zone_dialog import ZoneTool
 from somrs.gui.shell import guarded, notify, page
 from somrs.ontology.objects import Change
 from somrs.protocol.messages.knowledge import UpdateMap
@@ -87,6 +88,7 @@ class MapPage:
             self._count = ui.label().classes("somrs-soft")
             ui.space()
             self._links()
+            self._zone_tool = ZoneTool(self._api, lambda: self._plan.sketch_zone(), self._record_version)
             snap = ui.switch("Snap", value=True, on_change=lambda event: self._plan.set_snap(SNAP if event.value else 0.0)).props("dense")
             snap.tooltip("Dragged objects snap to 5 cm and 15°; hold Alt to disable")
             self._undo_button = ui.button("Undo", icon="undo", on_click=guarded(self._undo)).props("flat dense no-caps")
@@ -134,6 +136,7 @@ class MapPage:
         plan.on_open(lambda event: self._chosen(event["name"]))
         plan.on_moved(self._moved)
         plan.on_placed(self._add_panel.place_object)
+        plan.on_outlined(self._zone_tool.ask)
         plan.on_stopped(lambda event: self._add_panel.stop())
         plan.on_remove(lambda event: self._remove_guarded(event["name"]))
         plan.on_undo(lambda event: self._undo_guarded())

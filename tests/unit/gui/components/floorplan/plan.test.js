@@ -383,3 +383,38 @@ test("the ways of the robots on the storey are drawn, and for whom they wait", a
   await clock.pass(50);
   assert.equal(drawing.querySelectorAll(".fp-way-planned, .fp-wait").length, 0);
 });
+
+async function sketched(...points) {
+  one.shown.sketchZone(true);
+  for (const [x, y] of points) {
+    await pointer("pointerdown", view().toScreen(x, y));
+    await pointer("pointerup", view().toScreen(x, y));
+  }
+}
+
+test("a zone is drawn by its corners, and ends at the first one", async () => {
+  await sketched([1, 1], [4, 1], [4, 3], [1.1, 1.1]);
+  assert.deepEqual(told("outlined"), [{ corners: [[1, 1], [4, 1], [4, 3]], storey: "Ground" }]);
+  assert.equal(one.element.querySelector(".fp-sketching"), null);
+  await pointer("pointerdown", view().toScreen(8, 8));
+  await pointer("pointerup", view().toScreen(8, 8));
+  assert.equal(told("outlined").length, 1, "later clicks select again");
+});
+
+test("two corners of a zone are those of a box", async () => {
+  await sketched([1, 1], [4, 3]);
+  await clock.pass(50);
+  assert.ok(drawing.querySelector(".fp-sketch-area"));
+  await press(pad, "Enter");
+  assert.deepEqual(told("outlined")[0].corners, [[1, 1], [4, 1], [4, 3], [1, 3]]);
+  await clock.pass(50);
+  assert.equal(drawing.querySelector(".fp-sketch-area"), null);
+});
+
+test("a zone that is given up is not drawn", async () => {
+  await sketched([1, 1]);
+  await press(pad, "Enter");
+  await press(pad, "Escape");
+  assert.deepEqual([told("outlined"), told("moved")], [[], []]);
+  assert.equal(one.element.querySelector(".fp-sketching"), null);
+});

@@ -56,3 +56,13 @@ test("special kinds come before general ones", () => {
 test("a pose is where a thing stands and where it looks", () => {
   assert.equal(pose({ x: 1.23456, y: 2, turned: Math.PI / 2 }), "translate(1.2346 2) rotate(90)");
 });
+
+test("the lines of a zone are inside it", () => {
+  const kind = kindById("nogo");
+  const zone = { form: "Polygon", outline: [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]] };
+  const { content } = look(kind, zone, { open: [1] });
+  const points = [...content.matchAll(/class="fp-mark" d="([^"]*)"/g)].flatMap(([, d]) => [...d.matchAll(/[ML](-?[\d.]+) (-?[\d.]+)/g)].map(([, x, y]) => [+x, +y]));
+  assert.ok(points.length > 20);
+  const inside = ([x, y]) => x >= -0.01 && y >= -0.01 && ((x <= 4.01 && y <= 1.01) || (x <= 1.01 && y <= 3.01));
+  assert.deepEqual(points.filter((point) => !inside(point)), []);
+});

@@ -1,6 +1,8 @@
 // User actions on a floor plan: select, move, turn, nudge, place. These methods of the element report changes to the page, which changes
 // the map.
 
+import { Sketch } from "./sketch.js";
+
 const SETTLE = 450; // milliseconds after the last key before a nudge is reported
 const TURNS = Math.PI / 12; // step of the turning handle
 
@@ -39,7 +41,7 @@ export const doings = {
       fit: () => plan.fit(),
       nudge: (dx, dy, turn) => this.nudge(dx, dy, turn),
       next: (step) => this.next(step),
-      enter: () => { if (this.placing) this.click(null, plan.ghost.at); else if (plan.selected) this.$emit(this.mode === "pick" ? "picked" : "open", { name: plan.selected }); },
+      enter: () => { if (this.plan.sketch) this.finishZone(); else if (this.placing) this.click(null, plan.ghost.at); else if (plan.selected) this.$emit(this.mode === "pick" ? "picked" : "open", { name: plan.selected }); },
       open: () => { if (plan.selected && this.mode !== "pick") this.$emit("open", { name: plan.selected }); },
       remove: () => { if (plan.selected && this.doing === "edit") this.$emit("remove", { name: plan.selected }); },
       undo: () => { if (this.doing === "edit") this.$emit("undo", {}); },
@@ -48,7 +50,7 @@ export const doings = {
   },
   draggable(name) {
     const kind = this.plan.model.kind(name);
-    if (!kind || this.placing) return false;
+    if (!kind || this.placing || this.plan.sketch) return false;
     if (this.doing === "pick") return kind.id === "thing" || kind.id === "robot";
     return this.doing === "edit" && (kind.moves === "free" || (kind.moves === "fixed" && name === this.plan.selected));
   },
@@ -57,6 +59,10 @@ export const doings = {
     const what = type && this.plan.model.kind(name).moves !== "ground" ? `${name}, ${type} · ` : "";
     this.where = at ? `${what}x ${at.x.toFixed(2)} m, y ${at.y.toFixed(2)} m` : "";
     if (this.placing && at) this.tryAt(at);
+    if (this.plan.sketch) {
+      this.plan.sketch.pointer = at && this.snapped(at);
+      this.plan.draw();
+    }
   },
   // Show the new object at its position.
   tryAt({ x, y }) {
@@ -72,7 +78,8 @@ export const doings = {
     return distinct[(distinct.indexOf(this.plan.selected) + 1) % distinct.length] ?? null;
   },
   click(name, at, handle) {
-    if (this.placing) {
+    if (this.plan.sketch) this.corner(this.snapped(at));
+    else if (this.placing) {
       const spot = this.snapped(at);
       this.$emit("placed", { type: this.placing, ...spot, turned: this.turned, target: this.plan.model.targetAt(spot.x, spot.y, this.plan.storey), storey: this.plan.storey });
       this.stopPlacing();
@@ -183,7 +190,28 @@ export const doings = {
   escape() {
     if (this.carrying) { this.hands.drop(); this.cancel(); }
     else if (this.placing) { this.stopPlacing(); this.$emit("stopped", {}); }
+    else if (this.plan.sketch) this.sketchZone(false);
     else this.choose(null);
+  },
+  // Begin to draw a zone, or give it up.
+  sketchZone(begins) {
+    this.stopPlacing();
+    this.plan.sketch = begins ? new Sketch() : null;
+    this.corners = begins ? 0 : null;
+    if (begins) this.$refs.pad.focus({ preventScroll: true });
+    this.plan.draw();
+  },
+  corner(point) {
+    const { plan } = this;
+    if (plan.sketch.add(point, plan.view)) return this.finishZone();
+    this.corners = plan.sketch.corners.length;
+    plan.draw();
+  },
+  finishZone() {
+    const corners = this.plan.sketch.finished();
+    if (!corners) return this.say("A zone has two corners of a box, or three and more.");
+    this.$emit("outlined", { corners, storey: this.plan.storey });
+    this.sketchZone(false);
   },
   stopPlacing() {
     this.placing = false;

@@ -9,6 +9,8 @@ const KINDS = [
   { id: "none", types: ["AbstractObject", "Ceiling", "FurnitureLeg", "TableTop"] },
   { id: "opening", types: ["Opening"], title: "Opening", layer: "walls", moves: "fixed", label: 5, from: 60 },
   { id: "charger", types: ["Charger"], title: "Charging place", layer: "places", moves: "free", label: 60, from: 14, carries: 2 },
+  { id: "nogo", types: ["NoGoZone"], title: "No-go zone: robots do not enter it", layer: "zones", moves: "fixed", label: 61, from: 24 },
+  { id: "slow", types: ["SlowZone", "Zone"], title: "Slow zone", layer: "zones", moves: "fixed", label: 61, from: 24 },
   { id: "place", types: ["Place"], title: "Place", layer: "places", moves: "free", label: 62, from: 12, carries: 2 },
   { id: "waypoint", types: ["Waypoint"], title: "Waypoint of lanes", layer: "places", moves: "fixed", label: 2, from: 1e9 },
   { id: "station", types: ["Station"], title: "Where robots load and unload", layer: "places", moves: "free", label: 58, from: 0 },
@@ -47,8 +49,8 @@ export function kindById(id) {
 }
 
 // Layers from bottom to top, by sheet: when a robot moves, the sheet with the walls is not repainted.
-export const SHEETS = { ground: ["floors", "places", "walls", "furniture"], things: ["things"], movers: ["devices", "robots"] };
+export const SHEETS = { ground: ["floors", "zones", "places", "walls", "furniture"], things: ["things"], movers: ["devices", "robots"] };
 export const LAYERS = Object.values(SHEETS).flat();
 
 // The legend's rows, in order.
-export const LEGEND = ["wall", "door", "window", "stairs", "support", "cupboard", "obstacle", "chair", "plant", "thing", "place", "charger", "waypoint", "station", "robot", "camera", "arm", "lift", "person"];
+export const LEGEND = ["wall", "door", "window", "stairs", "support", "cupboard", "obstacle", "chair", "plant", "thing", "place", "charger", "waypoint", "station", "nogo", "slow", "robot", "camera", "arm", "lift", "person"];

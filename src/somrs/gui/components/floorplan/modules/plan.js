@@ -26,6 +26,7 @@ export class Plan {
     this.relations = [];
     this.arrows = [];
     this.ghost = null;
+    this.sketch = null; // a zone that is being drawn
     this.target = null;
     this.turnable = () => false;
     this.offered = () => false; // whether the user can drag it to state a goal, so that its name matters
@@ -275,6 +276,7 @@ export class Plan {
       unknown: this._layers.unknown,
     });
     this._sheets.arrows.replaceChildren(...this.arrows.filter((one) => one.from && one.to).map((one) => arrow(view.toScreen(one.from.x, one.from.y), view.toScreen(one.to.x, one.to.y))));
+    if (this.sketch) this._sheets.arrows.append(this.sketch.draw(view));
     this._label();
     this.drawn?.(view);
   }

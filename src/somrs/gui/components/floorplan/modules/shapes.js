@@ -26,12 +26,15 @@ function halves(solid) {
 
 const body = (solid, more = "") => `<path class="fp-body${more}" d="${outline(solid)}"/>`;
 const mark = (d, more = "") => `<path class="fp-mark${more}" d="${d}"/>`;
+const HATCH = 0.35; // metres between the lines of a zone, as far as they are not too many
 const AJAR = 0.02; // share from which a leaf is not drawn shut
 const DOT = '<path class="fp-dot" d="M0 0h0"/>'; // constant size on the screen, so that small things stay visible
 
 const DRAWN = {
   floor: (solid) => body(solid),
   wall: (solid) => body(solid),
+  nogo: (solid) => hatched(solid, 1) + hatched(solid, -1) + body(solid),
+  slow: (solid) => hatched(solid, 1) + body(solid, " fp-dashed"),
   opening: (solid) => body(solid, " fp-dashed"),
   pillar: (solid) => {
     const [w, d] = halves(solid);
@@ -95,6 +98,35 @@ const DRAWN = {
   },
   person: () => `${DOT}<path class="fp-body" d="M-.12 .24A.14 .24 0 1 0 -.12 -.24A.14 .24 0 1 0 -.12 .24Z"/><path class="fp-mark fp-full" d="${disc(0.11)}"/>`,
 };
+
+// Lines across a zone, at 45 degrees in one direction, as far as they are in it.
+function hatched(solid, direction) {
+  const corners = cornersOf(solid);
+  const heights = corners.map(([x, y]) => y - direction * x);
+  const [low, high] = [Math.min(...heights), Math.max(...heights)];
+  const step = Math.max(HATCH, (high - low) / 60);
+  const lines = [];
+  for (let height = low + step / 2; height < high; height += step) {
+    const crossings = corners.flatMap(([x], i) => {
+      const next = (i + 1) % corners.length;
+      if (heights[i] > height === heights[next] > height) return [];
+      return [x + ((height - heights[i]) / (heights[next] - heights[i])) * (corners[next][0] - x)];
+    });
+    crossings.sort((a, b) => a - b);
+    for (let i = 0; i + 1 < crossings.length; i += 2) {
+      const [from, to] = [crossings[i], crossings[i + 1]];
+      lines.push(`M${n(from)} ${n(height + direction * from)}L${n(to)} ${n(height + direction * to)}`);
+    }
+  }
+  return mark(lines.join(""));
+}
+
+function cornersOf(solid) {
+  if (solid.form === "Polygon") return solid.outline;
+  const [w, d] = [(solid.width ?? 0) / 2, (solid.depth ?? 0) / 2];
+  if (solid.form === "Box") return [[-w, -d], [w, -d], [w, d], [-w, d]];
+  return Array.from({ length: 24 }, (_, i) => [solid.radius * Math.cos((i * Math.PI) / 12), solid.radius * Math.sin((i * Math.PI) / 12)]);
+}
 
 // Draw along the longer side of a box: `draw(length, thickness)` in a frame whose y axis runs along it.
 function along(solid, draw) {
@@ -166,6 +198,8 @@ const SAMPLES = {
   camera: { form: "Box", width: 0.16, depth: 0.12 },
   lift: { form: "Box", width: 0.9, depth: 0.9 },
   person: {},
+  nogo: { form: "Box", width: 1, depth: 0.8 },
+  slow: { form: "Box", width: 1, depth: 0.8 },
   place: { form: "Cylinder", radius: 0.45 },
   charger: { form: "Cylinder", radius: 0.45 },
 };
