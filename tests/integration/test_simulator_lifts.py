@@ -172,6 +172,9 @@ def test_a_point_is_on_the_floor_of_its_height() -> None:
     assert far is not None
     assert near < 5 < far
     assert nowhere is None
+    for height in (0.0, HEIGHT):
+        (over_the_table,) = find_legs(run.simulation, "Robot1", ((2.0, 4.95, height),)).lengths
+        assert over_the_table is not None, "the arm reaches over the table of that floor"
 
 
 def test_a_promised_robot_starts_from_another_storey() -> None:

@@ -32,7 +32,7 @@ SAME_SIZE = 1.25
 MARGIN = 0.03
 """The distance of robots from obstacles, in metres."""
 DOOR_ROOM = 0.1
-"""The distance from its doors that robots keep in a lift, in metres."""
+"""The distance from the doors of a lift that robots keep while these may move, in metres."""
 DOORS = 6.0
 """The time that a lift takes to shut its doors and open them again, in seconds."""
 SPEED = 0.8
@@ -130,8 +130,8 @@ def _connected(levels: Iterable[float], shafts: Sequence[Shaft]) -> list[float]:
 
 
 def _zone(point: Point, level: float, radius: float, cabins: Sequence[Shaft]) -> str | None:
-    """The lift in which, or in whose doorway, a robot at this point is."""
-    return next((shaft.name for shaft in cabins if shaft.contains(point) or shaft.room_to_doors(point, level) < radius), None)
+    """The lift in which, or in the way of whose doors, a robot at this point is."""
+    return next((shaft.name for shaft in cabins if shaft.contains(point) or shaft.room_to_doors(point, level) < radius + DOOR_ROOM), None)
 
 
 def _can_ride(place: Place, radius: float, shaft: Shaft) -> bool:

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Value
 from somrs.space.free_space import FreeSpace
 from somrs.space.lines import segment_distance
-from somrs.traffic.layout import MARGIN, PLACES, OpenBuilding, lay_out, sizes
+from somrs.space.solids import solid_of
+from somrs.traffic.layout import DOOR_ROOM, MARGIN, PLACES, OpenBuilding, lay_out, sizes
 from somrs.traffic.planning.graph import FAR
 from somrs.traffic.roadmap import GAP, NumberedRoadmap, Roadmap, least_distance, spacing_for
 
@@ -85,6 +86,22 @@ def test_a_large_floor_has_no_more_places_than_can_be_handled() -> None:
     assert max(math.dist(*((numbered.roadmap.places[n].x, numbered.roadmap.places[n].y) for n in lane)) for lane in lanes(numbered)) <= (
         numbered.spacing(0) * 1.001
     )
+
+
+@given(st.floats(-0.4, 0.4), st.floats(0.0, 0.3))
+def test_a_robot_that_waits_for_a_lift_is_not_in_the_way_of_its_doors(shift: float, inset: float) -> None:
+    objects = [
+        Object(name="Storey1", type="Storey", values={"Elevation": 0.0}),
+        box("Floor1", "Floor", 2 - inset / 2, 2, 4 - inset, 4, 0.1, -0.1),
+        box("Lift1", "Lift", 5.0 - inset, 2.0 + shift, 1.8, 1.8, 2.3),
+        box("Gate1", "LiftDoor", 4.05 - inset, 2.0 + shift, 0.1, 1.2, 2.1, Open=False),
+    ]
+    map = Map(objects, [Fact("stopsAt", ("Lift1", "Storey1")), Fact("leadsInto", ("Gate1", "Lift1"))])
+    numbered, gate = laid_out(map), solid_of(objects[-1], ONTOLOGY)
+    assert gate is not None
+    assert any(place.zone == "Lift1" for place in numbered.roadmap.places)
+    for place in numbered.roadmap.places:
+        assert place.zone == "Lift1" or gate.distance(place.x, place.y) >= RADIUS + DOOR_ROOM
 
 
 def lanes(numbered: NumberedRoadmap) -> list[tuple[int, int]]:

@@ -21,7 +21,7 @@ from somrs.space.stands import stands_around, stands_at
 from somrs.traffic.ways import Closed, Goal, Way, Ways
 
 ELEVATION = 0.8
-"""Height at which the arm reaches a stop that is a point, m."""
+"""Height above the floor at which the arm reaches a stop that is a point, m."""
 BELOW, ABOVE = 0.5, 2.2
 """What stands lower or higher than this, from the robot's floor, is on another storey, m."""
 
@@ -192,7 +192,7 @@ class _LegPlanner:
     def _goal(self, stop: PathStop, level: float) -> Goal | None:
         """Where on a floor the robot would reach the object or point."""
         if not isinstance(stop, str):
-            return self._around((stop[0], stop[1]), ELEVATION, level)
+            return self._around((stop[0], stop[1]), level + ELEVATION, level)
         solid = self._simulation.scene.world.solids[stop]
         if solid.role not in (Role.THING, Role.MARK, Role.ROBOT, Role.FLOOR):
             reach, clearance = self._reach
