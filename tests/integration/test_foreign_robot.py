@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable, Coroutine
+from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 import zeep.exceptions
 
-from somrs.deployment.traffic import serve_simulated_traffic
+from somrs.client.client import Addresses, Client
+from somrs.deployment.traffic import add_traffic
+from somrs.deployment.traffic_entrance import serve_simulated_traffic
+from somrs.deployment.traffic_worker import TrafficWorker
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo
 from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.objects import Map, Object, ObjectAdded, ValueSet
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.repository.component import Repository
+from somrs.repository.state import Contents
 from somrs.runtime.host import Host
+from somrs.storage.journal import Journal
+from somrs.traffic.component import SCHEMA
 from tests.support.foreign_robot import ForeignRobot
 from tests.support.hang import HANG_TIME
 from tests.support.simulated_tower import HEIGHT, tower
@@ -66,6 +78,50 @@ def play(map: Map, work: Callable[[Building], None]) -> None:
             await runtime.stop()
 
     asyncio.run(run())
+
+
+@contextlib.asynccontextmanager
+async def program(repository: str, data: Path, port: int = 0) -> AsyncIterator[str]:
+    """The program of traffic in a building that is not simulated, and its address."""
+    journal = Journal(data / "traffic.sqlite", SCHEMA)
+    runtime = Host(port=port)
+    await runtime.start()
+    try:
+        with TrafficWorker() as worker:
+            yield add_traffic(runtime, journal, worker, repository).address
+            await runtime.stop()
+    finally:
+        journal.close()
+
+
+def in_building(map: Map, data: Path, work: Callable[[Client, str], Coroutine[object, object, None]]) -> None:
+    """Do the work beside a Repository with this map, and the program of traffic."""
+
+    async def run() -> None:
+        runtime = Host()
+        await runtime.start()
+        repository = runtime.add("/repository", lambda address: Repository(address, Contents(ontology=ONTOLOGY, map=map)))
+        try:
+            addresses = Addresses(repository=repository.address, registry="", task_manager="")
+            async with asyncio.timeout(HANG_TIME), program(repository.address, data) as traffic, Client(addresses) as client:
+                await work(client, traffic)
+        finally:
+            await runtime.stop()
+
+    asyncio.run(run())
+
+
+def read_roadmap(foreigner: ForeignRobot) -> None:
+    """Wait until the roadmap is laid out."""
+    edition = foreigner.edition
+    while foreigner.edition == edition or not foreigner.places:
+        foreigner.read_roadmap()
+        foreigner.take_message(0.02)
+
+
+def real(name: str, x: float, y: float) -> Object:
+    """A robot without a driver of the simulator."""
+    return robot(name, (x, y, 0.0), type="MobileRobot")
 
 
 def corridor_with_bay() -> list[Object]:
@@ -240,3 +296,105 @@ def test_a_foreign_robot_is_not_let_into_a_lift_that_is_out_of_order_and_learns_
         foreigner.close()
 
     play(tower((2, 2, 0)), work)
+
+
+# A building that is not simulated
+
+
+def test_real_robots_pass_each_other_in_a_corridor_without_a_simulator(tmp_path: Path) -> None:
+    def travel(foreigner: ForeignRobot, start: float, goal: float, others: list[ForeignRobot]) -> None:
+        read_roadmap(foreigner)
+        foreigner.enter(foreigner.nearest(start, 0), LONG_LEASE, Edition=foreigner.edition)
+        others.append(foreigner)
+        while len(others) < 2:
+            foreigner.take_message(0.02)
+        while True:
+            with contextlib.suppress(zeep.exceptions.Fault):  # the other one counts as standing there until it is seen to have entered
+                foreigner.request("there", foreigner.nearest(goal, 0))
+                break
+        foreigner.drive_until(lambda: all("there" in robot.ended for robot in others))
+        assert foreigner.ended["there"] == ("arrived", [])
+
+    async def work(client: Client, traffic: str) -> None:
+        first, second = await asyncio.gather(*(asyncio.to_thread(ForeignRobot, name, traffic, HANG_TIME) for name in ("Cart1", "Cart2")))
+        others: list[ForeignRobot] = []
+        await asyncio.gather(
+            asyncio.to_thread(travel, first, 0.6, 7.4, others),
+            asyncio.to_thread(travel, second, 7.4, 0.6, others),
+        )
+        assert not {*first.driven}.isdisjoint(second.driven), "they have met"
+        first.close()
+        second.close()
+
+    in_building(Map([*corridor_with_bay(), real("Cart1", 0.6, 0), real("Cart2", 7.4, 0)]), tmp_path, work)
+
+
+def test_without_a_simulator_traffic_follows_the_map(tmp_path: Path) -> None:
+    def blocked(foreigner: ForeignRobot, trip: str, goal: str) -> bool:
+        """Whether a way to the goal is closed."""
+        try:
+            foreigner.request(trip, goal)
+        except zeep.exceptions.Fault as refusal:
+            assert "no lanes lead" in str(refusal)  # noqa: PT017  # there may be a way by now
+            return True
+        foreigner.drive_until(lambda: trip in foreigner.ended)
+        return foreigner.ended[trip][0] == "closed"
+
+    async def work(client: Client, traffic: str) -> None:
+        cart = await asyncio.to_thread(ForeignRobot, "Cart1", traffic, HANG_TIME)
+        await asyncio.to_thread(read_roadmap, cart)
+        home, goal = cart.nearest(0.6, 0), cart.nearest(7.4, 0)
+        await asyncio.to_thread(cart.enter, home, LONG_LEASE)
+        numbers = itertools.count()
+        while not await asyncio.to_thread(blocked, cart, f"shut{next(numbers)}", goal):  # the door is shut on the map
+            await asyncio.to_thread(blocked, cart, f"home{next(numbers)}", home)
+        await client.update(UpdateMap(changes=(ValueSet("Door1", "Open", True),)))
+        while await asyncio.to_thread(blocked, cart, f"open{next(numbers)}", goal):
+            await asyncio.sleep(0.05)
+        assert cart.place == goal
+        await client.update(UpdateMap(changes=(ObjectAdded(box("Shelf9", "Cupboard", (0.2, -0.3, 0), (0.3, 0.3, 0.8))),)))
+        await asyncio.to_thread(cart.drive_until, lambda: cart.is_replaced)
+        edition = cart.edition
+        await asyncio.to_thread(read_roadmap, cart)
+        assert cart.edition > edition
+        cart.close()
+
+    door = box("Door1", "Door", (6, 0, 0), (0.1, 1.0, 2.1), Open=False)
+    in_building(Map([*corridor_with_bay(), door, real("Cart1", 0.6, 0)]), tmp_path, work)
+
+
+def test_traffic_that_was_started_again_knows_who_holds_what(tmp_path: Path) -> None:
+    async def run() -> None:
+        runtime = Host()
+        await runtime.start()
+        map = Map([*corridor_with_bay(), real("Cart1", 0.6, 0), real("Cart2", 7.4, 0)])
+        repository = runtime.add("/repository", lambda address: Repository(address, Contents(ontology=ONTOLOGY, map=map)))
+        async with program(repository.address, tmp_path) as traffic:
+            cart = await asyncio.to_thread(ForeignRobot, "Cart1", traffic, HANG_TIME)
+            await asyncio.to_thread(read_roadmap, cart)
+            await asyncio.to_thread(cart.enter, cart.nearest(0.6, 0), LONG_LEASE)
+        async with program(repository.address, tmp_path, urlsplit(traffic).port or 0) as again:
+            assert again == traffic
+            await asyncio.to_thread(cart.request, "there", cart.nearest(6.0, 0))
+            rival = await asyncio.to_thread(ForeignRobot, "Cart2", traffic, HANG_TIME)
+            with pytest.raises(zeep.exceptions.Fault, match="Cart1 holds it"):
+                await asyncio.to_thread(rival.enter, cart.place, LONG_LEASE)
+            await asyncio.to_thread(cart.drive_until, lambda: "there" in cart.ended)
+            assert cart.ended["there"] == ("arrived", [])
+            cart.close()
+            rival.close()
+        await runtime.stop()
+
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
+
+
+def test_a_building_without_robots_has_an_empty_roadmap(tmp_path: Path) -> None:
+    async def work(client: Client, traffic: str) -> None:
+        cart = await asyncio.to_thread(ForeignRobot, "Cart1", traffic, HANG_TIME)
+        await asyncio.to_thread(cart.read_roadmap)
+        assert cart.places == {}
+        with pytest.raises(zeep.exceptions.Fault, match="there is no place P0/0 on the roadmap"):
+            await asyncio.to_thread(cart.enter, "P0/0", LONG_LEASE)
+        cart.close()
+
+    in_building(Map(corridor_with_bay()), tmp_path, work)

@@ -23,7 +23,6 @@ from somrs.ontology.objects import Fact, FactRemoved, Map, Object, ObjectAdded, 
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem
-from somrs.planner_service import process
 from somrs.planner_service.engines import driver
 from somrs.planner_service.problem_delta import Recipient, Sender
 from somrs.planner_service.process import PlannerProcess
@@ -62,7 +61,7 @@ def test_a_question_that_kills_is_not_asked_for_ever(monkeypatch: pytest.MonkeyP
     async def run() -> None:
         with PlannerProcess() as planner:
             with monkeypatch.context() as patch:
-                patch.setattr(process, "_serve", dies)
+                patch.setattr(planner.worker, "serve", dies)
                 with pytest.raises(RemoteError, match="ended 2 times without an answer"):
                     await planner.plan(SOLVED_PROBLEM)
             assert await planner.plan(SOLVED_PROBLEM) == Plan(())

@@ -12,29 +12,37 @@ import pytest
 from somrs.client.client import Addresses
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
+from somrs.errors import UsageError
+from somrs.ontology.files.dump import dump_map
+from somrs.ontology.files.loading import upper
 from tests.support import warm
 from tests.support.foreign_robot import ForeignRobot
-from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1
+from tests.support.simulated_tower import tower
+from tests.support.simulator_room import robot
 
 pytestmark = pytest.mark.long
 
 LEASE = 600.0
+LONGEST = 300.0
+"""Seconds after which a test gives up. It takes ten on an idle machine."""
 
 
 def travel(addresses: Addresses) -> None:
-    """A robot of another make makes a trip to the farthest place of the building."""
+    """A robot of another make makes a trip on the lowest floor, between the robots that stand there."""
     assert addresses.traffic is not None
-    with urllib.request.urlopen(f"{addresses.api}/system", timeout=HANG_TIME) as response:
+    with urllib.request.urlopen(f"{addresses.api}/system", timeout=LONGEST) as response:
         parts = {part["name"]: part for part in json.load(response)["parts"]}
     assert parts["Traffic"]["address"] == addresses.traffic
     assert parts["Traffic"]["milliseconds"] is not None
-    foreigner = ForeignRobot("Foreigner", addresses.traffic, HANG_TIME)
-    foreigner.read_roadmap()
+    foreigner = ForeignRobot("Foreigner", addresses.traffic, LONGEST)
+    while not foreigner.places:
+        foreigner.read_roadmap()
     berths = [(berth.X, berth.Y) for berth in foreigner.service.ReadTraffic().Berths]
     """Where the other robots stand."""
     corner, far_corner = (min(berths), max(berths)) if berths else ((0.0, 0.0), (9.0, 9.0))
-    by_distance = sorted(foreigner.places, key=lambda name: foreigner.distance(name, *corner) - foreigner.distance(name, *far_corner))
+    on_floor = [name for name, place in foreigner.places.items() if place.level == 0.0]
+    by_distance = sorted(on_floor, key=lambda name: foreigner.distance(name, *corner) - foreigner.distance(name, *far_corner))
     start, goal = by_distance[len(by_distance) // 3], by_distance[len(by_distance) * 2 // 3]
     foreigner.enter(start, LEASE, Edition=foreigner.edition)
     foreigner.request("there", goal)
@@ -47,7 +55,30 @@ def travel(addresses: Addresses) -> None:
 def test_a_robot_of_another_make_drives_in_a_simulated_building(tmp_path: Path) -> None:
     async def run() -> None:
         system = System([SCENARIO_1], tmp_path, world=WorldKind.KINEMATIC, launcher=warm.launcher())
-        async with asyncio.timeout(HANG_TIME), system:
+        async with asyncio.timeout(LONGEST), system:
             await asyncio.to_thread(travel, Addresses.read(tmp_path))
 
     asyncio.run(run())
+
+
+def test_a_building_without_a_simulator_has_traffic_as_a_program_of_its_own(tmp_path: Path) -> None:
+    site = tmp_path / "site.yaml"
+    site.write_text(dump_map(tower(extra_objects=[robot("Foreigner", (1, 1, 0), type="MobileRobot")]), upper()))
+
+    async def run() -> None:
+        system = System([site], tmp_path / "data", simulates=False, launcher=warm.launcher())
+        async with asyncio.timeout(LONGEST), system:
+            addresses = Addresses.read(tmp_path / "data")
+            assert addresses.simulator is None
+            await asyncio.to_thread(travel, addresses)
+
+    asyncio.run(run())
+
+
+def test_a_simulated_device_needs_the_simulator(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with System([SCENARIO_1], tmp_path, simulates=False, launcher=warm.launcher()):
+            pass
+
+    with pytest.raises(UsageError, match="Robot1 is a device of the simulator, by the driver of its type"):
+        asyncio.run(run())

@@ -96,6 +96,7 @@ async def run_system(
     data: Path,
     speed: str,
     world: WorldKind,
+    simulates: bool,
     host: str,
     fresh: bool,
     launcher: Launcher,
@@ -124,10 +125,19 @@ async def run_system(
             console.print(text)
 
     system = System(
-        files, data, speed=speed, world=world, host=host, windows=True, launcher=launcher, devices_per_process=devices_per_process
+        files,
+        data,
+        speed=speed,
+        world=world,
+        simulates=simulates,
+        host=host,
+        windows=True,
+        launcher=launcher,
+        devices_per_process=devices_per_process,
     )
     try:
-        with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
+        world_program = "the simulator" if simulates else "traffic"
+        with console.status(f"starting the Repository, the Registry, the Task Manager, {world_program} and the devices ..."):
             await system.start()
             async with Client(system.addresses) as client:
                 offers = await client.services()

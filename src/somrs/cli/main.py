@@ -95,6 +95,13 @@ def up(
     data: Data = DEFAULT_FOLDER,
     speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
     world: WorldOption = WorldKind.PHYSICS,
+    simulator: Annotated[
+        bool,
+        typer.Option(
+            "--simulator/--no-simulator",
+            help="Simulate the building; without, its robots are real, and `somrs` only grants them their ways.",
+        ),
+    ] = True,
     host: HostOption = LOOPBACK,
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the map of an earlier run, and start with the site's map.")] = False,
     devices_per_process: Annotated[
@@ -113,7 +120,7 @@ def up(
 
     files = guarded(lambda: site_to_run(site or [], data, fresh=fresh))
     launcher_process = fork_launcher()
-    awaited(run(files, data, speed, world, host, fresh, Launcher(launcher_process), devices_per_process))
+    awaited(run(files, data, speed, world, simulator, host, fresh, Launcher(launcher_process), devices_per_process))
 
 
 @app.command()

@@ -64,6 +64,16 @@ def simulator(
 
 
 @run_app.command()
+def traffic(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+    """The traffic of a building without a simulator, which has one of its own."""
+    from somrs.client.client import Addresses
+    from somrs.deployment.programs import run_program
+    from somrs.deployment.traffic import run_traffic
+
+    guarded(lambda: run_program(run_traffic(data, Addresses.read(data), host, port)))
+
+
+@run_app.command()
 def world(
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,

@@ -220,7 +220,7 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
 
     It has the traffic of its building, in which robots that are not simulated take part at the address of traffic.
     """
-    from somrs.deployment.traffic import serve_simulated_traffic
+    from somrs.deployment.traffic_entrance import serve_simulated_traffic
     from somrs.devices.simulator.server.follower import Follower
     from somrs.devices.simulator.server.server import Server
 

@@ -89,6 +89,7 @@ def discard(data: Path, keep: Sequence[Path] = ()) -> None:
 class System:
     """The processes of one system, its data folder, and its addresses. An asynchronous context manager.
 
+    `simulates`: whether there is a simulator, if the map has no symbolic devices; without one, traffic is a program of its own.
     `world`: what moves the simulated world. `world_address`: host:port of a simulator or a symbolic world that runs already; None: the
     system starts its own.
     `launcher`: starts the programs; None: the system makes its own. `stop` ends it in either case.
@@ -102,6 +103,7 @@ class System:
         *,
         speed: str = "1",
         world: WorldKind = WorldKind.PHYSICS,
+        simulates: bool = True,
         host: str = "127.0.0.1",
         windows: bool = False,
         world_address: str | None = None,
@@ -109,7 +111,7 @@ class System:
         devices_per_process: int | None = None,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
-        self.speed, self.world = speed, world
+        self.speed, self.world, self._simulates = speed, world, simulates
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
         self.addresses = Addresses(repository="", registry="", task_manager="")
@@ -157,18 +159,25 @@ class System:
         driven = devices(map, ontology)
         bodiless = symbolic(driven)
         world_address = self._world_address or f"{self.host}:{ports[3]}"
-        if bodiless:
-            self.addresses = replace(self.addresses, world=world_address)
-        else:
-            # A simulator that runs already has a traffic of its own.
-            traffic_address = f"http://{self.host}:{ports[7]}/traffic" if self._world_address is None else None
-            self.addresses = replace(self.addresses, simulator=world_address, traffic=traffic_address)
+        has_world = bodiless or self._simulates
+        if not has_world:
+            check_unsimulated(driven)
+        # A simulator that runs already has a traffic of its own.
+        traffic_address = f"http://{self.host}:{ports[7]}/traffic" if self._world_address is None and not bodiless else None
+        self.addresses = replace(
+            self.addresses,
+            world=world_address if bodiless else None,
+            simulator=world_address if has_world and not bodiless else None,
+            traffic=traffic_address,
+        )
         # Not earlier: while another system uses this data folder, its addresses must stay in the file.
         self.addresses.write(self.data)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         first = [self._start("registry", "--port", str(ports[1])), self._start("task-manager", "--port", str(ports[2]))]
-        if self._world_address is None:
+        if not has_world:
+            first.append(self._start("traffic", "--port", str(ports[7])))
+        elif self._world_address is None:
             arguments = ["--port", str(ports[3]), "--speed", self.speed, *([] if bodiless else ["--world", self.world])]
             first.append(self._start("world" if bodiless else "simulator", *arguments))
         await asyncio.gather(*first)
@@ -248,7 +257,7 @@ class System:
     async def stop(self) -> None:
         """Stop all programs: devices first, so that they can leave in order."""
         running = [program for program in reversed(self.programs.values()) if program.process.returncode is None]
-        core = {"repository", "registry", "task-manager", "simulator", "world", "scheduler", "api", "gui"}
+        core = {"repository", "registry", "task-manager", "simulator", "world", "traffic", "scheduler", "api", "gui"}
         for group in ([p for p in running if p.name not in core], [p for p in running if p.name in core]):
             for program in group:
                 with contextlib.suppress(ProcessLookupError):  # it has just ended
@@ -310,3 +319,14 @@ def symbolic(driven: Sequence[tuple[str, str]]) -> bool:
         conflict = f"{bodiless[0]} is a device of a symbolic world, and {simulated[0]} is a device of the simulator"
         raise UsageError(f"{conflict}; a system has only one of the two, so remove one of the devices from the map")
     return bool(bodiless)
+
+
+def check_unsimulated(driven: Sequence[tuple[str, str]]) -> None:
+    """Check that no device needs a simulator. Raises UsageError."""
+    simulated = [(name, driver) for name, driver in driven if driver.startswith("somrs.devices.simulator.")]
+    if simulated:
+        name, driver = simulated[0]
+        raise UsageError(
+            f"{name} is a device of the simulator, by the driver of its type, {driver}: start the system with a simulator, or give it a "
+            "type without this driver"
+        )

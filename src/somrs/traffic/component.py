@@ -13,7 +13,7 @@ from typing import Self
 
 from somrs.errors import InputError, UsageError
 from somrs.kernel.codec import Schema
-from somrs.kernel.component import Answered, Effect, Effects, Input, Notified, Received, Send, SetTimer, TimerFired
+from somrs.kernel.component import Answered, Effect, Effects, ErrorAnswer, Input, Notified, Received, Send, SetTimer, Started, TimerFired
 from somrs.ontology.modes import why_closed
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, normalised_id, reply
@@ -120,6 +120,11 @@ class Traffic:
 
     def _effects(self, event: Input, now: float) -> Effects:
         match event:
+            case Received(Message(body=ReadTraffic() | ReadRoadmap()) as message):
+                yield self._answer(message, self._read(message.body))
+                return
+            case Started(address):
+                self.state.address = address
             case Received(message):
                 try:
                     yield from self._handle_request(message, now)
@@ -191,17 +196,17 @@ class Traffic:
                 self._hold(body, now)
             case HoldTraffic():
                 pass  # a later one has overtaken it
-            case ReadTraffic():
-                robots = tuple(view(self.state, self._schedule, self._berths))
-                berths = tuple(used.berth for used in self.state.berths if used)
-                yield self._answer(message, TrafficView(robots=robots, berths=berths, hold=self.state.hold))
-            case ReadRoadmap(after=offset):
-                yield self._answer(message, roadmap_page(self.state, self._berths.roadmap.graph, offset))
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
             case body:
                 text = f"traffic does not understand {type(body).__name__}; robots enter it, report their places and request trips"
                 yield self._answer(message, Fault(code="ActionNotSupported", text=text))
+
+    def _read(self, body: Body) -> Body:
+        if isinstance(body, ReadRoadmap):
+            return roadmap_page(self.state, self._berths.roadmap.graph, body.after)
+        robots = tuple(view(self.state, self._schedule, self._berths))
+        return TrafficView(robots=robots, berths=tuple(used.berth for used in self.state.berths if used), hold=self.state.hold)
 
     def _answer(self, request: Message, body: Body) -> Send:
         return Send(reply(request, body, self.state.address))
@@ -366,6 +371,14 @@ def robot_address(header: Header) -> str:
     return header.sender if header.sender != ANONYMOUS else header.reply_to
 
 
+def only_reads(event: Input) -> bool:
+    """Whether the input is a question that changes nothing and is answered on its connection; such inputs need no journal entry."""
+    match event:
+        case Received(Message(header=header, body=ReadTraffic() | ReadRoadmap())):
+            return header.reply_to == ANONYMOUS
+    return False
+
+
 SCHEMA = Schema(
     component="traffic",
     version=1,
@@ -373,8 +386,10 @@ SCHEMA = Schema(
     timers=Timer,
     questions=PlanQuestion,
     tasks=PlanTraffic,
-    answers=TrafficPlan,
+    answers=TrafficPlan | ErrorAnswer,
     notices=RoadmapMade,
+    relocatable=True,
+    is_read_only=only_reads,
     restore=Traffic.restored,
 )
 """The types in the journal of traffic."""

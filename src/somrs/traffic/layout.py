@@ -62,7 +62,7 @@ class OpenBuilding:
         """Without those of lifts."""
         self.passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
         opened = map.changed([ValueSet(solid.name, "Open", True) for solid in solids if solid.role is Role.DOOR])
-        self.spaces = {level: FreeSpace(opened, ontology, level=level) for level in _connected(levels, self.shafts)}
+        self.spaces = {level: FreeSpace(opened, ontology, level=level) for level in connected_levels(levels, self.shafts)}
         """By height, the lowest first."""
 
 
@@ -118,7 +118,7 @@ def ride_seconds(cabin: Solid, start: float, end: float) -> float:
     return DOORS + abs(end - start) / cabin.speed
 
 
-def _connected(levels: Iterable[float], shafts: Sequence[Shaft]) -> list[float]:
+def connected_levels(levels: Iterable[float], shafts: Sequence[Shaft]) -> list[float]:
     """The levels, and those to which lifts lead from them."""
     known = {round(level, 1) for level in levels}
     while True:

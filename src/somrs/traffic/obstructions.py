@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from somrs.protocol.messages.traffic import ClosedLane, ClosedPassage, CloseWays
 from somrs.space.clearance import Disc
 from somrs.space.distances import distances_from
-from somrs.space.free_space import SLACK
+from somrs.space.free_space import SLACK, FreeSpace
 from somrs.space.shafts import SAME_FLOOR
-from somrs.space.solids import Solid
+from somrs.space.solids import Role, Solid
 from somrs.traffic.layout import MARGIN, SAMPLES
 from somrs.traffic.planning.graph import Lane
 from somrs.traffic.roadmap import NumberedRoadmap
@@ -102,6 +104,40 @@ class Obstructions:
         )
         yield from (lane for lane in dict.fromkeys(touching_lanes) if steps.get(lane[0], 0) <= steps.get(lane[1], 0))
 
+    def closing(
+        self,
+        free_spaces: Mapping[float, FreeSpace],
+        standing: Mapping[float, Sequence[Disc]],
+        out_of_order: Sequence[Solid] = (),
+        forbidden: Sequence[Solid] = (),
+        idle_lifts: Iterable[str] = (),
+    ) -> CloseWays:
+        """What is closed: by level, what the free space knows, and things on the floor; doors and lifts that are out of order; the ways
+        into no-go zones; and lifts that nobody moves. Levels without a free space have nothing closed: nobody drives there now."""
+        places: list[int] = []
+        lanes = [lane for lift in idle_lifts for lane in self.into_lift(lift)]
+        for level in free_spaces.keys() & {*self.levels}:
+            blocked = self.blocked(level, partial(_room, free_spaces[level], standing[level]))
+            places += blocked[0]
+            lanes += blocked[1]
+        passages = (*map(self._closed_passage, out_of_order), *map(self._closed_zone, forbidden))
+        return CloseWays(places=self._names(places), lanes=self._closed_lanes(lanes), passages=passages)
+
+    def _closed_passage(self, passage: Solid) -> ClosedPassage:
+        """The places and lanes at which a robot would be in a door; or the lanes by which it would come into a lift, or ride in it."""
+        is_lift = passage.role is Role.LIFT
+        places, lanes = ([], [*self.into_lift(passage.name)]) if is_lift else self.touching(passage)
+        return ClosedPassage(name=passage.name, places=self._names(places), lanes=self._closed_lanes(lanes))
+
+    def _closed_zone(self, area: Solid) -> ClosedPassage:
+        return ClosedPassage(name=area.name, zone=True, lanes=self._closed_lanes([*self.into_zone(area)]))
+
+    def _names(self, places: list[int]) -> tuple[str, ...]:
+        return tuple(self._roadmap.names[place] for place in places)
+
+    def _closed_lanes(self, lanes: list[Lane]) -> tuple[ClosedLane, ...]:
+        return tuple(ClosedLane(start=self._roadmap.names[start], end=self._roadmap.names[end]) for start, end in lanes)
+
     def _without_room(self, floor: _Floor, room: Room, lanes: Numbers, rows: Numbers) -> tuple[list[int], list[Lane]]:
         blocked = np.zeros(len(floor.numbers), dtype=bool)
         blocked[rows] = room(floor.points[rows]) < floor.need[rows]
@@ -128,6 +164,14 @@ def discs_along(positions: Sequence[Position]) -> Iterator[tuple[float, Disc]]:
             yield start.level, Disc(start.x + (end.x - start.x) * share, start.y + (end.y - start.y) * share, start.radius)
     for last in positions[-1:]:
         yield last.level, Disc(last.x, last.y, last.radius)
+
+
+def _room(free_space: FreeSpace, discs: Sequence[Disc], points: Points) -> NDArray[np.float64]:
+    """The distance from each point to the nearest obstacle."""
+    room = np.asarray(free_space.clearances(points), dtype=float)
+    for disc in discs:
+        room = np.minimum(room, np.hypot(points[:, 0] - disc.x, points[:, 1] - disc.y) - disc.radius)
+    return room
 
 
 def least_room(room: Room, starts: Points, ends: Points) -> NDArray[np.float64]:

@@ -25,9 +25,9 @@ def next_passage(traffic: Traffic, robot: str) -> Passage | None:
     held = traffic.state.held[robot][:2]
     if len(held) < 2:
         return None
-    here, following = (_whereabouts(traffic.state, number) for number in held)
-    lift = here.zone or following.zone
-    if lift is None or here == following:
+    current, following = (_whereabouts(traffic.state, number) for number in held)
+    lift = current.zone or following.zone
+    if lift is None or current == following:
         return None
     place = traffic.place_name(held[1])
     return Passage(lift=lift, level=following.level, place=place, progress=traffic.state.robots[robot].progress)

@@ -9,6 +9,9 @@ from msgspec import Struct, field
 from somrs.protocol.messages.traffic import Mobility
 from somrs.traffic.roadmap import Roadmap, UsedBerth
 
+MAP_FOLLOWER = "map"
+"""The sender of what follows from the map, which is a part of the program that has traffic."""
+
 
 class LeasesDue(Struct, frozen=True, tag=True):
     """The next lease expires."""
@@ -125,7 +128,7 @@ class PlanTraffic(Struct, frozen=True, kw_only=True):
     searches: bool
 
 
-class TrafficPlan(Struct, frozen=True, kw_only=True):
+class TrafficPlan(Struct, frozen=True, kw_only=True, tag=True):
     """The place of each robot at each step. `whole` and `stuck` are those of `Course`."""
 
     ways: dict[str, tuple[int, ...]]
@@ -154,7 +157,7 @@ class TrafficState(Struct, kw_only=True):
     `held` and `planned` belong to the schedule, `berths` to `Berths`. `serial` is that of the last plan that was asked for; `is_planning`:
     its answer is awaited. `changed`: robots, their trips or their mobility are others than in the last plan that was asked for. `whole`:
     what is planned is to be followed to its end. `hold`: why nobody is granted a way, if that is so; `held_by`: the number of the message
-    that said so. `follower`: the address of whoever follows the map; if there is one, nobody else closes ways and holds traffic. `edition`:
+    that said so. `follower`: the sender that follows the map; if there is one, nobody else closes ways and holds traffic. `edition`:
     that of the roadmap. `astray`: the robots that took part on the roadmap before and not on this one yet, with the points of the places
     that they held, in the order of their ways. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans
     moved nobody. `searched_at`: when ways were searched for last because a robot had not come nearer to its goal.

@@ -48,6 +48,7 @@ COMPONENTS: dict[str, tuple[str, Kinds]] = {
     "scheduler": ("Scheduler", (*_requests(ORDERS), *_FOLLOWS_MAP)),
     "traffic": ("Traffic", (*_requests(TRAFFIC), traffic.CancelTrip)),
     "devices": ("ServiceManager", (*_without_fault(CoordinatorBody), directory.ServiceTypesChanged)),
+    "map-follower": ("MapFollower", _FOLLOWS_MAP),
     "simulator": ("Simulator", _FOLLOWS_MAP),
 }
 """The name of a component and the messages that it accepts, by the first part of its path."""

@@ -302,6 +302,7 @@ MAP = ["MapChanged", "OntologyChanged"]
             ["Arrange", "Accept", "Cancel", "Execute", "Stop", "Compensate", "Query", "End", "ServiceTypesChanged"],
         ),
         ("traffic", "Traffic", TRAFFIC, ["CancelTrip"]),
+        ("map-follower", "MapFollower", None, MAP),
         ("simulator", "Simulator", None, MAP),
     ],
 )

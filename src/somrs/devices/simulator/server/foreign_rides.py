@@ -36,10 +36,10 @@ class ForeignRides:
                 self._call(traffic, robot, passage, self._lifts[passage.lift])
 
     def _call(self, traffic: Traffic, robot: str, passage: Passage, lift: Lift) -> None:
-        said = traffic.state.robots[robot].fence, passage
-        if self._told.get(robot) == said or not (lift.is_usable or is_inside(traffic, robot)):
+        notice = traffic.state.robots[robot].fence, passage
+        if self._told.get(robot) == notice or not (lift.is_usable or is_inside(traffic, robot)):
             return
         self._called[robot] = passage.lift
         if lift.call(robot, passage.level):
-            self._told[robot] = said
+            self._told[robot] = notice
             self._deliver(opened(traffic, robot, passage))

@@ -11,7 +11,7 @@ from somrs.devices.simulator.motion.driving import sees, things_on_floor
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.devices.simulator.motion.robot import Fleet, Lift, Robot
 from somrs.devices.simulator.server.foreign_rides import ForeignRides
-from somrs.devices.simulator.server.traffic_office import FOLLOWER, RENEWAL, Deliver, TrafficOffice
+from somrs.devices.simulator.server.traffic_office import RENEWAL, Deliver, TrafficOffice
 from somrs.devices.simulator.world.scene import Scene
 from somrs.kernel.component import Send
 from somrs.ontology.objects import Map
@@ -27,6 +27,7 @@ from somrs.traffic.component import Traffic
 from somrs.traffic.layout import OpenBuilding, lay_out
 from somrs.traffic.obstructions import discs_along
 from somrs.traffic.roadmap import Roadmap
+from somrs.traffic.state import MAP_FOLLOWER
 from somrs.traffic.ways import Ways
 
 LOOK = 1.0
@@ -44,7 +45,7 @@ class SimulatedTraffic:
         self._scene, self._robots, self._free_space = scene, robots, free_space
         self.deliver: Deliver = lambda message: None
         """Sends the messages for robots that are not simulated, of which there are none before it is set."""
-        traffic = Traffic(address, Roadmap(places=(), lanes=()), follower=FOLLOWER, edition=int(time.time()))
+        traffic = Traffic(address, Roadmap(places=(), lanes=()), follower=MAP_FOLLOWER, edition=int(time.time()))
         self.office = TrafficOffice(traffic, self._send)
         self._rides = ForeignRides(robots.lifts, self._send)
         self._ways = Ways(self.office.roadmap, {}, {})

@@ -4,34 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
-from functools import partial
 from itertools import count
 from random import Random
-
-import numpy as np
 
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.kernel.component import Answered, Ask, Input, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, reply
 from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.traffic import ClosedLane, ClosedPassage, CloseWays, HoldTraffic
+from somrs.protocol.messages.traffic import ClosedLane, CloseWays, HoldTraffic
 from somrs.space.clearance import Disc
 from somrs.space.free_space import FreeSpace
 from somrs.space.shafts import SAME_FLOOR
-from somrs.space.solids import Point, Role, Solid
+from somrs.space.solids import Point, Solid
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import SAME_SIZE
 from somrs.traffic.obstructions import Obstructions
 from somrs.traffic.planner import TrafficPlanner
-from somrs.traffic.planning.graph import FAR, Lane
+from somrs.traffic.planning.graph import FAR
 from somrs.traffic.roadmap import NumberedRoadmap
-from somrs.traffic.state import PlanTraffic
+from somrs.traffic.state import MAP_FOLLOWER, PlanTraffic
 
 ADDRESS = "traffic"
 """The address of traffic in which only simulated robots take part."""
-FOLLOWER = "map"
-"""Who tells traffic which ways are closed: the simulation, which follows the map."""
 CLEAR_OF_LIFT = 5
 """How many places away from a lift a robot ends the trip that takes it to another floor."""
 NEAREST = 20
@@ -187,7 +182,7 @@ class TrafficOffice:
     def hold(self, reason: str) -> None:
         """Hold traffic for a reason, or without one let it go on."""
         if reason != self.component.state.hold:
-            self.tell(FOLLOWER, HoldTraffic(reason=reason, number=self.component.state.held_by + 1))
+            self.tell(MAP_FOLLOWER, HoldTraffic(reason=reason, number=self.component.state.held_by + 1))
 
     # What stands in the way
 
@@ -200,17 +195,10 @@ class TrafficOffice:
     ) -> None:
         """Close the places and lanes where something stands: by level, what the free_space knows, and things on the floor; those in doors
         and lifts that are out of order; and the ways into no-go zones."""
-        places: list[int] = []
-        lanes: list[Lane] = []
-        for level in free_spaces.keys() & {*self._obstructions.levels}:  # nobody drives on other levels now
-            blocked = self._obstructions.blocked(level, partial(_room, free_spaces[level], things[level]))
-            places += blocked[0]
-            lanes += blocked[1]
-        passages = (*map(self._closed_passage, out_of_order), *map(self._closed_zone, forbidden))
-        closing = CloseWays(places=self._names(places), lanes=self._closed_lanes(lanes), passages=passages)
+        closing = self._obstructions.closing(free_spaces, things, out_of_order, forbidden)
         if closing != self._closed:
             self._closed, self.edition = closing, self._random.getrandbits(32)
-            self.tell(FOLLOWER, closing)
+            self.tell(MAP_FOLLOWER, closing)
 
     @property
     def closed_places(self) -> set[str]:
@@ -221,26 +209,3 @@ class TrafficOffice:
     def closed_lanes(self) -> set[ClosedLane]:
         """The lanes between other places that nobody uses."""
         return {*self._closed.lanes, *(lane for passage in self._closed.passages for lane in passage.lanes)}
-
-    def _closed_passage(self, passage: Solid) -> ClosedPassage:
-        """The places and lanes at which a robot would be in a door; or the lanes by which it would come into a lift, or ride in it."""
-        is_lift = passage.role is Role.LIFT
-        places, lanes = ([], [*self._obstructions.into_lift(passage.name)]) if is_lift else self._obstructions.touching(passage)
-        return ClosedPassage(name=passage.name, places=self._names(places), lanes=self._closed_lanes(lanes))
-
-    def _closed_zone(self, area: Solid) -> ClosedPassage:
-        return ClosedPassage(name=area.name, zone=True, lanes=self._closed_lanes([*self._obstructions.into_zone(area)]))
-
-    def _names(self, places: list[int]) -> tuple[str, ...]:
-        return tuple(self.roadmap.names[place] for place in places)
-
-    def _closed_lanes(self, lanes: list[Lane]) -> tuple[ClosedLane, ...]:
-        return tuple(ClosedLane(start=self.roadmap.names[start], end=self.roadmap.names[end]) for start, end in lanes)
-
-
-def _room(free_space: FreeSpace, discs: list[Disc], points: np.ndarray) -> np.ndarray:
-    """The distance from each point to the nearest obstacle."""
-    room = np.asarray(free_space.clearances(points), dtype=float)
-    for disc in discs:
-        room = np.minimum(room, np.hypot(points[:, 0] - disc.x, points[:, 1] - disc.y) - disc.radius)
-    return room

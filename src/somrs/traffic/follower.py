@@ -1,0 +1,88 @@
+"""Follows the map for traffic: has the building surveyed, closes ways, and holds traffic. Its program does the surveys.
+
+It keeps nothing on disk: whatever it has told traffic follows from the map.
+"""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from somrs.kernel.component import Answered, Ask, Effect, Effects, Input, Send, SetTimer, Started, TimerFired
+from somrs.kernel.replica import Replica
+from somrs.ontology.modes import MOBILE_ROBOT, hold_reason, modes
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.traffic import CloseWays, HoldTraffic
+from somrs.traffic.state import MAP_FOLLOWER
+from somrs.traffic.survey import Survey
+
+LOOK = 0.5
+"""The time after which it is looked at again where robots are, in seconds."""
+
+
+class SurveyDue(Struct, frozen=True, tag=True):
+    """It may be that other robots take part."""
+
+
+class SurveyQuestion(Struct, frozen=True, tag=True):
+    """What is closed now?"""
+
+
+class MapFollower:
+    """Tells traffic what follows from the map. While there are no robots on it, there is nothing to do."""
+
+    def __init__(self, address: str, repository: str, traffic: str) -> None:
+        self._address, self._traffic = address, traffic
+        self.replica = Replica(address, repository)
+        self._closing: CloseWays | None = None
+        self._hold = ""
+        self._sent = 0
+        self._is_survey_open = self._is_outdated = self._was_surveyed = False
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        return [*self._effects(event, now)]
+
+    def _effects(self, event: Input, now: float) -> Effects:
+        match event:
+            case Started():
+                yield from self.replica.start(now)
+            case Answered(SurveyQuestion(), value):
+                self._is_survey_open = False
+                if isinstance(value, CloseWays) and value != self._closing:
+                    self._closing = value
+                    yield self._send(value, now)
+                yield SetTimer(SurveyDue(), now + LOOK if self._has_robots else None)
+                if self._is_outdated:
+                    yield from self._survey()
+            case TimerFired(SurveyDue()):
+                yield from self._survey()
+            case _:
+                yield from self._follow(event, now)
+
+    def _follow(self, event: Input, now: float) -> Effects:
+        news = self.replica.handle(event, now)
+        if news is None:
+            return
+        yield from news.effects
+        reason = hold_reason(modes(self.replica.map))
+        if reason != self._hold:
+            self._hold = reason
+            yield self._send(HoldTraffic(reason=reason, number=self.replica.version + 1), now)
+        if self.replica.ready and (news.changes or news.ontology_changed) and (self._has_robots or self._was_surveyed):
+            self._is_outdated = True
+            yield from self._survey()
+
+    def _survey(self) -> Effects:
+        if not self._is_survey_open:
+            self._is_survey_open, self._is_outdated, self._was_surveyed = True, False, True
+            yield Ask(SurveyQuestion(), Survey(map=self.replica.map, ontology=self.replica.ontology))
+
+    @property
+    def _has_robots(self) -> bool:
+        ontology = self.replica.ontology
+        return any(ontology.is_subtype(object.type, MOBILE_ROBOT) for object in self.replica.map.objects.values())
+
+    def _send(self, body: Body, now: float) -> Send:
+        self._sent += 1
+        id = message_id(self._address, self._traffic, self._sent, now)
+        return Send(Message(header=Header(sender=MAP_FOLLOWER, recipient=self._traffic, message_id=id), body=body))
