@@ -62,7 +62,14 @@ def test_a_lift_that_breaks_keeps_its_robot_until_it_is_mended(world: WorldKind)
     run.run_for(30)
     assert height(run, "Robot1") == stuck_at
     assert not end
+    assert run.simulation.state("Robot1").hindrance == "Lift1 does not work"
     run.simulation.repair("Lift1", Fault.DRIVE)
+    assert run.simulation.state("Robot1").hindrance is None
+    run.simulation.set_paused("Lift1", True)
+    run.run_for(10)
+    assert height(run, "Robot1") == stuck_at
+    assert run.simulation.state("Robot1").hindrance == "Lift1 is stopped"
+    run.simulation.set_paused("Lift1", False)
     run.run_until(lambda: end)
     assert isinstance(end[0], CommandDone), end
     assert run.simulation.state("Robot1").z == HEIGHT

@@ -168,6 +168,8 @@ class _ScenarioPlayer:
 
     async def _lift_is_mended(self) -> None:
         record = self.record
+        while not _reports_of_waiting(record.lines):
+            await asyncio.sleep(0.02)
         record.accomplished_before_repair = record.accomplished()
         record.height_before_repair = (await self._operator.observe(_LIFT)).z
         await self._operator.repair(_LIFT, Fault.DRIVE)
@@ -248,7 +250,7 @@ class _ScenarioPlayer:
             return "is being arranged"
         robot, _, service_type = services[-1].partition(".")
         if robot == record.passenger and not record.is_mended:
-            return f"{robot} waits in {_LIFT}"
+            return f"{robot} waits in {_LIFT}, which does not work"
         return f"{robot} {'opens the door' if service_type == 'OpenDoor' else 'is on its way'}"
 
     async def _picture_other_lift(self) -> None:
@@ -336,6 +338,8 @@ def _checks_of_story(record: _ScenarioRecord) -> dict[str, bool]:
     return {
         "the lift broke half-way, with a robot and its load in it": cargo in _FIRST and 0 < record.stuck_at < 3.2,
         "the robot stayed in the cabin, which stood still until the repair": record.height_before_repair == record.stuck_at,
+        "the robot said why it waited": {line.sender for line in _reports_of_waiting(record.lines)}
+        == {f"{record.passenger}.TransferObject"},
         "the others were delivered meanwhile, also upstairs, by the other lift": record.accomplished_before_repair
         == _FIRST.keys() - {cargo},
         "the delivery for which no lift worked waited, and named the lifts": bool(record.hindrances)
@@ -345,6 +349,15 @@ def _checks_of_story(record: _ScenarioRecord) -> dict[str, bool]:
         "after the repair, the delivery that waited went on": record.views[last].outcome is Outcome.ACCOMPLISHED,
         "all deliveries were accomplished": record.accomplished() == _DELIVERIES.keys(),
     }
+
+
+def _reports_of_waiting(lines: list[Line]) -> list[Line]:
+    """The messages that say that the lift keeps the sender from going on."""
+    return [
+        line
+        for line in lines
+        if line.type == "Progress" and line.body.get("waits") and line.body.get("note") == f"waits: {_LIFT} does not work"
+    ]
 
 
 def _checks_of_messages(lines: list[Line]) -> dict[str, bool]:

@@ -127,12 +127,16 @@ class Execute(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Progress(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Heartbeat and monitoring: the fraction done (0 to 1), the situation if it changed, and a note for people."""
+    """Heartbeat and monitoring: the fraction done (0 to 1), the situation if it changed, and a note for people.
+
+    `waits`: something that will pass keeps the service from going on, so that its time begins again.
+    """
 
     fraction: float
     situation: str | None = None
     note: str = ""
     observation: Observation | None = None
+    waits: bool = False
 
 
 class Completed(MessageBody, frozen=True, kw_only=True, tag=True):

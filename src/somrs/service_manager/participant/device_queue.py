@@ -117,7 +117,9 @@ class DeviceWork:
         job.note_situation(value.situation, value.observation, now)
         if job.session.state in WORKING:
             observation = job.observation if value.situation is not None else None
-            progress = frp.Progress(fraction=value.fraction, situation=value.situation, note=value.note, observation=observation)
+            progress = frp.Progress(
+                fraction=value.fraction, situation=value.situation, note=value.note, observation=observation, waits=value.waits
+            )
             yield from send_message(job, progress, self._jobs, now)
 
     def _finish_activity(self, job: Job, activity: Activity, value: Answer, now: float) -> Effects:

@@ -95,10 +95,15 @@ class Task:
         if throughout:
             self.invariants = (*self.invariants, demand)
 
-    async def progress(self, fraction: float, situation: Situation = None, note: str = "", observation: Observation | None = None) -> None:
-        """Report the fraction done (0 to 1), the situation if it changed, and a note for people."""
+    async def progress(
+        self, fraction: float, situation: Situation = None, note: str = "", observation: Observation | None = None, *, waits: bool = False
+    ) -> None:
+        """Report the fraction done (0 to 1), the situation if it changed, and a note for people.
+
+        `waits`: something that will pass keeps the service from going on. As long as it says so, it is not too late.
+        """
         text = str(situation) if situation is not None else None
-        self._report(Advance(fraction=min(max(fraction, 0.0), 1.0), situation=text, note=note, observation=observation))
+        self._report(Advance(fraction=min(max(fraction, 0.0), 1.0), situation=text, note=note, observation=observation, waits=waits))
 
 
 class Service:

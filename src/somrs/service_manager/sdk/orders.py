@@ -131,12 +131,13 @@ class Refused(Struct, frozen=True, tag=True):
 
 
 class Advance(PartialAnswer, frozen=True, kw_only=True, tag=True):
-    """The progress of the work."""
+    """The progress of the work. `waits`: something that will pass keeps it from going on."""
 
     fraction: float
     situation: str | None = None
     note: str = ""
     observation: Observation | None = None
+    waits: bool = False
 
 
 class WorkDone(Struct, frozen=True, kw_only=True, tag="Done"):

@@ -317,6 +317,11 @@ class Participants:
             if member.offer.provider in devices and not member.halting:
                 yield from self._watch(member, now)
 
+    def hindered(self, member: Member, now: float) -> Effects:
+        """Give the work of a participant that cannot go on now its whole time again."""
+        if member.state in (State.EXECUTING, State.COMPENSATING) and not member.halting:
+            yield from self._watch(member, now)
+
     def force_end(self, member: Member, now: float) -> Effects:
         """Send End to a participant that does not finish its compensation. `overdue` returns it when it must have stopped."""
         yield from self.give_up_member(member)

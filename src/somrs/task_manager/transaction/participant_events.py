@@ -155,6 +155,8 @@ class ParticipantEvents:
         if progress.note and progress.note != member.note:
             self._log_event(events.ProgressNoted(service=member.offer.service, note=progress.note), run, now)
             member.note = progress.note
+        if progress.waits:
+            yield from self._scope.participants.hindered(member, now)
         if progress.situation is not None:
             if (work := self._state.log.work_of(member)) is not None:
                 work.situation = progress.situation

@@ -196,11 +196,13 @@ class SimulatedDevice(Device):
         fraction = begin
         try:
             while True:
-                await task.progress(fraction, note=note)
+                hindrance = self._link.state.hindrance if self._link.state is not None else None
+                await task.progress(fraction, note=f"waits: {hindrance}" if hindrance else note, waits=hindrance is not None)
                 finished, _ = await asyncio.wait({driving}, timeout=REPORTING)
                 if finished:
                     return driving.result()
-                fraction += (end - fraction) / 5
+                if hindrance is None:
+                    fraction += (end - fraction) / 5
         finally:
             driving.cancel()
 

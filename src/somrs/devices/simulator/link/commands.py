@@ -164,6 +164,8 @@ class RobotState(Struct, frozen=True, kw_only=True):
     z: float | None = None
     charge: float | None = None
     """Charge of its battery, percent; None for a device without one."""
+    hindrance: str | None = None
+    """What keeps it from going on, and will pass without it: that the lift in which it stands does not work, for example."""
 
 
 class ObjectState(Struct, frozen=True, kw_only=True):

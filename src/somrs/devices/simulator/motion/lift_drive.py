@@ -36,6 +36,8 @@ class LiftDrive(StationaryDevice):
         super().__init__(solid, scene)
         self.shaft = shaft
         self.is_out_of_order = False
+        self.is_paused = False
+        """Whether an operator has stopped it."""
         self._robots = robots
         self._holder: str | None = None
         self._goal = self._nearest_level()
@@ -49,6 +51,13 @@ class LiftDrive(StationaryDevice):
     def is_usable(self) -> bool:
         """Whether robots may enter it: it works, and is not out of order."""
         return self.works and not self.is_out_of_order
+
+    @property
+    def hindrance(self) -> str | None:
+        """Why it moves nobody now; None if it does."""
+        if not self.works:
+            return f"{self.name} does not work"
+        return f"{self.name} is stopped" if self.is_paused else None
 
     @property
     def busy(self) -> bool:

@@ -117,6 +117,12 @@ class Robot:
         return not self.paused and not self.faults & {Fault.DRIVE, Fault.SILENT, Fault.LINK}
 
     @property
+    def hindrance(self) -> str | None:
+        """What keeps it from going on, and will pass without it: the lift in which it stands moves nobody now."""
+        lift = self.fleet.lifts.get(self.road.zone or "")
+        return lift.hindrance if lift is not None and self.activity is not None else None
+
+    @property
     def stands(self) -> bool:
         return max(map(abs, self.joints.speed())) < STANDING
 
@@ -137,6 +143,7 @@ class Robot:
             activity=self.activity,
             faults=faults,
             charge=self.battery.charge,
+            hindrance=self.hindrance,
         )
 
     # The base
@@ -287,6 +294,10 @@ class Lift(Protocol):
     @property
     def is_usable(self) -> bool:
         """Whether robots may enter it: it works, and is not out of order."""
+
+    @property
+    def hindrance(self) -> str | None:
+        """Why it moves nobody now; None if it does."""
 
     def call(self, robot: str, level: float) -> bool:
         """Let a robot have the lift, and send the cabin to a floor. Returns whether the robot can enter or leave it there now."""

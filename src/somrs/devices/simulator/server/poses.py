@@ -61,6 +61,7 @@ def is_same_state(first: RobotState, second: RobotState) -> bool:
         same_pose
         and _is_same_charge(first.charge, second.charge)
         and (first.holding, first.activity, first.faults) == (second.holding, second.activity, second.faults)
+        and first.hindrance == second.hindrance
     )
 
 

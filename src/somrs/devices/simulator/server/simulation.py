@@ -334,6 +334,8 @@ class Simulation:
 
     def set_paused(self, device: str, paused: bool) -> None:
         """Stop a device where it is, or let it go on. Its command waits meanwhile; other objects are ignored."""
+        if isinstance(lift := self.stationary.get(device), LiftDrive):
+            lift.is_paused = paused
         if device in self.robots:
             self.robots[device].paused = paused
         elif device in self.stationary and paused:
