@@ -8,9 +8,11 @@ import random
 
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault
 from somrs.devices.simulator.motion.traffic import Capsule
+from somrs.devices.simulator.server.simulated_traffic import UseRoadmap
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.objects import Map, Object
 from somrs.space.lines import segment_distance
+from somrs.traffic.layout import Layout, lay_out
 from tests.support.simulator_room import Run, box, robot, room, shell
 
 
@@ -142,3 +144,24 @@ def test_a_robot_drives_a_few_centimetres_without_a_detour(world: WorldKind) -> 
         farthest = max(farthest, math.dist((state.x, state.y), (3.18, 2.89)))
     assert isinstance(ends[0], CommandDone)
     assert farthest < 0.1
+
+
+def test_robots_drive_on_around_what_was_built_while_a_roadmap_is_made(world: WorldKind) -> None:
+    run = Run(room((1.5, 3, 0)), world)
+    begun: list[tuple[Layout, UseRoadmap]] = []
+    run.simulation.lay_out_with(lambda layout, use: begun.append((layout, use)))
+    roadmap = run.simulation.robots["Robot1"].road.office.roadmap
+    run.simulation.add(box("Shelf9", "Cupboard", (3.5, 3, 0), (0.4, 1.2, 0.8)))
+    run.execute_all("Robot1", DriveTo(x=5, y=3))
+    assert run.simulation.robots["Robot1"].road.office.roadmap is roadmap
+    run.simulation.add(box("Shelf8", "Cupboard", (2.5, 1, 0), (0.4, 0.4, 0.8)))
+    run.run_for(1)
+    ((layout, use),) = begun  # one at a time
+    use(lay_out(layout.building, layout.radii))
+    run.run_for(1)
+    assert run.simulation.robots["Robot1"].road.office.roadmap is not roadmap
+    layout, use = begun[1]
+    assert "Shelf8" in layout.map.objects
+    use(None)  # it could not be made
+    run.execute_all("Robot1", DriveTo(x=1.5, y=3))
+    assert not run.collisions

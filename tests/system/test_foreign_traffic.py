@@ -9,17 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from somrs.client.client import Addresses
+from somrs.client.client import Addresses, Client
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
 from somrs.ontology.files.dump import dump_map
 from somrs.ontology.files.loading import upper
+from somrs.ontology.objects import ObjectAdded
+from somrs.protocol.messages.knowledge import UpdateMap
 from tests.support import warm
 from tests.support.foreign_robot import ForeignRobot
 from tests.support.paths import SCENARIO_1
 from tests.support.simulated_tower import tower
-from tests.support.simulator_room import robot
+from tests.support.simulator_room import box, robot
 
 pytestmark = pytest.mark.long
 
@@ -56,9 +58,28 @@ def test_a_robot_of_another_make_drives_in_a_simulated_building(tmp_path: Path) 
     async def run() -> None:
         system = System([SCENARIO_1], tmp_path, world=WorldKind.KINEMATIC, launcher=warm.launcher())
         async with asyncio.timeout(LONGEST), system:
-            await asyncio.to_thread(travel, Addresses.read(tmp_path))
+            addresses = Addresses.read(tmp_path)
+            await asyncio.to_thread(travel, addresses)
+            async with Client(addresses) as client:
+                await build(client, addresses.traffic or "")
 
     asyncio.run(run())
+
+
+async def build(client: Client, traffic: str) -> None:
+    """Build something beside a robot of another make, which is told of the new roadmap."""
+    foreigner = await asyncio.to_thread(ForeignRobot, "Foreigner", traffic, LONGEST)
+    await asyncio.to_thread(foreigner.read_roadmap)
+    held = {held for seen in foreigner.service.ReadTraffic().Robots for held in seen.Held}
+    place = next(name for name in reversed(foreigner.places) if name not in held)
+    await asyncio.to_thread(foreigner.enter, place, LEASE)
+    shelf = box("Shelf99", "Cupboard", (foreigner.places[place].x + 1.0, foreigner.places[place].y, 0), (0.3, 0.3, 0.8))
+    await client.update(UpdateMap(changes=(ObjectAdded(shelf),)))
+    await asyncio.to_thread(foreigner.drive_until, lambda: foreigner.is_replaced)
+    edition = foreigner.edition
+    await asyncio.to_thread(foreigner.read_roadmap)
+    assert foreigner.edition > edition
+    foreigner.close()
 
 
 def test_a_building_without_a_simulator_has_traffic_as_a_program_of_its_own(tmp_path: Path) -> None:

@@ -220,7 +220,8 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
 
     It has the traffic of its building, in which robots that are not simulated take part at the address of traffic.
     """
-    from somrs.deployment.traffic_entrance import serve_simulated_traffic
+    from somrs.deployment.traffic_entrance import lay_out_beside, serve_simulated_traffic
+    from somrs.deployment.traffic_worker import TrafficWorker
     from somrs.devices.simulator.server.follower import Follower
     from somrs.devices.simulator.server.server import Server
 
@@ -234,7 +235,9 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
         assert world.simulation is not None, "made when the map has been read"
         server = Server(world.simulation, host=host, port=port, speed=speed)
         serve_simulated_traffic(world.simulation, runtime, server.wake)
-        await _serve_robots(server)
+        with TrafficWorker() as worker:
+            lay_out_beside(world.simulation, worker, server.wake)
+            await _serve_robots(server)
     except TimeoutError:
         raise RemoteError(f"no map came from {addresses.repository} within {MAP_TIME:.0f} s; is the Repository running?") from None
     finally:

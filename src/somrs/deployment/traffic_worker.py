@@ -1,4 +1,4 @@
-"""The work for traffic in a process beside its program: surveys of the building, and plans."""
+"""The work for traffic in a process beside its program: roadmaps, surveys of the building, and plans."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from msgspec import Struct
 from somrs.errors import RemoteError
 from somrs.kernel.codec import Codec, encode
 from somrs.protocol.messages.traffic import CloseWays
+from somrs.traffic.layout import Layout, lay_out
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import Roadmap
 from somrs.traffic.state import PlanTraffic, TrafficPlan
@@ -28,6 +29,14 @@ class _Plan(Struct, frozen=True, tag=True):
     roadmap: Roadmap | None
 
 
+class _LayOut(Struct, frozen=True, tag=True):
+    layout: Layout
+
+
+class _LaidOut(Struct, frozen=True, tag=True):
+    roadmap: Roadmap
+
+
 class _Surveyed(Struct, frozen=True, tag=True):
     """`roadmap`: None if it is that of the survey before."""
 
@@ -43,8 +52,8 @@ class _Defect(Struct, frozen=True, tag=True):
     text: str
 
 
-_QUESTIONS: Codec[_Survey | _Plan] = Codec(_Survey | _Plan)
-_ANSWERS: Codec[_Surveyed | _Planned | _Defect] = Codec(_Surveyed | _Planned | _Defect)
+_QUESTIONS: Codec[_Survey | _Plan | _LayOut] = Codec(_Survey | _Plan | _LayOut)
+_ANSWERS: Codec[_Surveyed | _Planned | _LaidOut | _Defect] = Codec(_Surveyed | _Planned | _LaidOut | _Defect)
 
 
 class _Session:
@@ -55,7 +64,7 @@ class _Session:
 
 
 class TrafficWorker:
-    """Surveys and plans, one after the other, in a process of its own. A context manager."""
+    """Answers one question after the other, in a process that starts with the first. A context manager."""
 
     def __init__(self) -> None:
         self._worker = WorkerProcess("traffic planner", _serve, _Session)
@@ -68,6 +77,10 @@ class TrafficWorker:
     def __exit__(self, *exception: object) -> None:
         self._worker.__exit__(*exception)
 
+    @property
+    def pid(self) -> int | None:
+        return self._worker.pid
+
     async def survey(self, survey: Survey) -> Surveyed:
         """The roadmap, and what is closed. Raises RemoteError."""
         answer = _decode(await self._worker.ask(lambda _: encode(_Survey(survey))))
@@ -75,6 +88,12 @@ class TrafficWorker:
         if answer.roadmap is not None:
             self._surveyed = answer.roadmap
         return Surveyed(roadmap=self._surveyed, closing=answer.closing)
+
+    async def lay_out(self, layout: Layout) -> Roadmap:
+        """The roadmap. Raises RemoteError."""
+        answer = _decode(await self._worker.ask(lambda _: encode(_LayOut(layout))))
+        assert isinstance(answer, _LaidOut), "the answer to a layout"
+        return answer.roadmap
 
     async def plan(self, problem: PlanTraffic, roadmap: Roadmap) -> TrafficPlan:
         """The next steps of all robots. Raises RemoteError."""
@@ -88,7 +107,7 @@ class TrafficWorker:
         return answer.plan
 
 
-def _decode(answer: bytes) -> _Surveyed | _Planned:
+def _decode(answer: bytes) -> _Surveyed | _Planned | _LaidOut:
     value = _ANSWERS.decode(answer)
     if isinstance(value, _Defect):
         raise RemoteError(value.text)
@@ -109,7 +128,9 @@ class _Work:
         except Exception as error:  # noqa: BLE001  # any defect becomes the reply; the program reports it
             return encode(_Defect(str(error) or type(error).__name__))
 
-    def _answer(self, question: _Survey | _Plan) -> _Surveyed | _Planned:
+    def _answer(self, question: _Survey | _Plan | _LayOut) -> _Surveyed | _Planned | _LaidOut:
+        if isinstance(question, _LayOut):
+            return _LaidOut(lay_out(question.layout.building, question.layout.radii))
         if isinstance(question, _Survey):
             surveyed = self._surveyor.survey(question.survey)
             is_known, self._surveyed = surveyed.roadmap is self._surveyed, surveyed.roadmap

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.sparse import coo_array, csr_array, eye_array
@@ -64,6 +65,19 @@ class OpenBuilding:
         opened = map.changed([ValueSet(solid.name, "Open", True) for solid in solids if solid.role is Role.DOOR])
         self.spaces = {level: FreeSpace(opened, ontology, level=level) for level in connected_levels(levels, self.shafts)}
         """By height, the lowest first."""
+
+
+class Layout(Struct, frozen=True, kw_only=True):
+    """A roadmap is to be made of the floors at these heights, and of those to which lifts lead from there, for robots of these radii."""
+
+    map: Map
+    ontology: Ontology
+    levels: tuple[float, ...]
+    radii: tuple[float, ...]
+
+    @property
+    def building(self) -> OpenBuilding:
+        return OpenBuilding(self.map, self.ontology, self.levels)
 
 
 def lay_out(building: OpenBuilding, radii: Iterable[float]) -> Roadmap:

@@ -24,7 +24,7 @@ from somrs.space.free_space import FreeSpace
 from somrs.space.solids import Solid
 from somrs.space.zones import Zones
 from somrs.traffic.component import Traffic
-from somrs.traffic.layout import OpenBuilding, lay_out
+from somrs.traffic.layout import Layout, OpenBuilding, lay_out
 from somrs.traffic.obstructions import discs_along
 from somrs.traffic.roadmap import Roadmap
 from somrs.traffic.state import MAP_FOLLOWER
@@ -32,6 +32,10 @@ from somrs.traffic.ways import Ways
 
 LOOK = 1.0
 """The time after which it is looked at what stands on the floor, in simulated seconds."""
+
+UseRoadmap = Callable[[Roadmap | None], None]
+Layouter = Callable[[Layout, UseRoadmap], None]
+"""Has a roadmap made, and passes it on when it is made; None if it cannot be made."""
 
 
 class SimulatedTraffic:
@@ -48,6 +52,11 @@ class SimulatedTraffic:
         traffic = Traffic(address, Roadmap(places=(), lanes=()), follower=MAP_FOLLOWER, edition=int(time.time()))
         self.office = TrafficOffice(traffic, self._send)
         self._rides = ForeignRides(robots.lifts, self._send)
+        self.layouter: Layouter | None = None
+        """Makes roadmaps beside the simulation, which goes on meanwhile; without it, the simulation makes them itself."""
+        self._under_way: Layout | None = None
+        self._made: Roadmap | None = None
+        """The roadmap of the layout that was under way, until the next period."""
         self._ways = Ways(self.office.roadmap, {}, {})
         self.changed, self.outdated = True, False
         self._looked_at = self._joined_at = 0.0
@@ -59,8 +68,8 @@ class SimulatedTraffic:
 
     @property
     def busy(self) -> bool:
-        """Whether a plan is being made, or a robot that is not simulated is under way."""
-        return self.office.is_planning or self.office.is_foreign_trip_open
+        """Whether a plan is being made, a roadmap has come in, or a robot that is not simulated is under way."""
+        return self.office.is_planning or self._made is not None or self.office.is_foreign_trip_open
 
     def _send(self, message: Message) -> None:
         self.deliver(message)
@@ -100,10 +109,38 @@ class SimulatedTraffic:
 
     def lay_out(self, map: Map, ontology: Ontology) -> None:
         """Make the roadmap, and let all robots enter."""
+        layout = self._layout(map, ontology)
+        building = layout.building
+        self._use(building, lay_out(building, layout.radii))
+
+    def _layout(self, map: Map, ontology: Ontology) -> Layout:
         solids = [robot.solid for robot in self._robots.values()]
-        radii = [dimensions_of(solid).radius for solid in solids]
-        building = OpenBuilding(map, ontology, [solid.z for solid in solids])
-        self._replace(lay_out(building, radii))
+        radii = tuple(dimensions_of(solid).radius for solid in solids)
+        return Layout(map=map, ontology=ontology, levels=tuple(solid.z for solid in solids), radii=radii)
+
+    def _renew(self, map: Map, ontology: Ontology) -> None:
+        """Make the roadmap anew, or have it made. Until it is there, the robots drive on the old one, and around what was built."""
+        if self.layouter is None:
+            self.lay_out(map, ontology)
+        elif self._under_way is None:
+            self.outdated, self._under_way = False, self._layout(map, ontology)
+            self.layouter(self._under_way, self._note_roadmap)
+
+    def _note_roadmap(self, roadmap: Roadmap | None) -> None:
+        self._made = roadmap
+        if roadmap is None:
+            self._under_way = None
+
+    def _use_made(self) -> None:
+        """Use the roadmap that has come in. It may be outdated already: then the next one is made."""
+        if self._made is not None and self._under_way is not None:
+            layout, roadmap, outdated = self._under_way, self._made, self.outdated
+            self._under_way = self._made = None
+            self._use(layout.building, roadmap)
+            self.outdated = outdated
+
+    def _use(self, building: OpenBuilding, roadmap: Roadmap) -> None:
+        self._replace(roadmap)
         self._ways = Ways(self.office.roadmap, building.spaces, building.doors)
         self.office.hold(self._hold)
         for robot in self._robots.values():
@@ -123,9 +160,9 @@ class SimulatedTraffic:
                 self._send(effect.message)
 
     def current_ways(self, map: Map, ontology: Ontology) -> Ways:
-        """The ways of robots in the building as it is now."""
+        """The ways of robots in the building as it is now, or as it was before a roadmap that is being made."""
         if self.outdated:
-            self.lay_out(map, ontology)
+            self._renew(map, ontology)
         return self._ways
 
     def hold(self, reason: str) -> None:
@@ -146,8 +183,9 @@ class SimulatedTraffic:
     def advance(self, map: Map, ontology: Ontology) -> None:
         """Let time pass."""
         now = self._scene.time
+        self._use_made()
         if self.outdated:
-            self.lay_out(map, ontology)
+            self._renew(map, ontology)
         if self.changed or now >= self._looked_at + LOOK:
             self._close()
         if now >= self._joined_at + RENEWAL:

@@ -20,7 +20,7 @@ from somrs.devices.simulator.motion.robot import Fleet, Robot
 from somrs.devices.simulator.server import traffic_office
 from somrs.devices.simulator.server.free_spaces import FreeSpaces
 from somrs.devices.simulator.server.robot_work import RobotWork
-from somrs.devices.simulator.server.simulated_traffic import SimulatedTraffic
+from somrs.devices.simulator.server.simulated_traffic import Layouter, SimulatedTraffic
 from somrs.devices.simulator.server.traffic_view import roadmap_view, traffic_view
 from somrs.devices.simulator.world.kinds import WorldKind, make_scene
 from somrs.devices.simulator.world.recognition import landmarks, sightings
@@ -390,6 +390,10 @@ class Simulation:
     def serve_traffic(self, deliver: traffic_office.Deliver) -> None:
         """Let robots that are not simulated take part in traffic. `deliver`: sends a message to its recipient."""
         self._traffic.deliver = deliver
+
+    def lay_out_with(self, layouter: Layouter) -> None:
+        """From now on, have roadmaps made beside the simulation, which goes on meanwhile."""
+        self._traffic.layouter = layouter
 
     def receive(self, message: Message) -> None:
         """A message to traffic from outside, between two control periods."""
