@@ -79,7 +79,7 @@ class TrafficOffice:
 
     def tell(self, robot: str, body: Body) -> Body | None:
         """Send a message of a robot. Returns the answer."""
-        id = f"{robot}/m{next(self._ids)}"
+        id = f"{robot}/m{self.component.state.edition}.{next(self._ids)}"  # the office of the next roadmap counts from 0, too
         header = Header(sender=robot, recipient=ADDRESS, message_id=id, reply_to=robot)
         return self._handle(Received(Message(header=header, body=body)), id)
 
