@@ -22,7 +22,6 @@ from somrs.space.distances import distances_from, distances_from_segment
 from somrs.space.free_space import SLACK, FreeSpace
 from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import Point, Solid
-from somrs.space.stands import Stands
 from somrs.traffic.layout import MARGIN
 from somrs.traffic.obstructions import Obstructions, least_room
 from somrs.traffic.planning.graph import FAR, Lane
@@ -47,6 +46,14 @@ class Closed:
     standing: tuple[tuple[float, Disc], ...] = ()
     forbidden: tuple[Solid, ...] = ()
     slow: tuple[tuple[Solid, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Stands:
+    """Points (n, 2) from which a robot reaches something, in metres, and what it does to stand at better ones, in metres of driving (n)."""
+
+    points: NDArray[np.float64]
+    costs: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

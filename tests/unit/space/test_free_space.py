@@ -1,4 +1,4 @@
-"""The free space of a floor, and the points on it from which a robot reaches something."""
+"""The free space of a floor, and points along the edges of what stands there."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ import pytest
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Value
+from somrs.space.edges import edge_targets
 from somrs.space.free_space import FreeSpace
-from somrs.space.solids import Point, solid_of
-from somrs.space.stands import Stands, edge_targets, stands_around, stands_at
+from somrs.space.solids import solid_of
 
 ONTOLOGY = upper()
 RADIUS = 0.25
-REACH = (0.36, 0.64)
 
 
 def box(
@@ -31,11 +30,6 @@ def floor(width: float, depth: float) -> Object:
 
 def free_space(*objects: Object) -> FreeSpace:
     return FreeSpace(Map(objects), ONTOLOGY)
-
-
-def points(stands: Stands) -> list[Point]:
-    """The points of stands, best first."""
-    return [(float(x), float(y)) for x, y in stands.points[stands.costs.argsort()]]
 
 
 def test_the_clearance_is_the_distance_from_walls_and_from_the_edge_of_the_floor() -> None:
@@ -68,41 +62,6 @@ def test_outside_there_is_ground_only_where_there_are_no_floors() -> None:
     bin = box("Bin1", "Bin", 1, 1, 0.3, 0.3)
     assert not free_space(bin, floor(2, 2)).free((3, 3), RADIUS)
     assert free_space(bin).free((3, 3), RADIUS)
-
-
-def test_reaches_a_jar_on_a_cupboard_at_a_wall_from_the_front() -> None:
-    cupboard, wall = box("Cupboard1", "Cupboard", 0.25, 3, 0.5, 1.2, 0.8), box("Wall1", "Wall", -0.05, 3, 0.1, 6, 2.5)
-    space, target = free_space(floor(6, 6), cupboard, wall), (0.38, 3.0)
-    stands = points(stands_around(space, target, RADIUS, REACH, 0.8))
-    assert stands
-    for stand in stands:
-        assert space.free(stand, RADIUS)
-        assert REACH[0] <= math.dist(stand, target) <= REACH[1] + 1e-9
-    assert stands[0][0] > target[0], "from the front"
-
-
-def test_does_not_reach_through_a_wall() -> None:
-    objects = floor(6, 4), box("Wall1", "Wall", 3, 2, 0.1, 4, 2.5), box("Table1", "Table", 3.2, 2, 0.3, 0.8, 0.7)
-    stands = points(stands_around(free_space(*objects), (3.1, 2), RADIUS, (0.36, 0.8), 0.7))
-    assert stands
-    assert all(x > 3.1 for x, _ in stands)
-
-
-def test_reaches_a_jar_on_the_floor_from_any_side() -> None:
-    stands = points(stands_around(free_space(floor(6, 6)), (2, 2), RADIUS, REACH, 0.0))
-    assert {(x > 2, y > 2) for x, y in stands} == {(True, True), (True, False), (False, True), (False, False)}
-    assert math.dist(stands[0], (2, 2)) == pytest.approx(REACH[0]), "rather near than far"
-
-
-def test_puts_things_on_a_table_from_all_sides_but_that_at_a_wall() -> None:
-    table = box("Table1", "Table", 3, 3, 1.2, 0.8, 0.7)
-    space = free_space(floor(6, 6), table, box("Wall1", "Wall", 3, 3.5, 3, 0.1, 2.5))
-    stands = points(stands_at(space, space.solids["Table1"], RADIUS, REACH))
-    sides = {"left": any(x < 2.4 for x, _ in stands), "right": any(x > 3.6 for x, _ in stands), "front": any(y < 2.6 for _, y in stands)}
-    assert all(sides.values()), sides
-    assert not any(y > 3.4 for _, y in stands)
-    for stand in stands:
-        assert space.free(stand, RADIUS)
 
 
 @pytest.mark.parametrize("form", ["Box", "Cylinder", "Polygon"])

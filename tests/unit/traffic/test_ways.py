@@ -14,10 +14,9 @@ from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Value
 from somrs.space.clearance import Disc
 from somrs.space.solids import Point, Solid
-from somrs.space.stands import Stands
 from somrs.traffic.layout import MARGIN, OpenBuilding, lay_out
 from somrs.traffic.roadmap import NumberedRoadmap, spacing_for
-from somrs.traffic.ways import Closed, Goal, Way, Ways
+from somrs.traffic.ways import Closed, Goal, Stands, Way, Ways
 from tests.support.examples import examples
 
 ONTOLOGY = upper()

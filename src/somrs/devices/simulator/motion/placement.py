@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,18 +53,11 @@ def stands(
     robots.
     """
     size, level = robot.size, robot.solid.z
-    reaches = np.linspace(size.nearest + 0.015, size.farthest - 0.015, 6)
-    angles = np.arange(24) * (math.pi / 12)
-    offsets = np.array([(r * math.cos(angle), r * math.sin(angle)) for r in reaches for angle in angles])
-    bases = (spots[:, None, :] + offsets[None, :, :]).reshape(-1, 2)
-    target_spots = np.repeat(spots, len(offsets), axis=0)
-    costs = np.repeat(penalties, len(offsets)) + np.tile(np.abs(np.repeat(reaches, len(angles)) - COMFORTABLE) * 0.5, len(spots))
+    bases, target_spots, costs = reaching_bases(
+        robot, spots, top, penalties, lambda points: robot.scene.clearances(points, level + 0.02, level + 1.85), container
+    )
     x, y, _ = robot.pose()
     costs = costs + np.hypot(bases[:, 0] - x, bases[:, 1] - y) * 0.3
-    mask = robot.scene.clearances(bases, level + 0.02, level + 1.85) >= size.radius + MARGIN + 0.015
-    bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
-    mask = _boom_clear(robot, bases, target_spots, top, container)
-    bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot, ignored)]
     middle = (float(spots[:, 0].mean()), float(spots[:, 1].mean()))
     spread = float(np.hypot(spots[:, 0] - middle[0], spots[:, 1] - middle[1]).max()) + size.farthest + size.radius + 2 * MARGIN
@@ -83,6 +76,31 @@ def stands(
             if len(ranked_stands) >= 40:
                 break
     return ranked_stands
+
+
+def reaching_bases(
+    robot: Robot,
+    spots: Array,
+    top: float,
+    penalties: Array,
+    room: Callable[[Array], npt.NDArray[np.floating]],
+    container: Solid | None = None,
+) -> tuple[Array, Array, Array]:
+    """Points for the base from which the arm reaches one of the spots at height `top`, if nothing but static solids is in the way.
+
+    Each with its spot and its cost. `room`: the distance from points to the nearest obstacle of the base. `container`: see `stands`.
+    """
+    size = robot.size
+    reaches = np.linspace(size.nearest + 0.015, size.farthest - 0.015, 6)
+    angles = np.arange(24) * (math.pi / 12)
+    offsets = np.array([(r * math.cos(angle), r * math.sin(angle)) for r in reaches for angle in angles])
+    bases = (spots[:, None, :] + offsets[None, :, :]).reshape(-1, 2)
+    target_spots = np.repeat(spots, len(offsets), axis=0)
+    costs = np.repeat(penalties, len(offsets)) + np.tile(np.abs(np.repeat(reaches, len(angles)) - COMFORTABLE) * 0.5, len(spots))
+    mask = room(bases) >= size.radius + MARGIN + 0.015
+    bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
+    mask = _boom_clear(robot, bases, target_spots, top, container)
+    return bases[mask], target_spots[mask], costs[mask]
 
 
 def _boom_clear(robot: Robot, bases: Array, spots: Array, top: float, container: Solid | None = None) -> npt.NDArray[np.bool_]:

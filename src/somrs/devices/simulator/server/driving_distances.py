@@ -6,8 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from somrs.devices.simulator.link.lines import Legs, PathStop, Stops
-from somrs.devices.simulator.motion.driving import MARGIN
+from somrs.devices.simulator.motion.placement import outline_spots, reaching_bases
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.entish import Attribute, Comparison, Name, Number, Relation, Truth
@@ -15,11 +17,16 @@ from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, UsageError
 from somrs.space.clearance import Disc
+from somrs.space.edges import edge_targets
+from somrs.space.free_space import FreeSpace
 from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import CARRYING, Point, Role, Solid
-from somrs.space.stands import stands_around, stands_at
-from somrs.traffic.ways import Closed, Goal, Way, Ways
+from somrs.traffic.ways import Closed, Goal, Stands, Way, Ways
 
+EDGE = 0.1
+"""Distance from the edge of a support at which things are taken to be put, m."""
+AROUND = 1.5
+"""Height above the floor above which an arm does not reach into what it is beside, m."""
 ELEVATION = 0.8
 """Height above the floor at which the arm reaches a stop that is a point, m."""
 BELOW, ABOVE = 0.5, 2.2
@@ -192,28 +199,25 @@ class _LegPlanner:
     def _goal(self, stop: PathStop, level: float) -> Goal | None:
         """Where on a floor the robot would reach the object or point."""
         if not isinstance(stop, str):
-            return self._around((stop[0], stop[1]), level + ELEVATION, level)
-        solid = self._simulation.scene.world.solids[stop]
-        if solid.role not in (Role.THING, Role.MARK, Role.ROBOT, Role.FLOOR):
-            reach, clearance = self._reach
-            key = solid, reach
-            return self._ways.goal(key, level, self._robot.size.radius, lambda space: stands_at(space, solid, clearance, reach))
-        state = self._simulation.observe(stop)
-        if state.container is not None:
-            return self._goal(state.container, level)
-        return self._around((round(state.x, 2), round(state.y, 2)), round(state.z, 2), level)
+            return self._reaching([(stop[0], stop[1])], level + ELEVATION, level)
+        solid, state = self._simulation.scene.world.solids[stop], self._simulation.observe(stop)
+        if solid.role in CARRYING and solid.role not in (Role.MARK, Role.FLOOR):
+            return self._reaching([point for point, _ in edge_targets(solid, EDGE)], solid.top, level)
+        if solid.role in (Role.THING, Role.MARK, Role.ROBOT, Role.FLOOR):
+            return self._reaching([(round(state.x, 2), round(state.y, 2))], round(state.z, 2), level, state.container)
+        return self._reaching(outline_spots(solid).tolist(), max(solid.top, level + AROUND), level)
 
-    def _around(self, point: Point, height: float, level: float) -> Goal | None:
-        """Where on a floor the robot would reach a point at a height."""
-        reach, clearance = self._reach
-        key = point, height, reach
-        return self._ways.goal(key, level, self._robot.size.radius, lambda space: stands_around(space, point, clearance, reach, height))
+    def _reaching(self, spots: Sequence[Sequence[float]], top: float, level: float, container: str | None = None) -> Goal | None:
+        """Where on a floor the robot would reach one of some spots at a height, on a support or in a container."""
+        robot, solids = self._robot, self._simulation.scene.world.solids
+        points, within = np.array(spots, dtype=float), solids[container] if container is not None else None
 
-    @property
-    def _reach(self) -> tuple[tuple[float, float], float]:
-        """The least and the largest distance at which the robot reaches something, and the clearance that it needs there, m."""
-        size = self._robot.size
-        return (size.nearest, size.farthest), size.radius + MARGIN
+        def find_stands(space: FreeSpace) -> Stands:
+            bases, _, costs = reaching_bases(robot, points, top, np.zeros(len(points)), space.clearances, within)
+            return Stands(bases, costs)
+
+        key = points.tobytes(), top, container, robot.size
+        return self._ways.goal(key, level, robot.size.radius, find_stands)
 
     def _start(self) -> tuple[Point, float]:
         """Where the robot will be, and the height of that floor."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pytest
 
+from somrs.devices.simulator.link.commands import Approach, CommandDone
 from somrs.devices.simulator.link.lines import Legs
 from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
 from somrs.ontology.objects import Map, Object
-from tests.support.simulator_room import ONTOLOGY, box, robot, shell, thing
+from tests.support.simulator_room import ONTOLOGY, Run, box, robot, shell, thing
 
 
 def door(name: str, y: float, *, is_open: bool) -> Object:
@@ -117,3 +119,22 @@ def test_what_will_have_been_moved_is_looked_for_where_it_will_be() -> None:
 def test_a_situation_that_is_no_formula() -> None:
     with pytest.raises(UsageError, match="no formula"):
         legs(two_rooms(), "Jar1 isOn")
+
+
+def test_there_is_a_way_only_to_what_the_robot_would_reach_when_it_is_there() -> None:
+    """The quote looks for the same stands as the robot itself, which carries its arm above what it reaches over."""
+    tables = [
+        box("Table1", "Table", (2, 3, 0), (0.6, 0.6, 0.5)),
+        box("Shelf1", "Bin", (2, 3.5, 0), (2.6, 0.3, 1.4)),
+        box("Shelf2", "Bin", (2, 2.5, 0), (2.6, 0.3, 1.4)),
+        box("Shelf3", "Bin", (0.85, 3, 0), (0.3, 0.7, 1.4)),
+        box("Shelf4", "Bin", (2.75, 3, 0), (0.4, 0.7, 0.85)),
+        box("Table2", "Table", (6, 3, 0), (0.6, 0.6, 0.5)),
+    ]
+    things = [thing("Jar1", "Jar", 2.0, 3.0, 0.5), thing("Jar2", "Jar", 6.0, 3.0, 0.5)]
+    run = Run(Map([*shell(), *tables, *things, robot("Robot1", (4.5, 1.5, 0))]), WorldKind.KINEMATIC)
+    for jar in ("Jar1", "Jar2"):
+        (length,) = find_legs(run.simulation, "Robot1", (jar,)).lengths
+        result = run.execute("Robot1", Approach(object=jar))
+        assert (length is not None) == isinstance(result, CommandDone), (jar, length, result)
+    assert find_legs(run.simulation, "Robot1", ("Jar1",)).lengths == (None,)
