@@ -402,3 +402,31 @@ def test_a_question_of_a_task_is_answered_on_its_page(with_anna: RunningSystem, 
     expect(page.locator("header").filter(has_text="Jar002 isOn Platform001")).to_contain_text("Accomplished", timeout=WORK_TIME)
     expect(panel(page, "Story")).to_contain_text("Anna")
     assert formula_holds(with_anna, "Jar002 isOn Platform001")
+
+
+def robot_pose(system: RunningSystem, robot: str) -> tuple[float, float]:
+    view = next(device for device in call(system, "/fleet")["devices"] if device["name"] == robot)
+    return view["simulated"]["x"], view["simulated"]["y"]
+
+
+@pytest.mark.usefixtures("jar_at_home")
+def test_a_task_is_paused_its_robot_stands_still_and_goes_on(system: RunningSystem, window: OpenPage) -> None:
+    task = submit_task(system, "Jar002 isOn Table001")
+    page = window(f"{system.url}/tasks/{task}")
+    state = wait_for_task(system, task, lambda state: any(work["state"] == "Executing" for work in state["view"]["work"]))
+    robot = state["view"]["work"][-1]["service"].partition(".")[0]
+    page.get_by_role("button", name="Pause").click()
+    expect(page.get_by_text(re.compile("^Paused by .*; its devices stand still"))).to_be_visible()
+    while next(device for device in call(system, "/fleet")["devices"] if device["name"] == robot)["paused_for"] != task:
+        time.sleep(0.1)
+    time.sleep(1.0)
+    there = robot_pose(system, robot)
+    time.sleep(2.0)
+    assert robot_pose(system, robot) == there
+    assert fits(page)
+    take_screenshot(page, "task-paused")
+    resize(page, "390")
+    assert fits(page)
+    take_screenshot(page, "task-paused-390")
+    page.get_by_role("button", name="Go on").click()
+    assert wait_for_task(system, task, is_ended)["view"]["outcome"] == "accomplished"

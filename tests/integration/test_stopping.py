@@ -14,6 +14,7 @@ from somrs.client.refusals import NotFound
 from somrs.devices.simulator.link.commands import CommandDone, DriveTo
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
+from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import Phase
 from tests.support.hang import HANG_TIME
@@ -102,3 +103,101 @@ def test_all_devices_are_stopped_and_released_at_once(tmp_path: Path) -> None:
             await api.control.stop(device="Robot1", storey="Storey1")
 
     play(tmp_path, scenario, Porter("Robot1"), Porter("Robot2", 20.0))
+
+
+BOTH = "Jar002 isOn Platform001 AND Jar001 isOn Platform001"
+
+
+async def steps_done(api: LiveApi, task: str, count: int) -> None:
+    while sum(step.state is State.COMPLETED for step in (await api.tasks.read(task)).view.steps) < count:
+        await asyncio.sleep(0.02)
+
+
+def paused_for(api: LiveApi, device: str) -> object:
+    return api.context.map.objects[device].values.get("PausedFor")
+
+
+def test_a_paused_task_begins_nothing_and_goes_on_where_it_was(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, api: LiveApi) -> None:
+        task = (await api.tasks.submit(Submit(effect=BOTH))).task
+        await wait_for(api, task, Phase.EXECUTING)
+        assert (await api.tasks.pause(task, by="Ada")).paused
+        await steps_done(api, task, 1)
+        while paused_for(api, "Robot1") != task:
+            await asyncio.sleep(0.02)
+        assert await state_of(api, "Robot1") is DeviceState.STOPPED
+        await asyncio.sleep(1.0)
+        view = (await api.tasks.read(task)).view
+        assert [step.state for step in view.steps].count(State.COMPLETED) == 1
+        assert view.pause is not None
+        assert view.pause.by == "Ada"
+        assert view.reasons[0].startswith("paused by Ada")
+        assert (await api.map.history("Robot1")).events[0].author == "Ada"
+        assert not (await api.tasks.resume(task, by="Ben")).paused
+        await wait_for(api, task, Phase.ENDED)
+        details = await api.tasks.read(task)
+        assert details.view.outcome == "accomplished"
+        texts = [event.text for event in details.events]
+        assert texts.index("paused by Ada") < texts.index("going on, says Ben")
+        while paused_for(api, "Robot1") is not None:
+            await asyncio.sleep(0.02)
+
+    play(tmp_path, scenario, Porter("Robot1", seconds=0.6))
+
+
+def test_other_tasks_go_on_while_one_is_paused(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, api: LiveApi) -> None:
+        paused = (await api.tasks.submit(Submit(effect="Jar002 isOn Platform001"))).task
+        await api.tasks.pause(paused)
+        going_on = (await api.tasks.submit(Submit(effect="Jar001 isOn Platform001"))).task
+        await wait_for(api, going_on, Phase.ENDED)
+        assert (await api.tasks.read(going_on)).view.outcome == "accomplished"
+        assert (await api.tasks.read(paused)).view.phase is not Phase.ENDED
+
+    play(tmp_path, scenario, Porter("Robot1"), Porter("Robot2", 20.0))
+
+
+def test_an_operators_stop_outlasts_the_pause_of_a_task(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, api: LiveApi) -> None:
+        task = (await api.tasks.submit(Submit(effect=BOTH))).task
+        await wait_for(api, task, Phase.EXECUTING)
+        await api.tasks.pause(task)
+        await api.control.stop(device="Robot1", by="Ada")
+        await api.tasks.resume(task)
+        while paused_for(api, "Robot1") is not None or api.context.map.objects["Robot1"].values.get("Paused") is not True:
+            await asyncio.sleep(0.02)
+        assert await state_of(api, "Robot1") is DeviceState.STOPPED
+
+    play(tmp_path, scenario, Porter("Robot1", seconds=0.6))
+
+
+def test_a_paused_task_that_is_cancelled_ends_and_frees_its_devices(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, api: LiveApi) -> None:
+        task = (await api.tasks.submit(Submit(effect=BOTH))).task
+        await wait_for(api, task, Phase.EXECUTING)
+        await api.tasks.pause(task)
+        await api.tasks.cancel(task)
+        await wait_for(api, task, Phase.ENDED)
+        while paused_for(api, "Robot1") is not None:
+            await asyncio.sleep(0.02)
+        assert not (await api.tasks.pause(task)).paused, "it has ended"
+
+    play(tmp_path, scenario, Porter("Robot1", seconds=0.6))
+
+
+def test_a_pause_survives_a_restart_of_the_task_manager(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, api: LiveApi) -> None:
+        task = (await api.tasks.submit(Submit(effect=BOTH))).task
+        await wait_for(api, task, Phase.EXECUTING)
+        await api.tasks.pause(task, by="Ada")
+        await steps_done(api, task, 1)
+        await system.stop_manager()
+        await system.start_manager()
+        await asyncio.sleep(1.0)
+        view = (await api.tasks.read(task)).view
+        assert (view.pause is not None, view.phase is Phase.ENDED) == (True, False)
+        await api.tasks.resume(task)
+        await wait_for(api, task, Phase.ENDED)
+        assert (await api.tasks.read(task)).view.outcome == "accomplished"
+
+    play(tmp_path, scenario, Porter("Robot1", seconds=0.6))

@@ -20,7 +20,7 @@ from somrs.client.task_history import TaskHistory
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import SomrsError
 from somrs.ontology.services import ServiceKind
-from somrs.ontology.types import IN_SERVICE, PAUSED, WORKING, Value
+from somrs.ontology.types import IN_SERVICE, PAUSED, PAUSED_FOR, WORKING, Value
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.directory import Discover, Offer, PresenceChange
 from somrs.protocol.messages.frp import State
@@ -104,6 +104,8 @@ class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it is free of known faults."""
     paused: bool = False
     """Whether an operator has stopped it."""
+    paused_for: str | None = None
+    """The paused task for which it stands still."""
     in_service: bool = True
     """Whether it gets new work."""
     position: tuple[float, ...] | None = None
@@ -184,6 +186,7 @@ class FleetService:
         offered = [self._service(offer) for offer in offers]
         if not offered and departure is not None:
             offered = [self._former_service(service) for service in departure.services]
+        paused_for = _text(value_of(name, PAUSED_FOR, map, ontology))
         working = is_working(value_of(name, WORKING, map, ontology) is not False, state.faults if state is not None else None)
         return DeviceView(
             name=name,
@@ -198,10 +201,11 @@ class FleetService:
                 working=working,
                 busy=any(assignment.state in BUSY for assignment in assignments),
                 booked=bool(assignments),
-                paused=value_of(name, PAUSED, map, ontology) is True,
+                paused=value_of(name, PAUSED, map, ontology) is True or paused_for is not None,
                 in_service=value_of(name, IN_SERVICE, map, ontology) is not False,
             ),
             paused=value_of(name, PAUSED, map, ontology) is True,
+            paused_for=paused_for,
             in_service=value_of(name, IN_SERVICE, map, ontology) is not False,
             position=self._position(name),
             place=self._place(name),

@@ -25,7 +25,7 @@ from somrs.protocol.messages.task_news import Messages
 from somrs.protocol.messages.task_views import ContractView, Phase, TaskEvent, TaskRow, TaskView
 from somrs.runtime.wire import Unanswered
 
-__all__ = ["TaskChanged", "TaskDetails", "TaskList", "TaskService", "TasksChanged"]
+__all__ = ["PauseState", "TaskChanged", "TaskDetails", "TaskList", "TaskService", "TasksChanged"]
 
 _WHOLE_ID = len("urn:uuid:00000000-0000-0000-0000-000000000000")
 
@@ -50,6 +50,13 @@ class TaskDetails(msgspec.Struct, frozen=True, kw_only=True):
     events: tuple[TaskEvent, ...]
     contracts: tuple[ContractView, ...] = ()
     messages: int | None = None
+
+
+class PauseState(msgspec.Struct, frozen=True, kw_only=True):
+    """Whether a task is paused. One that has ended is not."""
+
+    task: str
+    paused: bool
 
 
 class TaskService:
@@ -132,6 +139,18 @@ class TaskService:
     async def cancel(self, id: str, reason: str = "cancelled by the client") -> None:
         """Cancel a task: stop its running steps, and compensate the completed ones."""
         await self._client.cancel(await self._complete_id(id), reason)
+
+    @operation("POST", "/tasks/{id}/pause")
+    async def pause(self, id: str, by: str = "") -> PauseState:
+        """Pause a task: the devices that work for it stand still, and nothing of it begins. Other tasks go on. Its deadline stays."""
+        task = await self._complete_id(id)
+        return PauseState(task=task, paused=await self._client.pause(task, by))
+
+    @operation("POST", "/tasks/{id}/resume")
+    async def resume(self, id: str, by: str = "") -> PauseState:
+        """Let a paused task go on, where it was."""
+        task = await self._complete_id(id)
+        return PauseState(task=task, paused=await self._client.pause(task, by, paused=False))
 
     @operation("POST", "/tasks/{id}/retry")
     async def retry(self, id: str, once: str | None = None, by: str | None = None) -> Submitted:

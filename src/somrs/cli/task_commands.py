@@ -167,6 +167,16 @@ async def retry(name: str, data: Path, *, wait: bool, json: bool) -> int:
     return await run_task(repetition(report.view), data, wait=wait, json=json)
 
 
+async def pause(name: str, author: str, data: Path, *, paused: bool) -> None:
+    async with Client(Addresses.read(data)) as client:
+        views: tuple[TaskView, ...] = await client.tasks(running=True)
+        if name == LAST_TASK and not views:
+            raise UsageError("no task is running")
+        id = _select_id(name, [view.task for view in views])
+        is_paused = await client.pause(id, author, paused=paused)
+        print(f"{id} is paused" if is_paused else f"{id} goes on" if not paused else f"{id} has ended or is ending")
+
+
 async def cancel(name: str, reason: str, data: Path) -> None:
     async with Client(Addresses.read(data)) as client:
         views: tuple[TaskView, ...] = await client.tasks(running=True)

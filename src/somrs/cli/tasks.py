@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from msgspec import structs
 
+from somrs.cli.ontology import DEFAULT_AUTHOR, Author
 from somrs.cli.options import DEFAULT_FOLDER, Data, Formula, Json, Priority, Unavailable, UnavailableOption, awaited, fail, guarded
 from somrs.cli.task_options import Deadline, PolicyOption, PolicyWanted, Precondition, TimeValue, stated_task
 
@@ -146,6 +147,22 @@ def cancel(
     from somrs.cli.task_commands import cancel as run
 
     awaited(run(task, reason, data))
+
+
+@tasks_app.command()
+def pause(task: TaskName, author: Author = DEFAULT_AUTHOR, data: Data = DEFAULT_FOLDER) -> None:
+    """Pause a task. The devices that work for it stand still, and nothing of it begins, until `somrs resume`. Other tasks go on."""
+    from somrs.cli.task_commands import pause as run
+
+    awaited(run(task, author, data, paused=True))
+
+
+@tasks_app.command()
+def resume(task: TaskName, author: Author = DEFAULT_AUTHOR, data: Data = DEFAULT_FOLDER) -> None:
+    """Let a paused task go on, where it was."""
+    from somrs.cli.task_commands import pause as run
+
+    awaited(run(task, author, data, paused=False))
 
 
 @tasks_app.command()

@@ -346,6 +346,11 @@ class Client:
         request = submission.CancelTask(task=task, reason=reason)
         await self.ask(self.addresses.task_manager, request, submission.Cancelling, patience=PATIENCE)
 
+    async def pause(self, task: str, author: str, *, paused: bool = True) -> bool:
+        """Pause a task, or let it go on. Returns whether it is paused now."""
+        request = submission.PauseTask(task=task, resume=not paused, author=author)
+        return (await self.ask(self.addresses.task_manager, request, submission.TaskPaused, patience=PATIENCE)).paused
+
     async def messages(self, task: str, offset: int = 0) -> task_news.Messages:
         """A page of the messages of a running or ended task, after the first `offset`."""
         return await self.ask(self.addresses.task_manager, task_news.ReadMessages(task=task, after=offset), task_news.Messages)

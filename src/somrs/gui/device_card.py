@@ -13,6 +13,7 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.gui.components.rebuilt import RebuiltElement
 from somrs.gui.device_orders import DeviceOrders
 from somrs.gui.icons import Badge, Gauge, Sign, format_time, join_names
+from somrs.protocol.messages.event_text import short_id
 
 ICONS = {
     "Person": "person",
@@ -213,6 +214,8 @@ def _note(device: DeviceView) -> str:
         parts.append(f"It holds {holding}.")
     if device.simulated is not None and device.simulated.command:
         parts.append(f"It is {COMMAND_LABELS.get(device.simulated.command, f'doing {device.simulated.command}')}.")
+    if device.paused_for is not None:
+        parts.append(f"It stands still because task {short_id(device.paused_for)} is paused.")
     if device.simulated is not None and device.simulated.waiting:
         parts.append(f"It {device.simulated.waiting}.")
     return " ".join(parts)

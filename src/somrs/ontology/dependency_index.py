@@ -21,7 +21,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
             "OperationRange", "FieldOfView", "Accuracy", "Payload", "Speed", "Price", "Charge", "Supporting",
             "ExternalId", "DoorKind", "SwingAngle", "NavigationGraph", "Bidirectional", "SpeedLimit", "Travel", "Mutex", "LaneWidth",
             "HoldingPoint", "ParkingSpot", "PassthroughPoint", "CleaningZone", "DockName", "Latitude", "Longitude",
-            "Offers", "StepTime", "AnswerTime", "Unknown", "Working", "Paused", "InService", "Mode",
+            "Offers", "StepTime", "AnswerTime", "Unknown", "Working", "Paused", "PausedFor", "InService", "Mode",
         )
     ),
     Section.RELATIONS: frozenset(
@@ -32,7 +32,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
         (
             "Object", "PhysicalObject", "AbstractObject", "Building", "Storey", "Space",
             "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "PoweredDoor", "Place", "Charger",
-            "Waypoint", "Lane", "Station", "Hole", "Pedestrian",
+            "Waypoint", "Lane", "Station", "Zone", "NoGoZone", "SlowZone", "Hole", "Pedestrian",
             "Furniture", "FurnitureLeg", "Support", "Cupboard", "Graspable",
             "Device", "Person", "StationaryDevice", "Scale", "Camera", "Lift", "MobileRobot", "Vehicle", "MobileManipulator", "PatrolRobot",
         )

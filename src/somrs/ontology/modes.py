@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 
 from somrs.ontology.objects import Change, Map, ValueSet
-from somrs.ontology.types import IN_SERVICE, MODE, OUT_OF_ORDER, PAUSED, Ontology, Value
+from somrs.ontology.types import IN_SERVICE, MODE, OUT_OF_ORDER, PAUSED, PAUSED_FOR, Ontology, Value
 from somrs.ontology.values import value_of
 
 
@@ -50,7 +50,7 @@ def hold_reason(modes: Mapping[str, Mode]) -> str:
 
 def stands_still(device: str, map: Map, ontology: Ontology) -> bool:
     """Whether a device must not move now: an operator has stopped it, or it is a robot in a fire or an emergency."""
-    if value_of(device, PAUSED, map, ontology) is True:
+    if value_of(device, PAUSED, map, ontology) is True or value_of(device, PAUSED_FOR, map, ontology) is not None:
         return True
     object = map.objects.get(device)
     return object is not None and ontology.is_subtype(object.type, MOBILE_ROBOT) and bool(hold_reason(modes(map)))
@@ -58,7 +58,12 @@ def stands_still(device: str, map: Map, ontology: Ontology) -> bool:
 
 def freed_devices(changes: Iterable[Change], map: Map, ontology: Ontology) -> set[str]:
     """The devices that may work again by these changes of the map, which are made."""
-    allowed: dict[str, tuple[Value | None, ...]] = {PAUSED: (False, None), IN_SERVICE: (True, None), MODE: (Mode.NORMAL.value, None)}
+    allowed: dict[str, tuple[Value | None, ...]] = {
+        PAUSED: (False, None),
+        PAUSED_FOR: (None,),
+        IN_SERVICE: (True, None),
+        MODE: (Mode.NORMAL.value, None),
+    }
     freed = {change.object for change in changes if isinstance(change, ValueSet) and change.value in allowed.get(change.path, ())}
     if any(ontology.is_subtype(object.type, BUILDING) for name in freed if (object := map.objects.get(name)) is not None):
         kinds = (type for type in ontology.types if ontology.is_subtype(type, MOBILE_ROBOT))

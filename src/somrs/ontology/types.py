@@ -24,6 +24,7 @@ WORKING = "Working"
 """The attribute that is FALSE for a device that is out of order (upper ontology)."""
 
 PAUSED = "Paused"
+PAUSED_FOR = "PausedFor"
 """The attribute that is TRUE for a device that must not move, because an operator has stopped it (upper ontology)."""
 
 IN_SERVICE = "InService"

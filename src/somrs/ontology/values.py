@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from somrs.entish.formula import Arithmetic, Attribute, Call, Constant, Name, Number, Term, Text, Truth, Variable
 from somrs.ontology.objects import Map
-from somrs.ontology.types import IN_SERVICE, MODE, OUT_OF_ORDER, PAUSED, AttributeType, Kind, Ontology, Value
+from somrs.ontology.types import IN_SERVICE, MODE, OUT_OF_ORDER, PAUSED, PAUSED_FOR, AttributeType, Kind, Ontology, Value
 from somrs.ontology.units import convert_unit
 
 DIGITS = 12
@@ -36,6 +36,8 @@ def evaluate(term: Term, map: Map, ontology: Ontology) -> Value | None:
 def takes_work(device: str, map: Map, ontology: Ontology) -> bool:
     """Whether an operator lets the device begin work: it is in service, not stopped, and, if it is a lift or a door, not out of order."""
     forbidden = {PAUSED: True, IN_SERVICE: False, MODE: OUT_OF_ORDER}
+    if value_of(device, PAUSED_FOR, map, ontology) is not None:
+        return False
     return all(value_of(device, path, map, ontology) != value for path, value in forbidden.items())
 
 

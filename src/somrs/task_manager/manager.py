@@ -177,11 +177,17 @@ class TaskManager:
         match message.body:
             case submission.Submit():
                 yield from self._submit(message, message.body, now)
-            case submission.CancelTask(task=task) | task_news.WatchTask(task=task) if task not in state.tasks:
+            case submission.CancelTask(task=task) | submission.PauseTask(task=task) | task_news.WatchTask(task=task) if (
+                task not in state.tasks
+            ):
                 yield self._reply(message, frp.Fault(code="env:Sender", text=f"there is no task {task} here"))
             case submission.CancelTask(task=task, reason=reason):
                 yield from self._transaction(task).cancel(now, reason)
                 yield self._reply(message, submission.Cancelling(task=task))
+            case submission.PauseTask(task=task, resume=resumes, author=author):
+                transaction = self._transaction(task)
+                yield from (transaction.resume if resumes else transaction.pause)(author or message.header.sender, now)
+                yield self._reply(message, submission.TaskPaused(task=task, paused=state.tasks[task].pause is not None))
             case task_news.ReadTasks():
                 yield self._queries.read_tasks(message, message.body)
             case task_news.WatchTask() | task_news.WatchTasks():

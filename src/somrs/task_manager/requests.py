@@ -58,7 +58,13 @@ class ForReport(Struct, frozen=True, tag=True):
     owner: str
 
 
-RequestPurpose = ForPlan | ForLook | ForReport
+class ForPause(Struct, frozen=True, tag=True):
+    """Devices stand still because the task is paused, or go on. Nothing depends on the answer."""
+
+    owner: str
+
+
+RequestPurpose = ForPlan | ForLook | ForReport | ForPause
 
 
 class ServicesKnown(Struct, frozen=True):
@@ -104,7 +110,7 @@ class Requests(Struct, kw_only=True):
         """Make the time part of all request ids, so that a Task Manager that lost its state does not use earlier ids again."""
         self.incarnation = self.incarnation or now
 
-    def update(self, body: UpdateMap, purpose: ForReport, now: float) -> Effects:
+    def update(self, body: UpdateMap, purpose: ForReport | ForPause, now: float) -> Effects:
         """Request a change of the map from the Repository."""
         yield from self._send_request(self._new_request(self.repository, body, purpose, now + UPDATE_TIME), now)
 
@@ -151,6 +157,8 @@ class Requests(Struct, kw_only=True):
         self, request: Request, answer: Message, now: float, ontology: Ontology | None = None
     ) -> EffectsReturning[RequestResult | None]:
         purpose, body = request.purpose, answer.body
+        if isinstance(purpose, ForPause):
+            return None
         if isinstance(purpose, ForReport):
             return ReportAnswered(purpose, answer)
         if not isinstance(body, Discovered):

@@ -11,11 +11,13 @@ from somrs.client.durations import format_duration
 from somrs.client.state_labels import priority_text
 from somrs.client.task_forecast import cost_text, remaining_text
 from somrs.client.task_report import reasons
+from somrs.gui.author import author
 from somrs.gui.icons import Badge, format_time
 from somrs.gui.pages.task_cancel_dialog import CancelDialog
 from somrs.gui.pages.task_retry import RetryButton
 from somrs.gui.pages.task_text import PHASES, count_text, due_text, gist, task_path, task_sign
 from somrs.gui.pages.task_waits import show_hindrances, show_waits
+from somrs.gui.shell import guarded, notify
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.people import person_name
@@ -66,6 +68,7 @@ class TaskHeader:
             with ui.button("Export", icon="download").props("flat dense no-caps"), ui.menu():
                 _file(f"/api/tasks/{view.task}/chart", f"{name}.svg", "schema", "Messages as a picture (SVG)")
                 self._record = _file("", f"{name}.json", "data_object", "Record, for programs (JSON)")
+            self._pause = ui.button("Pause", icon="pause", on_click=guarded(self._turn)).props("outline dense no-caps")
             self._cancel = ui.button("Cancel", icon="stop_circle", on_click=self._cancel_dialog.ask).props(
                 "outline dense no-caps color=negative"
             )
@@ -75,7 +78,7 @@ class TaskHeader:
     def render(self, view: TaskView) -> None:
         self._view = view
         is_ended = view.phase is Phase.ENDED
-        self._badge.show_sign(task_sign(view.phase, view.outcome))
+        self._badge.show_sign(task_sign(view))
         completed_count, share = _progress(view)
         count = len(view.steps)
         self._steps.set_text(
@@ -85,7 +88,9 @@ class TaskHeader:
         self._fill.style(f"width: {100 * share:.1f}%")
         tone = "good" if view.outcome == "accomplished" else "soft" if is_ended else "accent"
         self._fill.style(f"background: var(--{tone})")
-        self._cancel.visible, self._retry.visible = not is_ended, is_ended
+        self._cancel.visible, self._pause.visible, self._retry.visible = not is_ended, not is_ended, is_ended
+        self._pause.set_text("Go on" if view.pause is not None else "Pause")
+        self._pause.props(f"icon={'play_arrow' if view.pause is not None else 'pause'}")
         self._cancel_dialog.render(view)
         self._record.props(f'href="/api/{"records" if is_ended else "tasks"}/{view.task}"')
         current_reasons = reasons(view)
@@ -98,13 +103,20 @@ class TaskHeader:
                         show_waits(view.waiting_for, "Waits for")
                 if view.waiting_to_retry is not None:
                     show_hindrances(view.waiting_to_retry)
-                for reason in current_reasons if view.waiting_for is None and view.waiting_to_retry is None else ():
+                waits = view.waiting_for is not None or view.waiting_to_retry is not None
+                for reason in current_reasons[: int(view.pause is not None)] if waits else current_reasons:
                     with ui.element("li"):
                         ui.label(reason_text(reason)).tooltip(reason)
         self._reason_status.visible = bool(current_reasons)
         if is_ended:
             self._clock.deactivate()
         self._tick()
+
+    async def _turn(self) -> None:
+        """Pause the task, or let it go on."""
+        is_paused = self._view.pause is not None
+        turned = await (self._api.tasks.resume if is_paused else self._api.tasks.pause)(self._view.task, by=author())
+        notify("The task is paused" if turned.paused else "The task goes on")
 
     def _tick(self) -> None:
         view, now = self._view, time.time()

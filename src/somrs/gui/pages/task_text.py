@@ -9,8 +9,7 @@ from somrs.client.durations import format_duration
 from somrs.gui.components.task.waits import WaitText
 from somrs.gui.icons import OUTCOMES, Sign, join_names
 from somrs.protocol.messages.event_text import reserved_text, short_id
-from somrs.protocol.messages.frp import Outcome
-from somrs.protocol.messages.task_views import Phase
+from somrs.protocol.messages.task_views import Phase, TaskRow, TaskView
 from somrs.protocol.messages.waits import WaitsForTasks, WaitsToRetry
 
 PHASES = {
@@ -29,9 +28,14 @@ NEARBY_POSITION = re.compile(r" AND \w+ at \S+, \S+ m")
 """A position in numbers after another statement about the place, which is more informative."""
 
 
-def task_sign(phase: Phase, outcome: Outcome | None) -> Sign:
-    """The badge for a task's phase or outcome."""
-    return OUTCOMES[outcome] if outcome is not None else PHASES[phase]
+PAUSED = Sign("pause_circle", "Paused", "busy")
+
+
+def task_sign(task: TaskView | TaskRow) -> Sign:
+    """The badge for a task's phase or outcome, or that it is paused."""
+    if task.outcome is not None:
+        return OUTCOMES[task.outcome]
+    return PAUSED if task.pause is not None else PHASES[task.phase]
 
 
 def task_key(task: str) -> str:

@@ -150,7 +150,7 @@ def _kind(row: TaskRow) -> str:
 
 def _table_row(row: TaskRow, asked_people: frozenset[str], now: float) -> dict[str, Any]:
     """A row of the table."""
-    row_sign = task_sign(row.phase, row.outcome)
+    row_sign = task_sign(row)
     seconds = (row.ended_at if row.ended_at is not None else now) - row.submitted_at
     return {
         "task": row.task,

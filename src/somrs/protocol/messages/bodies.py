@@ -27,6 +27,7 @@ KnowledgeBody = (
 )  # fmt: skip
 ClientBody = (
     submission.Submit | submission.Submitted | submission.TaskRejected | submission.CancelTask | submission.Cancelling
+    | submission.PauseTask | submission.TaskPaused
     | task_news.ReadTasks | task_news.Tasks | task_news.WatchTask | task_news.TaskNews | previews.Preview | previews.Previewed
     | records.ReadRecords | records.Records | task_news.WatchTasks | task_news.TasksNews | task_news.ReadMessages | task_news.Messages
 )  # fmt: skip
@@ -69,6 +70,7 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     knowledge.SubscribeMap: (knowledge.MapSubscribed,),
     submission.Submit: (submission.Submitted, submission.TaskRejected),
     submission.CancelTask: (submission.Cancelling,),
+    submission.PauseTask: (submission.TaskPaused,),
     task_news.ReadTasks: (task_news.Tasks,),
     task_news.WatchTask: (task_news.TaskNews,),
     previews.Preview: (previews.Previewed,),

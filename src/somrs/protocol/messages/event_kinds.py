@@ -21,8 +21,10 @@ from somrs.protocol.messages.events import (
     NobodyLooks,
     NotBegun,
     ObjectsDiscovered,
+    Paused,
     Replanned,
     ReportRejected,
+    Resumed,
     ServiceFaulted,
     ServiceLost,
     ServiceOverdue,
@@ -65,7 +67,7 @@ class EventKind(StrEnum):
 
 
 KINDS: dict[type[Event], EventKind] = {
-    **dict.fromkeys((WaitsForTasks, WaitsToRetry, WaitOver, GoesOn, WaitsForDevice), EventKind.WAIT),
+    **dict.fromkeys((WaitsForTasks, WaitsToRetry, WaitOver, GoesOn, WaitsForDevice, Paused, Resumed), EventKind.WAIT),
     **dict.fromkeys((Replanned, TriedOnceMore, ConditionsAdopted), EventKind.REPLAN),
     **dict.fromkeys(
         (

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 
 from somrs.protocol.messages import events, waits
 from somrs.protocol.messages.events import ComparedPlan, Event
+from somrs.protocol.messages.people import person_name
+from somrs.protocol.messages.task_views import Pause
 from somrs.protocol.messages.waits import Holder
 
 
@@ -57,6 +59,11 @@ def compared_plan_text(plan: ComparedPlan) -> str:
     return f"{types} for {plan.price:g} {plan.currency}, in {plan.seconds:.0f} s"
 
 
+def pause_text(pause: Pause) -> str:
+    """Who has paused a task, for people."""
+    return f"paused by {person_name(pause.by)}; its devices stand still until somebody lets it go on"
+
+
 def sentence(event: Event) -> str:
     """Return the event as a sentence."""
     match event:
@@ -82,6 +89,10 @@ def sentence(event: Event) -> str:
             return f"replanning with what services need: {', '.join(f'{condition} ({name})' for name, condition in conditions.items())}"
         case events.TriedOnceMore(services=services):
             return f"there is no plan without {', '.join(services)}; they may try again"
+        case events.Paused(author=author):
+            return f"paused by {person_name(author)}"
+        case events.Resumed(author=author):
+            return f"going on, says {person_name(author)}"
         case events.Stopping(reason=reason):
             return f"stopping: {reason}"
         case events.TaskEnded(outcome=outcome, reasons=reasons):

@@ -336,6 +336,21 @@ class WorkStranded(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=Tr
     holders: tuple[Holder, ...] = ()
 
 
+# Pauses
+
+
+class Paused(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """An operator has paused the task."""
+
+    author: str
+
+
+class Resumed(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """An operator lets it go on."""
+
+    author: str
+
+
 # The end
 
 
@@ -358,7 +373,7 @@ Event = (
     | ReportRejected | ReportSuperseded | ObjectsDiscovered
     | ServiceReplaced | MayTryAgain | HandlerBegun | GoalFailed | LookBegun | LookFound | NobodyLooks | KnownOtherwise
     | FailuresUndone | UndoneByHandler | UndoneByService | UndoneByOthers | Compensated | CompensationFailed | WorkUndone | WorkStranded
-    | Stopping | TaskEnded
+    | Paused | Resumed | Stopping | TaskEnded
 )  # fmt: skip
 
 ServiceFailure = (

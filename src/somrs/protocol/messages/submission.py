@@ -86,5 +86,20 @@ class CancelTask(MessageBody, frozen=True, kw_only=True, tag=True):
     reason: str = "cancelled by the client"
 
 
+class PauseTask(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Pause a task, or let it go on (`resume`). Nothing of a paused task begins; its devices stand still; its deadline stays."""
+
+    task: str
+    resume: bool = False
+    author: str = ""
+
+
+class TaskPaused(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The answer to PauseTask: whether the task is paused now. One that has ended is not."""
+
+    task: str
+    paused: bool
+
+
 class Cancelling(MessageBody, frozen=True, kw_only=True, tag=True):
     task: str

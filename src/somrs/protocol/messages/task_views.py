@@ -91,6 +91,13 @@ class WorkView(Struct, frozen=True, kw_only=True):
     currency: str = "EUR"
 
 
+class Pause(Struct, frozen=True, kw_only=True):
+    """A task is paused. `by`: who has paused it; `since`: seconds since 1970."""
+
+    by: str
+    since: float
+
+
 class TaskView(Struct, frozen=True, kw_only=True):
     """A task as it is now: the goal, the client, the phase and the work done. `deadline` is in seconds from `submitted_at`."""
 
@@ -120,6 +127,8 @@ class TaskView(Struct, frozen=True, kw_only=True):
     """The tasks that it waits for now; also in the reasons, as text."""
     waiting_to_retry: WaitsToRetry | None = None
     """Why there is no way to do it now, and when the next attempt is; also in the reasons, as text."""
+    pause: Pause | None = None
+    """Who has paused it, if it is paused; also in the reasons, as text."""
     recognise: bool = False
     findings: Findings | None = None
     """The answer to a client that asks what is so, when the task has ended."""
@@ -154,6 +163,8 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     """The tasks that it waits for now; also in the reasons, as text."""
     waiting_to_retry: WaitsToRetry | None = None
     """Why there is no way to do it now, and when the next attempt is; also in the reasons, as text."""
+    pause: Pause | None = None
+    """Who has paused it, if it is paused; also in the reasons, as text."""
     recognise: bool = False
     """It asks what is so, and makes nothing so."""
 

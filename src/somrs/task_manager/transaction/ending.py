@@ -13,6 +13,7 @@ from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import DeadlineDue, StopDue
 from somrs.task_manager.transaction.findings import findings
 from somrs.task_manager.transaction.goal_executor import GoalExecutor
+from somrs.task_manager.transaction.pausing import Pausing
 from somrs.task_manager.transaction.record import record
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import waiting_texts
@@ -30,6 +31,7 @@ class Ending:
     def stop(self, outcome: Outcome, reasons: tuple[str, ...], now: float) -> Effects:
         """Give up all goals, and have the participants stop. The task will have this outcome."""
         state = self._state
+        yield from Pausing(self._scope).end("", now)
         state.ending = outcome
         state.reasons = (*reasons, *(f"it was {text}" for text in waiting_texts(state.goal)))
         if outcome is Outcome.CANCELLED:
@@ -59,6 +61,7 @@ class Ending:
     def conclude(self, outcome: Outcome, now: float) -> Effects:
         """Give the task its outcome, tell the participants, and record it."""
         state = self._state
+        yield from Pausing(self._scope).end("", now)
         yield from self._scope.participants.end(outcome, now)
         state.outcome, state.ended_at = outcome, now
         if state.task.recognise:

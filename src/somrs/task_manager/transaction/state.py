@@ -16,7 +16,7 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.previews import Previewed
 from somrs.protocol.messages.submission import Submit
-from somrs.protocol.messages.task_views import Phase
+from somrs.protocol.messages.task_views import Pause, Phase
 from somrs.protocol.messages.waits import WaitsForTasks, WaitsToRetry
 from somrs.task_manager.arrangement.available_services import KnownServices
 from somrs.task_manager.arrangement.call_for_proposals import OpenCalls
@@ -174,6 +174,10 @@ class TaskState(Struct, kw_only=True, eq=False):
     """The answer to a client that asks what is so, when the task has ended."""
     blocked: tuple[str, ...] = ()
     """Why there is no plan, while interrupted work is being compensated."""
+    pause: Pause | None = None
+    """Who has paused the task."""
+    held_devices: list[str] = []
+    """The devices that stand still because the task is paused."""
 
     @classmethod
     def new(cls, id: str, task: Submit, now: float, client: str = "") -> TaskState:

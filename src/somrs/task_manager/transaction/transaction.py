@@ -33,6 +33,7 @@ from somrs.task_manager.transaction.ending import Ending
 from somrs.task_manager.transaction.goal_executor import GoalExecutor
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost, UndoFirst
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
+from somrs.task_manager.transaction.pausing import Pausing
 from somrs.task_manager.transaction.renamed_objects import TaskRenamer
 from somrs.task_manager.transaction.retry_wait import RetryWait
 from somrs.task_manager.transaction.scope import TaskScope
@@ -185,12 +186,25 @@ class Transaction:
         """Cancel the task for its client."""
         yield from self._stop(now, Outcome.CANCELLED, (reason or "cancelled by the client",))
 
+    def pause(self, author: str, now: float) -> Effects:
+        """Pause the task for an operator."""
+        self._context.touched[self.state.id] = None
+        yield from Pausing(self._scope).begin(author, now)
+
+    def resume(self, author: str, now: float) -> Effects:
+        """Let the task go on after a pause."""
+        yield from Pausing(self._scope).end(author, now)
+        yield from self.proceed(now)
+
     # Progress
 
     def proceed(self, now: float) -> Effects:
-        """Do what comes next; nothing while a report is on its way to the map (FRP, property 5)."""
+        """Do what comes next; nothing while the task is paused, or a report is on its way to the map (FRP, property 5)."""
         state = self.state
         self._context.touched[state.id] = None
+        if state.pause is not None:
+            yield from Pausing(self._scope).hold_devices(now)
+            return
         if state.outcome is not None or state.reports.pending or state.look_queue.current_look is not None:
             return
         if state.ending is not None and state.undoing is None and state.members.working:

@@ -66,6 +66,8 @@ SENTENCES: list[tuple[Event, str]] = [
     (waits.GoesOn(), "continuing: the objects it waited for are free"),
     (events.Replanned(reasons=TWO), "replanning: no; never"),
     (events.TriedOnceMore(services=("R.A", "R.B")), "there is no plan without R.A, R.B; they may try again"),
+    (events.Paused(author="Ada"), "paused by Ada"),
+    (events.Resumed(author="Ben"), "going on, says Ben"),
     (events.Stopping(reason="enough"), "stopping: enough"),
     (events.TaskEnded(outcome=Outcome.ACCOMPLISHED), "accomplished"),
     (events.TaskEnded(outcome=Outcome.FAILED, reasons=TWO), "failed: no; never"),
@@ -187,7 +189,7 @@ def test_what_an_event_is_in_the_life_of_its_task() -> None:
         EventKind.HANDLER: {"HandlerBegun"},
         EventKind.REPLACE: {"ServiceReplaced"},
         EventKind.REPLAN: {"ConditionsAdopted", "Replanned", "TriedOnceMore"},
-        EventKind.WAIT: {"WaitsForTasks", "WaitsToRetry", "WaitOver", "GoesOn", "WaitsForDevice"},
+        EventKind.WAIT: {"WaitsForTasks", "WaitsToRetry", "WaitOver", "GoesOn", "WaitsForDevice", "Paused", "Resumed"},
         EventKind.LOOK: {"FoundOut", "LookBegun", "LookFound", "NobodyLooks", "KnownOtherwise", "ObjectsDiscovered"},
         EventKind.UNDO: {
             "UndoingCheaper", "FailuresUndone", "UndoneByHandler", "UndoneByService", "UndoneByOthers", "Compensated", "WorkUndone",

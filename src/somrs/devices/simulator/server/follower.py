@@ -24,7 +24,7 @@ from somrs.kernel.replica import Replica
 from somrs.ontology.modes import hold_reason, modes, passages_out_of_order
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
-from somrs.ontology.types import PAUSED
+from somrs.ontology.types import PAUSED, PAUSED_FOR
 from somrs.space.solids import Role, solid_of
 from somrs.space.zones import zones_of
 
@@ -57,7 +57,7 @@ class Follower:
         if self.simulation is None and self.replica.ready:
             self.simulation = Simulation(self.replica.map, self.replica.ontology, self._kind, traffic_address=self._traffic)
             for name, object in self.replica.map.objects.items():
-                self.simulation.set_paused(name, object.values.get(PAUSED) is True)
+                self.simulation.set_paused(name, _is_paused(object))
             self._follow_modes(self.simulation)
             self.read.set()
         elif self.simulation is not None:
@@ -83,7 +83,7 @@ class Follower:
                     simulation.rename(thing, object)
                 case ObjectAdded(object):
                     simulation.add(object)
-                    simulation.set_paused(object.name, object.values.get(PAUSED) is True)
+                    simulation.set_paused(object.name, _is_paused(object))
                 case ObjectRemoved(name) if renamed and renamed[0].name == name:
                     pass  # the next addition is the renamed object
                 case ObjectRemoved(name):
@@ -92,8 +92,8 @@ class Follower:
                     simulation.relate(change)
                 case ValueSet(name, "Open") if (door := self.replica.map.objects.get(name)) is not None:
                     simulation.renew(door)
-                case ValueSet(name, path, value) if path == PAUSED:
-                    simulation.set_paused(name, value is True)
+                case ValueSet(name, path) if path in (PAUSED, PAUSED_FOR) and (device := self.replica.map.objects.get(name)) is not None:
+                    simulation.set_paused(name, _is_paused(device))
                 case ValueSet(name, "Supporting") if (support := self.replica.map.objects.get(name)) is not None:
                     simulation.set_carrying(support)
 
@@ -142,3 +142,8 @@ class Follower:
         object = self.replica.map.objects.get(thing)
         on_map = solid_of(object, self.replica.ontology) if object is not None else None
         return on_map is not None and math.dist((on_map.x, on_map.y, on_map.z), place) <= SAME_PLACE
+
+
+def _is_paused(device: Object) -> bool:
+    """Whether an operator has stopped the device, or a task for which it works."""
+    return device.values.get(PAUSED) is True or device.values.get(PAUSED_FOR) is not None

@@ -61,7 +61,7 @@ def running_rows(tasks: Iterable[TaskRow]) -> list[Row]:
     return [
         Row(
             key=task.task,
-            sign=task_sign(task.phase, task.outcome),
+            sign=task_sign(task),
             text=task.effect,
             note=count_text(task.setbacks, "setback") if task.setbacks else "",
             target=task_path(task.task),
