@@ -22,7 +22,7 @@ from somrs.ontology.services import ServiceType
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Offer, Publish, Published, Retract, Retracted
 
-from .conftest import PATIENCE, WORK_TIME, RunningSystem, every_look, fits, take_screenshot
+from .conftest import PATIENCE, WORK_TIME, RunningSystem, every_look, fits, resize, take_screenshot, wait_until_still
 
 OpenPage = Callable[..., Page]
 
@@ -250,3 +250,28 @@ def _judge(page: Page, questions: Questions, number: int, expected: str, problem
         questions.reject(number, problem)
     else:
         questions.end(number, "taken")
+
+
+def test_a_simulated_robot_is_put_elsewhere_on_the_floor_plan(system: RunningSystem, window: OpenPage) -> None:
+    page = window(f"{system.url}/fleet")
+    menu = device(page, "Robot2").get_by_role("button", name="Orders to Robot2")
+    menu.click()
+    page.get_by_role("menuitem", name="Put elsewhere …").click()
+    dialog = page.get_by_role("dialog", name="Put Robot2 elsewhere")
+    confirm = dialog.get_by_role("button", name="Put it there")
+    expect(confirm).to_be_disabled()
+    plan = dialog.locator(".fp-pad")
+    robot = plan.locator('[data-name="Robot2"]')
+    expect(robot).to_have_count(1)
+    wait_until_still(plan)
+    there = robot.bounding_box()
+    assert there is not None
+    page.mouse.click(there["x"] + there["width"] / 2, there["y"] + 2.5 * there["height"])
+    expect(dialog.get_by_text(re.compile("^To x "))).to_be_visible()
+    take_screenshot(page, "fleet-put-elsewhere")
+    resize(page, "390")
+    assert fits(page)
+    take_screenshot(page, "fleet-put-elsewhere-390")
+    confirm.click()
+    expect(page.get_by_text(re.compile(r"^Robot2 was put at x "))).to_be_visible()
+    expect(dialog).to_be_hidden()

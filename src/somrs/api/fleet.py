@@ -13,17 +13,19 @@ import msgspec
 from somrs.api.context import Context
 from somrs.api.device_state import DeviceState, is_working, state_of
 from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally, device_of
-from somrs.api.simulator_gateway import SimulatedRobot, break_or_mend, robots
+from somrs.api.simulator_gateway import SimulatedRobot, break_or_mend, put_robot, robots
 from somrs.client.operations import operation
-from somrs.client.refusals import ErrorReport, error_report
+from somrs.client.refusals import ErrorReport, NotFound, error_report
 from somrs.client.task_history import TaskHistory
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import SomrsError
+from somrs.ontology.objects import Change, Fact, FactRemoved, ValueSet
 from somrs.ontology.services import ServiceKind
 from somrs.ontology.types import IN_SERVICE, PAUSED, PAUSED_FOR, WORKING, Value
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.directory import Discover, Offer, PresenceChange
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.task_views import StepView, TaskView, WorkView
 
 _STOREY = "Storey"
@@ -170,6 +172,25 @@ class FleetService:
     async def fault(self, robot: str, fault: Fault, repair: bool = False) -> None:
         """Inject a fault into a simulated robot, or with `repair` remove it."""
         await break_or_mend(self._context.addresses.simulator, robot, fault, repair=repair)
+
+    @operation("POST", "/fleet/{robot}/place")
+    async def put(self, robot: str, x: float, y: float, storey: str | None = None, turned: float = 0.0, by: str = "") -> None:
+        """Put a simulated robot somewhere else, as somebody would carry it. It gives up what it does, and its task goes on from there.
+
+        `storey`: by default, the floor on which it is. `turned`: its heading, in radians. It must fit there, and hold nothing.
+        """
+        map, ontology = self._context.map, self._context.ontology
+        if storey is not None and storey not in map.objects:
+            raise NotFound(f"there is no storey {storey}; GET /map lists the objects")
+        if robot not in map.objects:
+            raise NotFound(f"there is no robot {robot} on the map; GET /fleet lists the devices")
+        height = value_of(storey, "Elevation", map, ontology) if storey is not None else value_of(robot, "PositionZ", map, ontology)
+        z = _number(height) or 0.0
+        await put_robot(self._context.addresses.simulator, robot, x, y, z, turned)
+        pose = {"PositionX": x, "PositionY": y, "PositionZ": z, "RotationZ": turned}
+        moved: list[Change] = [ValueSet(robot, path, value) for path, value in pose.items()]
+        former_places = [FactRemoved(Fact("isAt", arguments)) for arguments in map.facts_with("isAt", 0, robot)]
+        await self._context.client.report(UpdateMap(changes=(*moved, *former_places), author=by))
 
     def _on_map(self) -> Iterator[str]:
         map, ontology = self._context.map, self._context.ontology

@@ -11,7 +11,7 @@ import msgspec
 from somrs.api.waiting import waiting_text
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.link import OperatorLink
-from somrs.errors import RemoteError, SomrsError
+from somrs.errors import RemoteError, SomrsError, UsageError
 
 PATIENCE = 1.5
 """Seconds to wait for the simulator's answers to a few questions."""
@@ -60,6 +60,16 @@ async def break_or_mend(simulator: str | None, robot: str, fault: Fault, *, repa
         raise RemoteError("this system has no simulator; faults can be injected into simulated robots only")
     async with link(simulator) as operator:
         await (operator.repair if repair else operator.fault)(robot, fault)
+
+
+async def put_robot(simulator: str | None, robot: str, x: float, y: float, z: float, yaw: float) -> None:
+    """Put a simulated robot elsewhere. Raises UsageError if it is none or does not fit there, and RemoteError without a simulator."""
+    if simulator is None:
+        raise RemoteError("this system has no simulator; only simulated robots can be put elsewhere")
+    async with answering(simulator) as operator:
+        if robot not in await operator.robots():
+            raise UsageError(f"{robot} is no simulated robot: carry it there, and it reports where it is")
+        await operator.move(robot, x, y, z, yaw)
 
 
 @asynccontextmanager

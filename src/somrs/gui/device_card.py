@@ -136,6 +136,8 @@ class DeviceCard:
                 self._order("place", "Go to …", orders.go)
             if "ChargeBattery" in offered:
                 self._order("battery_charging_full", "Charge", orders.charge)
+            if device.simulated is not None and "MobileRobot" in device.lineage:
+                self._order("open_with", "Put elsewhere …", orders.put)
             if device.in_service:
                 self._order("do_not_disturb_on", "Take out of service", orders.retire)
             else:

@@ -10,6 +10,7 @@ from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
 from somrs.gui.author import author
 from somrs.gui.components.fields.picker import Choice, Picker
+from somrs.gui.robot_placing import PlacingDialog
 from somrs.protocol.messages.submission import Submitted
 
 
@@ -31,6 +32,10 @@ class DeviceOrders:
 
     async def charge(self, device: str) -> None:
         await self._submit(self._api.control.charge(device, by=author()))
+
+    async def put(self, device: str) -> None:
+        """Ask where a simulated robot is to be, and put it there."""
+        PlacingDialog(self._api, device)
 
     async def go(self, device: str) -> None:
         """Ask for the place, and send the device there."""

@@ -201,6 +201,10 @@ class RobotWork:
                 robot.hold_joint("left")
                 robot.hold_joint("right")
 
+    def interrupt(self, robot: Robot, reason: str) -> None:
+        """Give up what the robot does, at once."""
+        self._end(robot, GivenUp("stopped", reason))
+
     def object_removed(self, name: str) -> None:
         """Give up the work that concerns an object, and that of a robot which is removed itself."""
         for robot, work in [*self._work.items()]:

@@ -18,6 +18,7 @@ from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.lift_drive import LiftDrive
 from somrs.devices.simulator.motion.robot import Fleet, Robot
 from somrs.devices.simulator.server import traffic_office
+from somrs.devices.simulator.server.carrying_robots import put_at, why_no_room
 from somrs.devices.simulator.server.free_spaces import FreeSpaces
 from somrs.devices.simulator.server.robot_work import RobotWork
 from somrs.devices.simulator.server.simulated_traffic import Layouter, SimulatedTraffic
@@ -359,11 +360,26 @@ class Simulation:
         self._traffic.close_passages(names)
 
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
-        """Move a thing to another pose without a robot. Raises UsageError."""
+        """Move a thing to another pose without a robot; or a robot, as somebody would carry it. Raises UsageError."""
+        if thing in self.robots:
+            self._put_robot(self.robots[thing], x, y, z, yaw)
+            return
         solid = self.scene.world.solids.get(thing)
         if solid is None or solid.role is not Role.THING:
             raise UsageError(f"{thing} is not a thing in the simulated world that can be moved")
         self.scene.place_thing(thing, x, y, z, yaw)
+
+    def _put_robot(self, robot: Robot, x: float, y: float, z: float, yaw: float) -> None:
+        """Put a robot elsewhere. It gives up what it does. Raises UsageError if it does not fit there."""
+        reason = why_no_room(robot, (x, y), z, self._free_space_at(round(z, 1)), self.robots.values())
+        if reason is not None:
+            raise UsageError(f"{robot.name} cannot be put at ({x:.2f}, {y:.2f}): {reason}")
+        self._work.interrupt(robot, f"somebody has carried {robot.name} elsewhere")
+        moved = put_at(self._map.objects[robot.name], x, y, z, yaw, robot.battery.charge)
+        self.remove(robot.name)
+        self.add(moved)
+        placed_robot = self.robots[robot.name]
+        placed_robot.faults, placed_robot.paused = robot.faults, robot.paused
 
     def set_weight(self, thing: str, weight: float) -> None:
         """Give a thing another weight in kg, of which the map does not know. Raises UsageError."""
