@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import itertools
 import math
+import time
 from collections.abc import AsyncIterator, Callable, Coroutine
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -15,12 +16,13 @@ import zeep.exceptions
 
 from somrs.client.client import Addresses, Client
 from somrs.deployment.traffic import add_traffic
-from somrs.deployment.traffic_entrance import serve_simulated_traffic
+from somrs.deployment.traffic_entrance import FOREIGN_FILE, serve_simulated_traffic
 from somrs.deployment.traffic_worker import TrafficWorker
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo
 from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
+from somrs.errors import UsageError
 from somrs.ontology.objects import Map, Object, ObjectAdded, ValueSet
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.component import Repository
@@ -60,7 +62,7 @@ class Building:
         return ends
 
 
-def play(map: Map, work: Callable[[Building], None]) -> None:
+def play(map: Map, data: Path, work: Callable[[Building], None]) -> None:
     """Do the work, in a thread, beside a running simulation of this map with its traffic."""
 
     async def run() -> None:
@@ -68,7 +70,7 @@ def play(map: Map, work: Callable[[Building], None]) -> None:
         await runtime.start()
         simulation = Simulation(map, ONTOLOGY, WorldKind.KINEMATIC, traffic_address=f"{runtime.url}/traffic")
         server = Server(simulation, speed=SPEED)
-        serve_simulated_traffic(simulation, runtime, server.wake)
+        serve_simulated_traffic(simulation, runtime, server.wake, data / FOREIGN_FILE)
         await server.start()
         try:
             async with asyncio.timeout(HANG_TIME):
@@ -139,7 +141,7 @@ def corridor_with_bay() -> list[Object]:
     ]
 
 
-def test_a_foreign_robot_and_a_simulated_one_pass_each_other_in_a_corridor() -> None:
+def test_a_foreign_robot_and_a_simulated_one_pass_each_other_in_a_corridor(tmp_path: Path) -> None:
     def work(building: Building) -> None:
         foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
         foreigner.read_roadmap()
@@ -157,32 +159,30 @@ def test_a_foreign_robot_and_a_simulated_one_pass_each_other_in_a_corridor() -> 
         assert [seen.Robot for seen in foreigner.service.ReadTraffic().Robots] == ["Robot1"]
         foreigner.close()
 
-    play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), work)
+    play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), tmp_path, work)
 
 
-def test_a_silent_foreign_robot_keeps_its_place_until_it_is_taken_out() -> None:
+def test_a_silent_foreign_robot_keeps_its_place_until_it_is_taken_out(tmp_path: Path) -> None:
     def work(building: Building) -> None:
         foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
         foreigner.read_roadmap()
         foreigner.enter(foreigner.nearest(2.5, 0), 5.0)
         ends = building.drive("Robot1", 7.4, 0.0)
-        while not ends:  # it has no trip, so that nobody asks it to make room once its lease has ended
-            foreigner.take_message(0.05)
+        foreigner.wait_until(lambda: bool(ends))
         assert isinstance(ends[0], CommandGivenUp), ends
         assert "Foreigner" in ends[0].description
         (seen,) = (seen for seen in foreigner.service.ReadTraffic().Robots if seen.Robot == "Foreigner")
         assert seen.Silent
         foreigner.service.LeaveTraffic(Robot="Foreigner")
         again = building.drive("Robot1", 7.4, 0.0)
-        while not again:
-            foreigner.take_message(0.05)
+        foreigner.wait_until(lambda: bool(again))
         assert isinstance(again[0], CommandDone), again
         foreigner.close()
 
-    play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), work)
+    play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), tmp_path, work)
 
 
-def test_what_is_wrong_is_refused_with_a_reason() -> None:
+def test_what_is_wrong_is_refused_with_a_reason(tmp_path: Path) -> None:
     def work(building: Building) -> None:
         foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
         foreigner.read_roadmap()
@@ -214,10 +214,10 @@ def test_what_is_wrong_is_refused_with_a_reason() -> None:
             foreigner.request("away", "Nowhere")
         foreigner.close()
 
-    play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), work)
+    play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), tmp_path, work)
 
 
-def test_a_foreign_robot_is_told_of_a_new_roadmap_and_others_keep_away_from_it_until_it_enters_anew() -> None:
+def test_a_foreign_robot_is_told_of_a_new_roadmap_and_others_keep_away_from_it_until_it_enters_anew(tmp_path: Path) -> None:
     def work(building: Building) -> None:
         foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
         foreigner.read_roadmap()
@@ -225,9 +225,7 @@ def test_a_foreign_robot_is_told_of_a_new_roadmap_and_others_keep_away_from_it_u
         place = foreigner.places[foreigner.place]
         building.call(lambda simulation: simulation.add(box("Shelf9", "Cupboard", (7.7, -0.2, 0), (0.3, 0.5, 0.8))))
         ends = building.drive("Robot1", 6.6, 0.0)
-        while not ends:
-            foreigner.take_message(0.05)
-        assert foreigner.is_replaced
+        foreigner.wait_until(lambda: foreigner.is_replaced and bool(ends))
         assert isinstance(ends[0], CommandGivenUp), ends
         with pytest.raises(zeep.exceptions.Fault, match="read it again"):
             foreigner.enter(foreigner.place, LONG_LEASE, Edition=foreigner.edition)
@@ -242,10 +240,10 @@ def test_a_foreign_robot_is_told_of_a_new_roadmap_and_others_keep_away_from_it_u
         assert isinstance(again[0], CommandDone), again
         foreigner.close()
 
-    play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), work)
+    play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), tmp_path, work)
 
 
-def test_a_foreign_robot_rides_in_a_lift_by_turns_with_a_simulated_one() -> None:
+def test_a_foreign_robot_rides_in_a_lift_by_turns_with_a_simulated_one(tmp_path: Path) -> None:
     def work(building: Building) -> None:
         foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
         foreigner.read_roadmap()
@@ -277,10 +275,10 @@ def test_a_foreign_robot_rides_in_a_lift_by_turns_with_a_simulated_one() -> None
         assert isinstance(again[0], CommandDone), "the lift is free again"
         foreigner.close()
 
-    play(tower((2, 2, 0)), work)
+    play(tower((2, 2, 0)), tmp_path, work)
 
 
-def test_a_foreign_robot_is_not_let_into_a_lift_that_is_out_of_order_and_learns_its_name() -> None:
+def test_a_foreign_robot_is_not_let_into_a_lift_that_is_out_of_order_and_learns_its_name(tmp_path: Path) -> None:
     def work(building: Building) -> None:
         foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
         foreigner.read_roadmap()
@@ -295,7 +293,46 @@ def test_a_foreign_robot_is_not_let_into_a_lift_that_is_out_of_order_and_learns_
             foreigner.request("again", goal)
         foreigner.close()
 
-    play(tower((2, 2, 0)), work)
+    play(tower((2, 2, 0)), tmp_path, work)
+
+
+def test_a_simulator_that_was_started_again_knows_where_foreign_robots_may_be(tmp_path: Path) -> None:
+    start: list[tuple[float, float]] = []
+
+    def enter(building: Building) -> None:
+        foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
+        foreigner.read_roadmap()
+        foreigner.enter(foreigner.nearest(2.5, 0), LONG_LEASE)
+        place = foreigner.places[foreigner.place]
+        start.append((place.x, place.y))
+        foreigner.close()
+
+    def go_on(building: Building) -> None:
+        ends = building.drive("Robot1", 7.4, 0.0)
+        foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
+        foreigner.wait_until(lambda: bool(ends))
+        assert isinstance(ends[0], CommandGivenUp), "it is still in the way"
+        foreigner.read_roadmap()
+        foreigner.enter(foreigner.nearest(*start[0]), LONG_LEASE)
+        again = building.drive("Robot1", 7.4, 0.0)
+        foreigner.drive_until(lambda: bool(again))
+        assert isinstance(again[0], CommandDone), again
+        foreigner.service.LeaveTraffic(Robot="Foreigner")
+        foreigner.close()
+
+    def be_gone(building: Building) -> None:
+        ends = building.drive("Robot1", 7.4, 0.0)
+        while not ends:
+            time.sleep(0.05)
+        assert isinstance(ends[0], CommandDone), ends
+
+    map = Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))])
+    play(map, tmp_path, enter)
+    play(map, tmp_path, go_on)
+    play(map, tmp_path, be_gone)
+    (tmp_path / FOREIGN_FILE).write_text("[")
+    with pytest.raises(UsageError, match="make sure that no robot stands in a way, and move the file away"):
+        play(map, tmp_path, be_gone)
 
 
 # A building that is not simulated
@@ -353,7 +390,7 @@ def test_without_a_simulator_traffic_follows_the_map(tmp_path: Path) -> None:
             await asyncio.sleep(0.05)
         assert cart.place == goal
         await client.update(UpdateMap(changes=(ObjectAdded(box("Shelf9", "Cupboard", (0.2, -0.3, 0), (0.3, 0.3, 0.8))),)))
-        await asyncio.to_thread(cart.drive_until, lambda: cart.is_replaced)
+        await asyncio.to_thread(cart.wait_until, lambda: cart.is_replaced)
         edition = cart.edition
         await asyncio.to_thread(read_roadmap, cart)
         assert cart.edition > edition

@@ -149,7 +149,7 @@ def test_a_robot_drives_a_few_centimetres_without_a_detour(world: WorldKind) -> 
 def test_robots_drive_on_around_what_was_built_while_a_roadmap_is_made(world: WorldKind) -> None:
     run = Run(room((1.5, 3, 0)), world)
     begun: list[tuple[Layout, UseRoadmap]] = []
-    run.simulation.lay_out_with(lambda layout, use: begun.append((layout, use)))
+    run.simulation.shared_traffic.layouter = lambda layout, use: begun.append((layout, use))
     roadmap = run.simulation.robots["Robot1"].road.office.roadmap
     run.simulation.add(box("Shelf9", "Cupboard", (3.5, 3, 0), (0.4, 1.2, 0.8)))
     run.execute_all("Robot1", DriveTo(x=5, y=3))

@@ -182,5 +182,10 @@ class ForeignRobot:
                 self.report()
             self.drive()
 
+    def wait_until(self, is_over: Callable[[], bool]) -> None:
+        """Take messages where it stands, and say nothing, until the condition holds."""
+        while not is_over():
+            self.take_message(0.05)
+
     def close(self) -> None:
         self.inbox.close()

@@ -75,7 +75,7 @@ async def build(client: Client, traffic: str) -> None:
     await asyncio.to_thread(foreigner.enter, place, LEASE)
     shelf = box("Shelf99", "Cupboard", (foreigner.places[place].x + 1.0, foreigner.places[place].y, 0), (0.3, 0.3, 0.8))
     await client.update(UpdateMap(changes=(ObjectAdded(shelf),)))
-    await asyncio.to_thread(foreigner.drive_until, lambda: foreigner.is_replaced)
+    await asyncio.to_thread(foreigner.wait_until, lambda: foreigner.is_replaced)
     edition = foreigner.edition
     await asyncio.to_thread(foreigner.read_roadmap)
     assert foreigner.edition > edition

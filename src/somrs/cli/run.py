@@ -60,7 +60,7 @@ def simulator(
     if site:
         guarded(lambda: run_program(run_simulator_of_files(site, host, port, speed_of(speed), world)))
     else:
-        guarded(lambda: run_program(run_simulator(Addresses.read(data), host, port, speed_of(speed), world)))
+        guarded(lambda: run_program(run_simulator(data, Addresses.read(data), host, port, speed_of(speed), world)))
 
 
 @run_app.command()

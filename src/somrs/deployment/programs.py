@@ -215,12 +215,12 @@ def speed_of(text: str) -> float | None:
     return speed
 
 
-async def run_simulator(addresses: Addresses, host: str, port: int, speed: float | None, kind: WorldKind) -> None:
+async def run_simulator(data: Path, addresses: Addresses, host: str, port: int, speed: float | None, kind: WorldKind) -> None:
     """Run the simulator. Its world, of this kind, is built from the Repository's map. Objects that are added to the map are added to it.
 
     It has the traffic of its building, in which robots that are not simulated take part at the address of traffic.
     """
-    from somrs.deployment.traffic_entrance import lay_out_beside, serve_simulated_traffic
+    from somrs.deployment.traffic_entrance import FOREIGN_FILE, lay_out_beside, serve_simulated_traffic
     from somrs.deployment.traffic_worker import TrafficWorker
     from somrs.devices.simulator.server.follower import Follower
     from somrs.devices.simulator.server.server import Server
@@ -234,7 +234,7 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
             await world.read.wait()
         assert world.simulation is not None, "made when the map has been read"
         server = Server(world.simulation, host=host, port=port, speed=speed)
-        serve_simulated_traffic(world.simulation, runtime, server.wake)
+        serve_simulated_traffic(world.simulation, runtime, server.wake, data / FOREIGN_FILE)
         with TrafficWorker() as worker:
             lay_out_beside(world.simulation, worker, server.wake)
             await _serve_robots(server)

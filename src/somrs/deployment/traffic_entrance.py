@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from somrs.errors import RemoteError
+import msgspec
+
+from somrs.errors import RemoteError, UsageError
 from somrs.kernel.component import Effect, Input, Notified, Received, Send
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.host import Host
+from somrs.traffic.state import Position
 
 if TYPE_CHECKING:
     from somrs.deployment.traffic_worker import TrafficWorker
@@ -19,6 +23,9 @@ if TYPE_CHECKING:
     from somrs.traffic.layout import Layout
 
 log = logging.getLogger(__name__)
+
+FOREIGN_FILE = "foreign-robots.json"
+"""The file in the data folder with the positions of robots that are not simulated."""
 
 PATH = "/traffic"
 """The path of traffic, whoever has it."""
@@ -39,15 +46,45 @@ class TrafficEntrance:
         return []
 
 
-def serve_simulated_traffic(simulation: Simulation, runtime: Host, wake: Callable[[], None]) -> None:
-    """Let robots that are not simulated take part in the traffic of a simulation. `wake`: has the simulation go on, if it is at rest."""
+class ForeignPositions:
+    """Where the robots may be that are not simulated, in a file: a simulator that is started again does not know them otherwise."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+
+    def read(self) -> dict[str, tuple[Position, ...]]:
+        """Raises UsageError if the file cannot be read."""
+        try:
+            return _POSITIONS.decode(self._file.read_bytes())
+        except FileNotFoundError:
+            return {}
+        except (msgspec.DecodeError, OSError) as error:
+            raise UsageError(
+                f"{self._file}, with the places of robots in traffic, cannot be read: {error}; make sure that no robot stands in a way, "
+                "and move the file away"
+            ) from None
+
+    def store(self, positions: Mapping[str, tuple[Position, ...]]) -> None:
+        new_file = self._file.with_suffix(".new")
+        new_file.write_bytes(msgspec.json.encode(positions))
+        new_file.replace(self._file)
+
+
+_POSITIONS: msgspec.json.Decoder[dict[str, tuple[Position, ...]]] = msgspec.json.Decoder(dict[str, tuple[Position, ...]])
+
+
+def serve_simulated_traffic(simulation: Simulation, runtime: Host, wake: Callable[[], None], file: Path) -> None:
+    """Let robots that are not simulated take part in the traffic of a simulation. `wake`: has the simulation go on, if it is at rest.
+    `file`: keeps where they may be. Raises UsageError if it cannot be read."""
+    positions = ForeignPositions(file)
+    stored_positions = positions.read()
 
     def receive(message: Message) -> None:
-        simulation.receive(message)
+        simulation.shared_traffic.receive(message)
         wake()
 
     node = runtime.add(PATH, lambda address: TrafficEntrance(receive))
-    simulation.serve_traffic(lambda message: node.feed(Notified(message)))
+    simulation.shared_traffic.serve(lambda message: node.feed(Notified(message)), positions.store, stored_positions)
 
 
 def lay_out_beside(simulation: Simulation, worker: TrafficWorker, wake: Callable[[], None]) -> None:
@@ -67,4 +104,4 @@ def lay_out_beside(simulation: Simulation, worker: TrafficWorker, wake: Callable
         running.add(task)
         task.add_done_callback(running.discard)
 
-    simulation.lay_out_with(begin)
+    simulation.shared_traffic.layouter = begin

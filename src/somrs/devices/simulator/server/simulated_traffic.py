@@ -27,11 +27,14 @@ from somrs.traffic.component import Traffic
 from somrs.traffic.layout import Layout, OpenBuilding, lay_out
 from somrs.traffic.obstructions import discs_along
 from somrs.traffic.roadmap import Roadmap
-from somrs.traffic.state import MAP_FOLLOWER
+from somrs.traffic.state import MAP_FOLLOWER, Position
 from somrs.traffic.ways import Ways
 
 LOOK = 1.0
 """The time after which it is looked at what stands on the floor, in simulated seconds."""
+
+StoreForeign = Callable[[Mapping[str, tuple[Position, ...]]], None]
+"""Keeps where the robots may be that are not simulated, for a program that is started again."""
 
 UseRoadmap = Callable[[Roadmap | None], None]
 Layouter = Callable[[Layout, UseRoadmap], None]
@@ -47,8 +50,9 @@ class SimulatedTraffic:
 
     def __init__(self, scene: Scene, robots: Fleet, free_space: Callable[[float], FreeSpace], address: str) -> None:
         self._scene, self._robots, self._free_space = scene, robots, free_space
-        self.deliver: Deliver = lambda message: None
-        """Sends the messages for robots that are not simulated, of which there are none before it is set."""
+        self._deliver: Deliver = lambda message: None
+        self._store: StoreForeign = lambda positions: None
+        self._stored_positions: Mapping[str, tuple[Position, ...]] = {}
         traffic = Traffic(address, Roadmap(places=(), lanes=()), follower=MAP_FOLLOWER, edition=int(time.time()))
         self.office = TrafficOffice(traffic, self._send)
         self._rides = ForeignRides(robots.lifts, self._send)
@@ -71,8 +75,20 @@ class SimulatedTraffic:
         """Whether a plan is being made, a roadmap has come in, or a robot that is not simulated is under way."""
         return self.office.is_planning or self._made is not None or self.office.is_foreign_trip_open
 
+    def serve(self, deliver: Deliver, store: StoreForeign, stored: Mapping[str, tuple[Position, ...]]) -> None:
+        """Let robots take part that are not simulated. `deliver`: sends a message to its recipient. `store`: keeps where such robots may
+        be, before they are told; `stored`: what an earlier program has kept. Until they enter anew, they are there."""
+        self._deliver, self._store, self._stored_positions = deliver, store, stored
+        self.office.component.state.astray |= {name: positions for name, positions in stored.items() if name not in self._robots}
+        self.changed = True
+
     def _send(self, message: Message) -> None:
-        self.deliver(message)
+        traffic = self.office.component
+        positions = traffic.state.astray | {name: traffic.positions(name) for name in self.office.foreign}
+        if positions != self._stored_positions:
+            self._stored_positions = positions
+            self._store(positions)
+        self._deliver(message)
 
     def receive(self, message: Message) -> None:
         """A message from outside the simulation."""

@@ -21,7 +21,7 @@ from somrs.devices.simulator.server import traffic_office
 from somrs.devices.simulator.server.carrying_robots import put_at, why_no_room
 from somrs.devices.simulator.server.free_spaces import FreeSpaces
 from somrs.devices.simulator.server.robot_work import RobotWork
-from somrs.devices.simulator.server.simulated_traffic import Layouter, SimulatedTraffic
+from somrs.devices.simulator.server.simulated_traffic import SimulatedTraffic
 from somrs.devices.simulator.server.traffic_view import roadmap_view, traffic_view
 from somrs.devices.simulator.world.kinds import WorldKind, make_scene
 from somrs.devices.simulator.world.recognition import landmarks, sightings
@@ -32,7 +32,6 @@ from somrs.devices.simulator.world.weighing_scale import WeighingScale
 from somrs.errors import UsageError
 from somrs.ontology.objects import FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
-from somrs.protocol.messages.envelope import Message
 from somrs.space.free_space import FreeSpace
 from somrs.space.leaves import Leaf
 from somrs.space.shafts import LIFT_RELATIONS, shafts_of
@@ -403,17 +402,10 @@ class Simulation:
 
     # Robots that are not simulated
 
-    def serve_traffic(self, deliver: traffic_office.Deliver) -> None:
-        """Let robots that are not simulated take part in traffic. `deliver`: sends a message to its recipient."""
-        self._traffic.deliver = deliver
-
-    def lay_out_with(self, layouter: Layouter) -> None:
-        """From now on, have roadmaps made beside the simulation, which goes on meanwhile."""
-        self._traffic.layouter = layouter
-
-    def receive(self, message: Message) -> None:
-        """A message to traffic from outside, between two control periods."""
-        self._traffic.receive(message)
+    @property
+    def shared_traffic(self) -> SimulatedTraffic:
+        """The traffic of the building, in which others may take part."""
+        return self._traffic
 
     def ways(self) -> Ways:
         """The ways of robots, for quotes."""
