@@ -435,3 +435,23 @@ def test_a_building_without_robots_has_an_empty_roadmap(tmp_path: Path) -> None:
         cart.close()
 
     in_building(Map(corridor_with_bay()), tmp_path, work)
+
+
+def test_without_a_simulator_traffic_is_held_in_a_fire(tmp_path: Path) -> None:
+    async def work(client: Client, traffic: str) -> None:
+        cart = await asyncio.to_thread(ForeignRobot, "Cart1", traffic, HANG_TIME)
+        await asyncio.to_thread(read_roadmap, cart)
+        await asyncio.to_thread(cart.enter, cart.nearest(1, 1), LONG_LEASE)
+        await client.update(UpdateMap(changes=(ValueSet("House", "Mode", "Fire"),)))
+        while await asyncio.to_thread(lambda: cart.service.ReadTraffic().Hold) != "fire alarm in House":
+            await asyncio.sleep(0.02)
+        await asyncio.to_thread(cart.request, "there", cart.nearest(6, 5))
+        for _ in range(10):
+            await asyncio.to_thread(cart.take_message, 0.05)
+        assert cart.way == []
+        await client.update(UpdateMap(changes=(ValueSet("House", "Mode", "Normal"),)))
+        await asyncio.to_thread(cart.drive_until, lambda: "there" in cart.ended)
+        assert cart.ended["there"] == ("arrived", [])
+        cart.close()
+
+    in_building(tower(extra_objects=[real("Cart1", 1, 1)]), tmp_path, work)

@@ -11,7 +11,7 @@ import numpy as np
 from somrs.errors import UsageError
 from somrs.protocol.messages.traffic import Berth
 from somrs.space.lines import point_distance
-from somrs.traffic.planning.graph import Graph, PrivatePlace
+from somrs.traffic.planning.graph import FAR, Graph, PrivatePlace
 from somrs.traffic.roadmap import NumberedRoadmap, UsedBerth, least_distance
 from somrs.traffic.state import Closed, OutOfOrder, PlannedBerth, Position
 
@@ -86,6 +86,11 @@ class Berths:
         way = [*graph.way(start, destination, robot)]
         lanes = {*pairwise((start, *way))}
         return tuple(passage for passage in passages if not (lanes.isdisjoint(passage.lanes) and {*way}.isdisjoint(passage.places)))
+
+    def is_shut(self, start: int, destination: int) -> bool:
+        """Whether there would be a way if nothing stood there, all doors were open, and nothing were out of order."""
+        graph = with_berths(self.roadmap.graph, Closed(), self.private_places)
+        return graph.distances(destination)[start] < FAR
 
     def keep(self, numbers: Collection[int]) -> bool:
         """Use only the berths of these numbers any more. Returns whether there were others."""

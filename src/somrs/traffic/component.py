@@ -356,14 +356,19 @@ class Traffic:
         destination, start = self._berths.number(body.destination, body.robot), self._schedule.last(body.robot)
         distance = self._berths.graph.distances(destination)[start]
         if distance == FAR:
-            passages = self._dispatcher.closed_passages(body.robot, destination)
-            reason = f": {why_closed(*names_of(passages))}" if passages else ""
+            reason = self._why_no_way(body.robot, start, destination)
             raise UsageError(f"no lanes lead from {self._berths.name(start)} to {body.destination}{reason}")
         if body.number > record.requested:  # the same request may arrive again
             record.requested = body.number
             record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance, progressed_at=now)
             self.state.changed, self.state.failures = True, 0
         return TripBegun(trip=body.trip, length=distance)
+
+    def _why_no_way(self, robot: str, start: int, destination: int) -> str:
+        passages = self._dispatcher.closed_passages(robot, destination)
+        if passages:
+            return f": {why_closed(*names_of(passages))}"
+        return " now, because of doors that are shut, or of what stands there" if self._berths.is_shut(start, destination) else ""
 
 
 def robot_address(header: Header) -> str:
