@@ -4,6 +4,9 @@ import { OrbitControls, THREE } from "nicegui-scene";
 
 const TURN = Math.PI / 24;
 const ZOOM = 1.18;
+const FARTHEST = 400; // m, largest distance of the camera, but for buildings that need more
+const SIDES = [0, Math.PI / 2]; // from the south, and from the east
+const MUCH = 0.8; // how much nearer the camera has to be for the second side
 const GLIDE = 0.35; // s, duration of a change of view
 
 export class Pilot {
@@ -13,7 +16,7 @@ export class Pilot {
     this.changed = changed;
     this.followed = null;
     this.controls = new OrbitControls(this.camera, element);
-    Object.assign(this.controls, { enableDamping: false, maxPolarAngle: 0.495 * Math.PI, minDistance: 0.4, maxDistance: 400, screenSpacePanning: false });
+    Object.assign(this.controls, { enableDamping: false, maxPolarAngle: 0.495 * Math.PI, minDistance: 0.4, maxDistance: FARTHEST, screenSpacePanning: false });
     this.controls.addEventListener("change", () => {
       stage.shine(this.controls.target);
       stage.want();
@@ -27,17 +30,22 @@ export class Pilot {
   // Views
 
   fit(box, { fromAbove = false, at_once = false } = {}) {
-    // As near as all corners fit into the picture, and as steep as possible at this size.
+    // As near as all corners fit into the picture, and as steep as possible at this size; from the east only if that is much nearer,
+    // because the building is long in one direction and the picture in another.
     this.moved = false;
-    const views = (fromAbove ? [90] : [66, 60, 54, 48, 42]).map((degrees) => this.framing(box, THREE.MathUtils.degToRad(degrees)));
-    const nearest = Math.min(...views.map((view) => view.distance));
-    const { target, position } = views.find((view) => view.distance <= 1.04 * nearest);
+    const [south, east] = SIDES.map((turned) => {
+      const views = (fromAbove ? [90] : [66, 60, 54, 48, 42]).map((degrees) => this.framing(box, THREE.MathUtils.degToRad(degrees), turned));
+      const nearest = Math.min(...views.map((view) => view.distance));
+      return views.find((view) => view.distance <= 1.04 * nearest);
+    });
+    const { target, position, distance } = east.distance < MUCH * south.distance ? east : south;
+    this.controls.maxDistance = Math.max(FARTHEST, 2 * distance);
     this.go(target, position, at_once);
   }
 
-  framing(box, elevation) {
-    const toward = new THREE.Vector3(-0.06, -1, 0).setLength(Math.cos(elevation) + 1e-3).setZ(Math.sin(elevation)).normalize();
-    if (elevation > 1.5) toward.x = 0;
+  framing(box, elevation, turned) {
+    const toward = new THREE.Vector3(elevation > 1.5 ? 0 : -0.06, -1, 0).setLength(Math.cos(elevation) + 1e-3).setZ(Math.sin(elevation)).normalize();
+    toward.applyAxisAngle(new THREE.Vector3(0, 0, 1), turned);
     const right = new THREE.Vector3().crossVectors(new THREE.Vector3(0, 0, 1), toward).normalize();
     const up = new THREE.Vector3().crossVectors(toward, right);
     const high = Math.tan(THREE.MathUtils.degToRad(this.camera.fov) / 2) * 0.94;
