@@ -455,3 +455,24 @@ def test_without_a_simulator_traffic_is_held_in_a_fire(tmp_path: Path) -> None:
         cart.close()
 
     in_building(tower(extra_objects=[real("Cart1", 1, 1)]), tmp_path, work)
+
+
+def test_without_a_simulator_others_keep_away_from_a_robot_that_has_not_entered_the_new_roadmap(tmp_path: Path) -> None:
+    def go_on(first: ForeignRobot) -> None:
+        first.wait_until(lambda: first.is_replaced)
+        first.read_roadmap()
+        first.enter(first.nearest(0.6, 0), LONG_LEASE, Edition=first.edition)
+        with pytest.raises(zeep.exceptions.Fault, match="or of what stands there"):
+            first.request("past", first.nearest(6.0, 0))
+
+    async def work(client: Client, traffic: str) -> None:
+        first, second = await asyncio.gather(*(asyncio.to_thread(ForeignRobot, name, traffic, HANG_TIME) for name in ("Cart1", "Cart2")))
+        for cart, x in ((first, 0.6), (second, 2.5)):
+            await asyncio.to_thread(read_roadmap, cart)
+            await asyncio.to_thread(cart.enter, cart.nearest(x, 0), LONG_LEASE)
+        await client.update(UpdateMap(changes=(ObjectAdded(box("Shelf9", "Cupboard", (7.7, -0.2, 0), (0.3, 0.5, 0.8))),)))
+        await asyncio.to_thread(go_on, first)
+        first.close()
+        second.close()
+
+    in_building(Map([*corridor_with_bay(), real("Cart1", 0.6, 0), real("Cart2", 7.4, 0)]), tmp_path, work)

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
+from msgspec import structs
+
 from somrs.client.client import Addresses
 from somrs.deployment.programs import until_stopped
 from somrs.deployment.traffic_entrance import PATH
@@ -19,6 +21,7 @@ from somrs.storage.journal import Journal
 
 if TYPE_CHECKING:
     from somrs.deployment.traffic_worker import TrafficWorker
+    from somrs.traffic.component import Traffic
     from somrs.traffic.survey import Survey
 
 
@@ -46,40 +49,71 @@ def add_traffic(runtime: Host, journal: Journal, worker: TrafficWorker, reposito
     from somrs.traffic.component import Traffic
     from somrs.traffic.follower import MapFollower
     from somrs.traffic.roadmap import Roadmap
-    from somrs.traffic.state import MAP_FOLLOWER, PlanTraffic, RoadmapMade
-    from somrs.traffic.survey import Survey
+    from somrs.traffic.state import MAP_FOLLOWER, PlanTraffic, RoadmapExpected
 
     async def plan(task: object, report: Report) -> object:
         assert isinstance(task, PlanTraffic), "traffic requests nothing else"
-        return await worker.plan(task, current().state.roadmap)
+        return await worker.plan(task, _traffic_of(node).state.roadmap)
 
     def begin(address: str) -> Traffic:
         return Traffic(address, Roadmap(places=(), lanes=()), follower=MAP_FOLLOWER, edition=int(runtime.clock.now()))
 
     node = runtime.add_journaled(PATH, begin, journal, carry_out=plan)
+    node.feed(Notified(RoadmapExpected(False)))  # it may have been so when an earlier program ended
+    surveys = _Surveys(node, worker)
+    runtime.add("/map-follower", lambda address: MapFollower(address, repository, node.address), carry_out=surveys.carry_out)
+    return node
 
-    def current() -> Traffic:
-        assert isinstance(node.component, Traffic), "it was added as such"
-        return node.component
 
-    last_surveys: list[tuple[Survey, CloseWays]] = []
-    """The last survey, with its result."""
+def _traffic_of(node: Node) -> Traffic:
+    from somrs.traffic.component import Traffic
 
-    async def survey(task: object, report: Report) -> object:
+    assert isinstance(node.component, Traffic), "it was added as such"
+    return node.component
+
+
+class _Surveys:
+    """The surveys for who follows the map. `node`: that of traffic."""
+
+    def __init__(self, node: Node, worker: TrafficWorker) -> None:
+        self._node, self._worker = node, worker
+        self._last: tuple[Survey, CloseWays] | None = None
+
+    async def carry_out(self, task: object, report: Report) -> object:
+        """What is closed now. If there is another roadmap, traffic gets it before."""
+        from somrs.traffic.survey import Survey
+
         assert isinstance(task, Survey), "who follows the map requests nothing else"
-        state = current().state
-        present, astray = tuple(sorted(state.robots)), tuple(state.astray.values())
-        question = Survey(map=task.map, ontology=task.ontology, present=present, astray=astray)
-        if last_surveys and _is_same(last_surveys[0][0], question):
-            return last_surveys[0][1]
-        surveyed = await worker.survey(question)
-        if surveyed.roadmap != current().state.roadmap:
-            node.feed(Notified(RoadmapMade(roadmap=surveyed.roadmap)))
-        last_surveys[:] = [(question, surveyed.closing)]
+        state = _traffic_of(self._node).state
+        survey = structs.replace(task, present=tuple(sorted(state.robots)), astray=tuple(state.astray.values()))
+        if self._last is not None and _is_same(self._last[0], survey):
+            return self._last[1]
+        surveyed = await self._worker.survey(survey)
+        if surveyed.roadmap != state.roadmap:
+            return await self._replace(survey)
+        self._last = survey, surveyed.closing
         return surveyed.closing
 
-    runtime.add("/map-follower", lambda address: MapFollower(address, repository, node.address), carry_out=survey)
-    return node
+    async def _replace(self, survey: Survey) -> CloseWays:
+        """Have traffic use another roadmap, on which the places of all robots are closed until they enter anew."""
+        from somrs.traffic.state import RoadmapExpected, RoadmapMade
+
+        self._node.feed(Notified(RoadmapExpected(True)))
+        try:
+            while True:
+                traffic = _traffic_of(self._node)
+                robots = {*traffic.state.robots}
+                positions = (traffic.positions(name) for name in robots)
+                surveyed = await self._worker.survey(
+                    structs.replace(survey, present=(), astray=(*traffic.state.astray.values(), *positions))
+                )
+                if robots >= {*traffic.state.robots}:  # nobody has entered meanwhile
+                    break
+        except BaseException:
+            self._node.feed(Notified(RoadmapExpected(False)))
+            raise
+        self._node.feed(Notified(RoadmapMade(roadmap=surveyed.roadmap, closing=surveyed.closing)))
+        return surveyed.closing
 
 
 def _is_same(earlier: Survey, question: Survey) -> bool:

@@ -45,11 +45,13 @@ from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
     Closed,
     LeasesDue,
+    Notice,
     OutOfOrder,
     PlanDue,
     PlanQuestion,
     PlanTraffic,
     Position,
+    RoadmapExpected,
     RoadmapMade,
     RobotRecord,
     Timer,
@@ -134,8 +136,11 @@ class Traffic:
                 pass
             case Answered(PlanQuestion(serial), value) if serial == self.state.serial:
                 yield from self._dispatcher.apply(value)
-            case Notified(RoadmapMade(roadmap=roadmap)):
+            case Notified(RoadmapExpected(is_expected)):
+                self.state.is_roadmap_expected = is_expected
+            case Notified(RoadmapMade(roadmap=roadmap, closing=closing)):
                 yield from self.renew(roadmap, int(now))
+                self._close(closing)
         self._note_silent(now)
         yield from self._dispatcher.end_trips()
         yield from self._dispatcher.grant(now)
@@ -392,7 +397,7 @@ SCHEMA = Schema(
     questions=PlanQuestion,
     tasks=PlanTraffic,
     answers=TrafficPlan | ErrorAnswer,
-    notices=RoadmapMade,
+    notices=Notice,
     relocatable=True,
     is_read_only=only_reads,
     restore=Traffic.restored,

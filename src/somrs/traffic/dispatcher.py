@@ -81,7 +81,7 @@ class Dispatcher:
 
     def grant(self, now: float) -> Effects:
         """Grant places in the order of the plan, unless a plan is being made, which begins where the granted ways end."""
-        if self.state.is_planning:
+        if self.state.is_planning or self.state.is_roadmap_expected:
             return
         leaving = self._leaving
         granted: dict[str, None] = {}

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from msgspec import Struct, field
 
-from somrs.protocol.messages.traffic import Mobility
+from somrs.protocol.messages.traffic import CloseWays, Mobility
 from somrs.traffic.roadmap import Roadmap, UsedBerth
 
 MAP_FOLLOWER = "map"
@@ -145,10 +145,20 @@ class Position(Struct, frozen=True, kw_only=True):
     radius: float
 
 
+class RoadmapExpected(Struct, frozen=True, tag=True):
+    """Whether the program is about to replace the roadmap. Meanwhile nobody is granted anything, so that robots are no farther than known."""
+
+    is_expected: bool
+
+
 class RoadmapMade(Struct, frozen=True, kw_only=True, tag=True):
-    """The program has made a new roadmap, because the building has changed."""
+    """The program has made a new roadmap, because the building has changed; `closing` is closed on it."""
 
     roadmap: Roadmap
+    closing: CloseWays
+
+
+Notice = RoadmapExpected | RoadmapMade
 
 
 class TrafficState(Struct, kw_only=True):
@@ -158,7 +168,7 @@ class TrafficState(Struct, kw_only=True):
     its answer is awaited. `changed`: robots, their trips or their mobility are others than in the last plan that was asked for. `whole`:
     what is planned is to be followed to its end. `hold`: why nobody is granted a way, if that is so; `held_by`: the number of the message
     that said so. `follower`: the sender that follows the map; if there is one, nobody else closes ways and holds traffic. `edition`:
-    that of the roadmap. `astray`: the robots that took part on the roadmap before and not on this one yet, with the points of the places
+    that of the roadmap; `is_roadmap_expected`: another one is about to come. `astray`: the robots that took part on the roadmap before and not on this one yet, with the points of the places
     that they held, in the order of their ways. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans
     moved nobody. `searched_at`: when ways were searched for last because a robot had not come nearer to its goal.
     """
@@ -182,6 +192,7 @@ class TrafficState(Struct, kw_only=True):
     held_by: int = 0
     follower: str = ""
     edition: int = 0
+    is_roadmap_expected: bool = False
     astray: dict[str, tuple[Position, ...]] = field(default_factory=dict)
     planned_at: float = 0.0
     failures: int = 0
