@@ -11,6 +11,8 @@ from somrs.devices.simulator.link.commands import DriveTo
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.objects import Map
+from somrs.protocol.messages.traffic import TrafficEntered
+from somrs.traffic.participant import Participant
 from tests.support.robot_lab import run as run_in_room
 from tests.support.robot_lab import simulator
 from tests.support.simulated_tower import HEIGHT, tower
@@ -108,3 +110,15 @@ def test_a_system_without_a_simulator_has_no_traffic(tmp_path: Path) -> None:
             assert await api.traffic.read() == Traffic()
 
     asyncio.run(run())
+
+
+def test_robots_of_any_make_that_take_part_are_seen_too(world: WorldKind) -> None:
+    run = Run(room((1.5, 3, 0)), world)
+    office = run.simulation._traffic.office
+    place = next(place for place in office.roadmap.roadmap.places if math.dist((place.x, place.y), (6.5, 3)) < 1)
+    foreigner = Participant("Foreigner", place.name)
+    answer = office.tell("Foreigner", foreigner.enter(1000.0))
+    assert isinstance(answer, TrafficEntered), answer
+    seen = {robot.robot: robot for robot in view_of(run.simulation.traffic()).robots}
+    assert [math.dist(point[:2], (place.x, place.y)) < 0.01 for point in seen["Foreigner"].granted] == [True]
+    assert "Robot1" in seen

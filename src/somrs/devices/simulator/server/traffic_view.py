@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from msgspec import structs
+
 from somrs.devices.simulator.link.roads import Roadmap, RoadPoint, RobotInTraffic, TrafficState
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.robot_work import RobotWork
@@ -13,6 +15,7 @@ from somrs.protocol.messages.traffic import RobotInTraffic as RobotView
 
 DIGITS = 2
 """Decimal digits of points: a way is drawn to a centimetre."""
+
 
 PointOf = Callable[[str], RoadPoint]
 
@@ -34,47 +37,46 @@ def roadmap_view(traffic: SimulatedTraffic) -> Roadmap:
 
 
 def traffic_view(traffic: SimulatedTraffic, robots: Mapping[str, Robot], work: RobotWork) -> TrafficState:
-    """Where the robots may drive, and whom they wait for."""
+    """Where the robots may drive, and whom they wait for; also those of any make that take part."""
     office = traffic.office
     view = office.tell("operator", ReadTraffic())
     assert isinstance(view, TrafficView), "the answer to ReadTraffic"
     in_traffic = {robot.robot: robot for robot in view.robots}
     berths = {berth.name: berth for berth in view.berths}
 
-    def point_of(robot: Robot) -> PointOf:
-        def point(name: str) -> RoadPoint:
-            if (berth := berths.get(name)) is not None:
-                return _point(berth.x, berth.y, robot.road.level)
-            place = office.roadmap.roadmap.places[office.roadmap.numbers[name]]
-            return _point(place.x, place.y, place.level)
+    def point(name: str) -> RoadPoint:
+        berth = berths.get(name)
+        place = office.roadmap.roadmap.places[office.roadmap.numbers[name if berth is None else berth.places[0]]]
+        return _point(place.x, place.y, place.level) if berth is None else _point(berth.x, berth.y, place.level)
 
-        return point
-
+    foreign = {name: _driving(robot, point) for name, robot in in_traffic.items() if name not in robots}
+    simulated = {name: _robot_view(robot, in_traffic.get(name), point, work.object(name)) for name, robot in robots.items()}
     return TrafficState(
         roadmap=office.edition,
-        robots={name: _robot_view(robot, in_traffic.get(name), point_of(robot), work.object(name)) for name, robot in robots.items()},
+        robots={**foreign, **simulated},
         hold=view.hold,
         closed_lifts=tuple(sorted(name for name, lift in traffic.lifts.items() if not lift.is_usable)),
     )
 
 
-def _robot_view(robot: Robot, view: RobotView | None, point: PointOf, object: str | None) -> RobotInTraffic:
-    if view is None:
-        return RobotInTraffic(command=robot.activity, object=object, paused=robot.paused, refusal=robot.road.refusal)
-    lift, is_riding = _lift_of(robot)
+def _driving(view: RobotView, point: PointOf) -> RobotInTraffic:
+    """What traffic knows of a robot."""
     return RobotInTraffic(
         granted=tuple(map(point, view.held)),
         planned=tuple(map(point, view.planned)),
         destination=point(view.destination) if view.destination is not None else None,
         waits_for=view.waits_for if len(view.held) == 1 else (),
-        lift=lift,
-        riding=is_riding,
         mobility=view.mobility,
         silent=view.silent,
-        paused=robot.paused,
-        command=robot.activity,
-        object=object,
     )
+
+
+def _robot_view(robot: Robot, view: RobotView | None, point: PointOf, object: str | None) -> RobotInTraffic:
+    """What is known of a simulated robot."""
+    if view is None:
+        return RobotInTraffic(command=robot.activity, object=object, paused=robot.paused, refusal=robot.road.refusal)
+    lift, is_riding = _lift_of(robot)
+    return structs.replace(_driving(view, point), lift=lift, riding=is_riding, paused=robot.paused, command=robot.activity, object=object)
 
 
 def _lift_of(robot: Robot) -> tuple[str | None, bool]:
