@@ -146,7 +146,8 @@ class Position(Struct, frozen=True, kw_only=True):
 
 
 class RoadmapExpected(Struct, frozen=True, tag=True):
-    """Whether the program is about to replace the roadmap. Meanwhile nobody is granted anything, so that robots are no farther than known."""
+    """Whether the program is about to replace the roadmap. Meanwhile nobody is granted anything, so that robots are no farther than
+    known."""
 
     is_expected: bool
 
@@ -168,9 +169,10 @@ class TrafficState(Struct, kw_only=True):
     its answer is awaited. `changed`: robots, their trips or their mobility are others than in the last plan that was asked for. `whole`:
     what is planned is to be followed to its end. `hold`: why nobody is granted a way, if that is so; `held_by`: the number of the message
     that said so. `follower`: the sender that follows the map; if there is one, nobody else closes ways and holds traffic. `edition`:
-    that of the roadmap; `is_roadmap_expected`: another one is about to come. `astray`: the robots that took part on the roadmap before and not on this one yet, with the points of the places
-    that they held, in the order of their ways. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans
-    moved nobody. `searched_at`: when ways were searched for last because a robot had not come nearer to its goal.
+    that of the roadmap; `is_roadmap_expected`: another one is about to come. `astray`: the robots that took part on the roadmap before and
+    not on this one yet, with the points of the places that they held, in the order of their ways. `planned_at`: when the last plan was
+    asked for. `failures`: how many of the last plans moved nobody. `searched_at`: when ways were searched for last because a robot had not
+    come nearer to its goal.
     """
 
     address: str
