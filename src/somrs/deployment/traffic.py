@@ -102,13 +102,11 @@ class _Surveys:
         try:
             while True:
                 traffic = _traffic_of(self._node)
-                robots = {*traffic.state.robots}
-                positions = (traffic.positions(name) for name in robots)
-                surveyed = await self._worker.survey(
-                    structs.replace(survey, present=(), astray=(*traffic.state.astray.values(), *positions))
-                )
-                if robots >= {*traffic.state.robots}:  # nobody has entered meanwhile
-                    break
+                robots = {name: traffic.positions(name) for name in traffic.state.robots}
+                astray = (*traffic.state.astray.values(), *robots.values())
+                surveyed = await self._worker.survey(structs.replace(survey, present=(), astray=astray))
+                if all({*traffic.positions(name)} <= {*robots.get(name, ())} for name in traffic.state.robots):
+                    break  # nobody has entered meanwhile
         except BaseException:
             self._node.feed(Notified(RoadmapExpected(False)))
             raise
