@@ -12,7 +12,7 @@ JOBS ?= auto
 MORE_JOBS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution clean kill-runs upgrade-runs mutants
+.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution clean kill-runs upgrade-runs mutants
 
 setup: .venv/.ready
 
@@ -74,6 +74,10 @@ traffic-runs: setup
 
 energy-runs: setup
 	@$(BIN)/python -m verification.energy_runs --hours $(or $(HOURS),168) --runs $(or $(N),1) --seed-base $(or $(SEED_BASE),0)
+
+# Buildings of Open-RMF with all their storeys: BUILDINGS="..." selects others.
+building-runs: setup
+	@$(BIN)/python -m verification.building_runs $(BUILDINGS) --runs $(or $(N),2) --seed-base $(or $(SEED_BASE),0)
 
 fault-runs: setup
 	@$(BIN)/python -m verification.fault_runs $(if $(SEED),--seed $(SEED),--runs $(or $(N),1000) --seed-base $(or $(SEED_BASE),0))

@@ -1,0 +1,1 @@
+"""Deliveries in whole buildings: imports a building, and has robots carry jars between places that they reach, also across storeys."""

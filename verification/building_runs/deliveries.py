@@ -1,0 +1,98 @@
+"""What is to be delivered in a building: jars at places that robots reach, and where they are to be brought."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from somrs.devices.simulator.server.driving_distances import find_legs
+from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world.kinds import WorldKind
+from somrs.errors import UsageError
+from somrs.ontology.files.loading import LoadedModel, load
+from somrs.space.solids import Point, Role, Solid
+
+INSET = 0.08
+"""How far from the edge of a table a jar stands, m."""
+HIGHEST = 1.3
+"""Tables and shelves that are higher are left out, m."""
+SAME_STOREY = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """A jar at a point on a support, and the support to which it is to be brought. `crosses`: whether that is on another storey."""
+
+    jar: str
+    support: str
+    point: tuple[float, float, float]
+    goal: str
+    crosses: bool
+
+
+def deliveries(site: Path, count: int, seed: int) -> list[Delivery]:
+    """Random deliveries among the supports that robots which carry things reach; half of them to another storey, where there is one.
+
+    Raises UsageError for a building in which there are none.
+    """
+    model = load([site])
+    if model.map is None:
+        raise UsageError(f"{site} is an ontology without a map")
+    simulation = Simulation(model.map, model.ontology, WorldKind.KINEMATIC)
+    carriers = [name for name, robot in simulation.robots.items() if robot.size.gripper and _carries(model, robot.solid)]
+    chance = random.Random(seed)
+    supports = [solid for solid in simulation.scene.world.solids.values() if solid.role is Role.SUPPORT and solid.height < HIGHEST]
+    chance.shuffle(supports)
+    chosen: list[Delivery] = []
+    reached: dict[str, bool] = {}
+
+    def is_reached(support: Solid) -> bool:
+        if support.name not in reached:
+            reached[support.name] = _is_reached(simulation, carriers, support.name)
+        return reached[support.name]
+
+    for support in supports:
+        if len(chosen) == count:
+            break
+        points = ((x, y, support.z) for x, y in _edge_points(support))
+        spot = next((point for point in points if is_reached(support) and _is_reached(simulation, carriers, point)), None)
+        if spot is None:
+            continue
+        wants_crossing = len(chosen) < (count + 1) // 2
+        goals = sorted(
+            (goal for goal in supports if goal is not support),
+            key=lambda goal: ((abs(goal.z - support.z) > SAME_STOREY) != wants_crossing, chance.random()),
+        )
+        goal = next((goal for goal in goals if is_reached(goal)), None)
+        if goal is not None:
+            jar, point = f"Jar{len(chosen) + 1}", (round(spot[0], 3), round(spot[1], 3), round(support.top, 3))
+            chosen.append(Delivery(jar, support.name, point, goal.name, abs(goal.z - support.z) > SAME_STOREY))
+    if not chosen:
+        raise UsageError(f"{site}: there is nothing that {', '.join(carriers) or 'a robot'} could deliver")
+    return chosen
+
+
+def site_of(chosen: list[Delivery]) -> str:
+    """The jars as a site file, to be loaded together with the building's."""
+    lines = ["map: Jars", "objects:"]
+    lines += [f"  {delivery.jar}: {{type: Jar, at: {[*delivery.point]}}}" for delivery in chosen]
+    lines += ["facts:", *(f"  - {delivery.jar} isOn {delivery.support}" for delivery in chosen)]
+    return "\n".join(lines) + "\n"
+
+
+def _carries(model: LoadedModel, robot: Solid) -> bool:
+    return str(model.ontology.driver(robot.type)).endswith(":Manipulator")
+
+
+def _edge_points(support: Solid) -> Iterator[Point]:
+    width, depth = support.extent, support.extent
+    if support.form == "Box":
+        width, depth = support.width / 2, support.depth / 2
+    for x, y in ((0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)):
+        yield support.world(x * max(width - INSET, 0.0), y * max(depth - INSET, 0.0))
+
+
+def _is_reached(simulation: Simulation, carriers: list[str], stop: str | tuple[float, float, float]) -> bool:
+    return any(None not in find_legs(simulation, carrier, (stop,)).lengths for carrier in carriers)

@@ -1,0 +1,129 @@
+"""A run: a whole system in the kinematic world, all deliveries at once, and what must hold at the end."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from somrs.client.client import Client
+from somrs.deployment.system import System
+from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.link.link import OperatorLink
+from somrs.devices.simulator.world.kinds import WorldKind
+from somrs.ontology.files.loading import load
+from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import TaskView
+from somrs.space.shafts import shafts_of
+from verification.building_runs.deliveries import Delivery, site_of
+
+BETWEEN = 0.5
+"""A robot whose height differs by more than this from that of all floors rides in a lift, m."""
+LOOK = 0.005
+"""The time between two looks at the robots, s."""
+LIMIT = 5 * 3600.0
+"""The simulated time after which robots that still move are in each other's way for good, s."""
+RESTS = 60
+"""How often in a row the world is found at rest, about once per second, before open tasks count as forgotten."""
+ATTEMPTS = 3
+"""A task that has tried so often waits for something that has to be mended."""
+
+
+@dataclass(slots=True)
+class Result:
+    """What came of a run. `waiting`: the reasons for which tasks wait, by the goals; `problems`: what must not be."""
+
+    outcomes: dict[str, str] = field(default_factory=dict)
+    waiting: dict[str, str] = field(default_factory=dict)
+    broken: str | None = None
+    simulated: float = 0.0
+    problems: list[str] = field(default_factory=list)
+
+
+async def play(site: Path, chosen: Sequence[Delivery], folder: Path, *, breaks: bool) -> Result:
+    """Deliver in a building. `breaks`: the first robot that rides in a lift breaks there."""
+    jars = folder / "jars.yaml"
+    jars.write_text(site_of([*chosen]))
+    result = Result()
+    async with (
+        System((site, jars), folder / "run", speed="max", world=WorldKind.KINEMATIC) as system,
+        Client(system.addresses) as client,
+    ):
+        host, _, port = (system.addresses.simulator or "").rpartition(":")
+        async with OperatorLink(host, int(port)) as link:
+            levels = _levels(site)
+            breaker = asyncio.create_task(_break_in_lift(link, levels)) if breaks else None
+            tasks = {f"{entry.jar} isOn {entry.goal}": entry for entry in chosen}
+            ids = {goal: await client.submit(Submit(effect=goal)) for goal in tasks}
+            watches = [asyncio.create_task(_watch(client, goal, id, result)) for goal, id in ids.items()]
+            try:
+                await _until_done(watches, link, result)
+            finally:
+                for watch in (*watches, *([breaker] if breaker is not None else [])):
+                    watch.cancel()
+                await asyncio.wait(watches)
+            if breaker is not None and breaker.done() and not breaker.cancelled():
+                result.broken = breaker.result()
+            result.simulated = (await link.clock()).time
+            await _check(client, link, tasks, result)
+    return result
+
+
+async def _watch(client: Client, goal: str, id: str, result: Result) -> None:
+    async for news in client.news(id):
+        view: TaskView = news.view
+        if view.outcome is not None:
+            result.waiting.pop(goal, None)
+            result.outcomes[goal] = view.outcome
+            if view.outcome is not Outcome.ACCOMPLISHED and not view.explanation:
+                result.problems.append(f"{goal}: {view.outcome}, and it does not say why")
+            return
+        if view.waiting_to_retry is not None and view.waiting_to_retry.attempts >= ATTEMPTS:
+            result.waiting[goal] = "; ".join(hindrance.reason for hindrance in view.waiting_to_retry.hindrances)
+        else:
+            result.waiting.pop(goal, None)
+
+
+async def _until_done(watches: Sequence[asyncio.Task[None]], link: OperatorLink, result: Result) -> None:
+    """Until each task has ended, or waits for something that has to be mended while all robots are idle."""
+    rests, last_time = 0, -1.0
+    while pending := [watch for watch in watches if not watch.done()]:
+        await asyncio.wait(pending, timeout=1.0)
+        now, states = (await link.clock()).time, await link.robots()
+        rests, last_time = rests + 1 if now == last_time else 0, now  # a world at rest keeps its time
+        open_count = sum(not watch.done() for watch in watches)
+        if open_count <= len(result.waiting) and all(state.activity is None for state in states.values()):
+            return
+        if now > LIMIT or rests > RESTS:
+            what = "nothing moves" if rests > RESTS else f"it is {now:.0f} s"
+            result.problems.append(f"{open_count} tasks are open, {len(result.waiting)} of them say what they wait for, and {what}")
+            return
+
+
+async def _break_in_lift(link: OperatorLink, levels: Sequence[float]) -> str:
+    while True:
+        for name, state in (await link.robots()).items():
+            if all(abs((state.z or 0.0) - level) > BETWEEN for level in levels):
+                await link.fault(name, Fault.DRIVE)
+                return name
+        await asyncio.sleep(LOOK)
+
+
+async def _check(client: Client, link: OperatorLink, tasks: dict[str, Delivery], result: Result) -> None:
+    """Nothing is left to clean up: jars are where the map has them, and only what was broken is out of order."""
+    for goal, delivery in tasks.items():
+        state = await link.observe(delivery.jar)
+        if result.outcomes.get(goal) == Outcome.ACCOMPLISHED and state.support != delivery.goal:
+            result.problems.append(f"{goal}: accomplished, but it is on {state.support}")
+    for row in (await client.query("?Robot: MobileRobot.Working = FALSE")).rows:
+        if row.bindings["Robot"] != result.broken:
+            result.problems.append(f"{row.bindings['Robot']} does not work")
+    result.problems += [f"{row.bindings['Thing']} is unknown" for row in (await client.query("?Thing: Graspable.Unknown = TRUE")).rows]
+
+
+def _levels(site: Path) -> list[float]:
+    model = load([site])
+    shafts = shafts_of(model.map, model.ontology) if model.map is not None else []
+    return [landing.level for shaft in shafts for landing in shaft.landings] or [0.0]
