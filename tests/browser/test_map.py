@@ -624,6 +624,10 @@ def test_a_no_go_zone_is_drawn_on_the_plan_and_removed(system: RunningSystem, wi
     dialog.get_by_role("button", name="Draw").click()
     expect(pad.locator('[data-name="WetFloor"]')).to_have_count(1)
     take_screenshot(page, "map-zone")
+    page.set_viewport_size({"width": 390, "height": 844})
+    assert fits(page)
+    take_screenshot(page, "map-zone-390")
+    page.set_viewport_size({"width": 1280, "height": 800})
     (zone,) = api(system, "/zones")["zones"]
     assert (zone["name"], zone["limit"], len(zone["corners"])) == ("WetFloor", None, 4)
     page.get_by_role("button", name="Undo").click()
