@@ -73,11 +73,16 @@ async def open_api_service(addresses: Addresses, data: Path, host: str = "127.0.
     runtime.add("/news", lambda address: listener)
     try:
         async with Client(addresses) as client:
-            async with asyncio.timeout(MAP_TIMEOUT):
-                await listener.ready.wait()
+            await _map_read(listener, addresses.repository)
             yield ApiService(Context(addresses=addresses, data=data, client=client, listener=listener, hub=hub))
-    except TimeoutError:
-        raise RemoteError(f"no map came from {addresses.repository} within {MAP_TIMEOUT:.0f} s; is the Repository running?") from None
     finally:
         await hub.close()
         await runtime.stop()
+
+
+async def _map_read(listener: Listener, repository: str) -> None:
+    try:
+        async with asyncio.timeout(MAP_TIMEOUT):
+            await listener.ready.wait()
+    except TimeoutError:
+        raise RemoteError(f"no map came from {repository} within {MAP_TIMEOUT:.0f} s; is the Repository running?") from None

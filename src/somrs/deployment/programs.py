@@ -26,7 +26,9 @@ from somrs.runtime.host import Host
 from somrs.runtime.node import Report, Watch
 
 if TYPE_CHECKING:
+    from somrs.devices.simulator.server.follower import Follower
     from somrs.devices.simulator.server.server import Server
+    from somrs.devices.simulator.server.simulation import Simulation
     from somrs.devices.simulator.world.kinds import WorldKind
     from somrs.ontology.files.loading import LoadedModel
     from somrs.storage.journal import Journal
@@ -230,18 +232,29 @@ async def run_simulator(data: Path, addresses: Addresses, host: str, port: int, 
     world = Follower(f"{runtime.url}/simulator", addresses.repository, kind, traffic=f"{runtime.url}/traffic")
     runtime.add("/simulator", lambda address: world)
     try:
-        async with asyncio.timeout(MAP_TIME):
-            await world.read.wait()
-        assert world.simulation is not None, "made when the map has been read"
-        server = Server(world.simulation, host=host, port=port, speed=speed)
-        serve_simulated_traffic(world.simulation, runtime, server.wake, data / FOREIGN_FILE)
+        simulation = await simulated(world, addresses.repository)
+        server = Server(simulation, host=host, port=port, speed=speed)
+        serve_simulated_traffic(simulation, runtime, server.wake, data / FOREIGN_FILE)
         with TrafficWorker() as worker:
-            lay_out_beside(world.simulation, worker, server.wake)
+            lay_out_beside(simulation, worker, server.wake)
             await _serve_robots(server)
-    except TimeoutError:
-        raise RemoteError(f"no map came from {addresses.repository} within {MAP_TIME:.0f} s; is the Repository running?") from None
     finally:
         await runtime.stop()
+
+
+async def simulated(world: Follower, repository: str) -> Simulation:
+    """The simulation of the map, when this has been read. However long its making takes: a large building takes a minute on a busy machine.
+
+    Raises RemoteError when no map comes within `MAP_TIME`.
+    """
+    try:
+        async with asyncio.timeout(MAP_TIME):
+            await world.read.wait()
+    except TimeoutError:
+        if world.simulation is None:
+            raise RemoteError(f"no map came from {repository} within {MAP_TIME:.0f} s; is the Repository running?") from None
+    assert world.simulation is not None, "made when the map has been read"
+    return world.simulation
 
 
 async def run_simulator_of_files(site: Sequence[Path], host: str, port: int, speed: float | None, kind: WorldKind) -> None:
