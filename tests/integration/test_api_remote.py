@@ -88,7 +88,7 @@ def test_the_map_here_is_that_of_the_repository_and_is_not_sent_again(tmp_path: 
         for begin in range(0, 5000, 500):
             version = (await api.map.change(UpdateMap(changes=additions[begin : begin + 500]))).version
         await wait_until(lambda: api.context.version >= version)
-        read = api.context._read_map
+        first_version, read = version, api.context._read_map
         api.context._read_map = None  # type: ignore[method-assign,assignment]  # it is not to be read any more
         with api.context.hub.subscribe("map") as listening:
             await listening.wait_until_followed()
@@ -97,6 +97,8 @@ def test_the_map_here_is_that_of_the_repository_and_is_not_sent_again(tmp_path: 
             while api.context.version < version:
                 news = (await listening.next_news()).value
                 assert isinstance(news, MapNews)
+                if news.version <= first_version:
+                    continue  # what was read at the beginning
                 assert len(news.changes) == 1
                 assert api.context.version >= news.version, "the copy here is not behind what is told"
         async with Client(system.addresses) as client:

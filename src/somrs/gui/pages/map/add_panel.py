@@ -172,5 +172,5 @@ class _NewObjectDialog:
         changes = creation_changes(self._type, name, values, self._spot, map, ontology)
         version = await self._change(changes, f"{name} was added")
         if version is not None:
-            self._dialog.close()
             await self._on_created(name, version)
+            self._dialog.close()  # last: what a handler of the dialog does has no place on the page any more when it is hidden
