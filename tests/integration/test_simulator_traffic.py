@@ -57,6 +57,22 @@ def test_robots_that_meet_in_a_corridor_do_not_wait_for_ever(world: WorldKind) -
     assert not run.collisions
 
 
+def test_three_robots_on_each_side_of_a_corridor_change_places(world: WorldKind) -> None:
+    """One side goes first, close behind each other; then the other one. Nobody drives into the corridor to back out of it again."""
+    walls = [box(f"Wall{side}", "Wall", (8, side * 2, 0), (8, 3, 2.5)) for side in (1, -1)]
+    left, right = ([(x, y) for y in (-1.5, 0.0, 1.5)] for x in (1.0, 15.0))
+    robots = [robot(f"Robot{number}", (*start, 0)) for number, start in enumerate([*left, *right])]
+    run = Run(Map([box("Floor1", "Floor", (8, 0, -0.1), (16, 6, 0.1)), *walls, *robots]), world)
+    ends = drive_all(run, {f"Robot{number}": goal for number, goal in enumerate([*right, *left])})
+    assert all(isinstance(end, CommandDone) for end in ends.values()), ends
+    assert not run.collisions
+    lone = Run(Map([box("Floor1", "Floor", (8, 0, -0.1), (16, 6, 0.1)), *walls, robot("Robot1", (1, 0, 0))]), world)
+    lone.execute_all("Robot1", DriveTo(x=12.4, y=0))  # out of the corridor; then the others begin in front of it
+    behind = 0.7 / 0.8  # the time between two robots that follow each other as closely as they can
+    lower_bound = 2 * (lone.simulation.time + 2 * behind)
+    assert run.simulation.time <= 1.6 * lower_bound
+
+
 def test_an_idle_robot_makes_way(world: WorldKind) -> None:
     run = Run(Map([*corridor(), robot("Robot1", (6, 0, 0)), robot("Robot2", (11, 0, math.pi))]), world)
     ends = drive_all(run, {"Robot2": (1, 0)})

@@ -11,6 +11,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from somrs.traffic.planning.corridors import NOWHERE, find_corridors
+
 FAR = float("inf")
 """The distance of a place from which a goal cannot be reached."""
 
@@ -113,6 +115,11 @@ class Graph:
             place = min(self.options(place, robot), key=lambda following: self.length(place, following) + distances[following])
             yield place
 
+    @cached_property
+    def corridors(self) -> Sequence[int]:
+        """By place: the number of the corridor in which it is, or at whose mouth; `NOWHERE` if it is in none."""
+        return find_corridors(self.successors, self.exclusions)
+
     def _find_distances(self, goal: int) -> array[float]:
         return array("d", dijkstra(self._backwards, indices=goal))
 
@@ -144,6 +151,10 @@ class _WithPrivatePlaces(Graph):
     @property
     def public_size(self) -> int:
         return self._public.size
+
+    @cached_property
+    def corridors(self) -> Sequence[int]:
+        return [*self._public.corridors, *([NOWHERE] * len(self._places))]
 
     def length(self, start: int, end: int) -> float:
         return self._lengths[start][end] if end < self._public.size else self._lengths[end][start]

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from somrs.traffic.planning.graph import Graph
+from somrs.traffic.planning.corridors import NOWHERE
+from somrs.traffic.planning.graph import FAR, Graph
 
 NOBODY = -1
 UNDECIDED = -1
@@ -38,6 +39,10 @@ class StepPlanner:
         self._now = [NOBODY] * graph.size
         self._next = [NOBODY] * graph.size
 
+    def is_in_corridor(self, place: int) -> bool:
+        """Whether robots cannot pass each other at a place, and around it."""
+        return self._graph.corridors[place] != NOWHERE
+
     def step(
         self, places: Sequence[int], estimates: Sequence[Estimate], order: Sequence[int], fixed: Sequence[tuple[int, int]] = ()
     ) -> Configuration | None:
@@ -65,6 +70,9 @@ class _Step:
         restless: bool,
     ) -> None:
         self._graph, self._now, self._next, self._places, self._estimates = graph, now, next, places, estimates
+        self._corridors = graph.corridors
+        self._exits: dict[int, int] = {}
+        """Where robots leave the corridor in which they are, or which they enter now."""
         self._rotations, self._shuffle, self._restless = rotations, shuffle, restless
         self._decided = [UNDECIDED] * len(places)
         self._journal: list[int] = []
@@ -133,7 +141,8 @@ class _Step:
         if self._shuffle is not None:
             self._shuffle(candidates)
         now, restless = self._now, self._restless
-        candidates.sort(key=lambda place: (estimate[place], place != here and not restless, now[place] != NOBODY))
+        meets = {place: self._meets_somebody(robot, place) for place in candidates}
+        candidates.sort(key=lambda place: (meets[place], estimate[place], place != here and not restless, now[place] != NOBODY))
         partner = self._partner(robot, candidates[0]) if candidates[0] != here else NOBODY
         if partner != NOBODY:
             candidates.reverse()
@@ -150,6 +159,31 @@ class _Step:
         if self._is_free(robot, here):
             self._take(robot, here)
         return False
+
+    def _meets_somebody(self, robot: int, place: int) -> bool:
+        """Whether the robot would enter a corridor at the place in which another one comes towards it."""
+        corridor = self._corridors[place]
+        if corridor == NOWHERE or corridor == self._corridors[self._places[robot]]:
+            return False
+        estimate = self._estimates[robot]
+        for oncoming in range(len(self._places)):
+            for taken in (self._places[oncoming], self._decided[oncoming]):
+                is_within = oncoming != robot and taken != UNDECIDED and self._corridors[taken] == corridor
+                if is_within and estimate[self._exit(oncoming, taken)] >= estimate[place]:
+                    return True
+        return False
+
+    def _exit(self, robot: int, place: int) -> int:
+        """Where a robot at a place in a corridor leaves it; its goal, if that is inside."""
+        if robot not in self._exits:
+            estimate, corridor = self._estimates[robot], self._corridors[place]
+            while self._corridors[place] == corridor and 0 < estimate[place] < FAR:
+                following = min(self._graph.successors[place], key=estimate.__getitem__, default=place)
+                if estimate[following] >= estimate[place]:
+                    break
+                place = following
+            self._exits[robot] = place
+        return self._exits[robot]
 
     def _pull(self, partner: int, place: int) -> None:
         """Take the robot along that has to pass, if it can come."""

@@ -136,7 +136,8 @@ class WindowPlanner:
         staying = _staying(robots)
         waiting, course = [robot.waiting for robot in robots], [tuple(robot.place for robot in robots)]
         for _ in range(steps):
-            order = sorted(range(len(robots)), key=lambda robot: -waiting[robot])
+            place_of = course[-1]  # who is in a corridor gets out first
+            order = sorted(range(len(robots)), key=lambda robot: (not self._planner.is_in_corridor(place_of[robot]), -waiting[robot]))
             following = self._planner.step(course[-1], estimates, order, staying)
             assert following is not None, "all robots can wait"
             course.append(following)
