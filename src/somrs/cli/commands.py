@@ -25,6 +25,8 @@ from somrs.protocol.messages.people import person_name
 from somrs.service_manager.sdk.values import python_value
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from somrs.deployment.system import System
 
 DEMO_SITE = Path(str(resources.files("somrs.demo") / "data" / "scenario-1.yaml"))
@@ -91,6 +93,20 @@ def site_to_run(site: Sequence[Path], data: Path, *, fresh: bool) -> Sequence[Pa
     return site
 
 
+def _reporter(data: Path, console: Console) -> Callable[[str], None]:
+    """Says things in the log of the system, and on the terminal if there is one."""
+
+    def report(text: str) -> None:
+        folder = data / "logs"
+        folder.mkdir(exist_ok=True)
+        with (folder / "system.log").open("a", encoding="utf-8") as log:
+            log.write(f"{datetime.now().isoformat(timespec='seconds')} {text}\n")
+        with contextlib.suppress(OSError):  # the terminal is gone
+            console.print(text)
+
+    return report
+
+
 async def run_system(
     site: Sequence[Path],
     data: Path,
@@ -115,15 +131,7 @@ async def run_system(
         load_site(files)  # so that a mistake in it deletes nothing
         discard(data, keep=files)
 
-    def report(text: str) -> None:
-        """Say it in the log of the system, and on the terminal if there is one."""
-        folder = data / "logs"
-        folder.mkdir(exist_ok=True)
-        with (folder / "system.log").open("a", encoding="utf-8") as log:
-            log.write(f"{datetime.now().isoformat(timespec='seconds')} {text}\n")
-        with contextlib.suppress(OSError):  # the terminal is gone
-            console.print(text)
-
+    report = _reporter(data, console)
     system = System(
         files,
         data,
