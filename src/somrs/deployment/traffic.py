@@ -107,7 +107,7 @@ class _Surveys:
                 surveyed = await self._worker.survey(structs.replace(survey, present=(), astray=astray))
                 if all({*traffic.positions(name)} <= {*robots.get(name, ())} for name in traffic.state.robots):
                     break  # nobody has entered meanwhile
-        except BaseException:
+        except BaseException:  # also when it is cancelled: robots may enter again on the roadmap that there is
             self._node.feed(Notified(RoadmapExpected(False)))
             raise
         self._node.feed(Notified(RoadmapMade(roadmap=surveyed.roadmap, closing=surveyed.closing)))
