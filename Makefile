@@ -60,10 +60,10 @@ lint-python: setup
 javascript: setup
 	@scripts/javascript lint test
 
-# The windows in a real browser; pictures of the pages come to out/screenshots.
+# The windows in a real browser; pictures of the pages come to out/screenshots. LATENCY=400 delays all that the server tells them by 400 ms.
 browser: setup
 	@scripts/javascript setup
-	@$(BIN)/pytest tests/browser --numprocesses $(JOBS) --dist loadscope --no-loadscope-reorder
+	@SOMRS_BROWSER_LATENCY=$(or $(LATENCY),0) $(BIN)/pytest tests/browser --numprocesses $(JOBS) --dist loadscope --no-loadscope-reorder
 
 # Slow suites: each prints `N passed, N failed`.
 scenarios: setup

@@ -54,6 +54,14 @@ PATIENCE = 120.0
 """Seconds to wait for anything else. It is generous: a test that passes waits far less."""
 WORK_TIME = 300_000
 """Milliseconds for robots to carry something, including the recovery from a failure."""
+LATENCY = int(os.environ.get("SOMRS_BROWSER_LATENCY", "0"))
+"""Milliseconds by which what the server tells a page is late: tests that act before the page is ready fail with it, and not at random."""
+LATE_NEWS = """
+const { set } = Object.getOwnPropertyDescriptor(WebSocket.prototype, "onmessage");
+Object.defineProperty(WebSocket.prototype, "onmessage", {
+  set(handler) { set.call(this, handler && ((event) => setTimeout(() => handler.call(this, event), LATENCY))); },
+});
+"""
 
 
 class RunningSystem:
@@ -191,6 +199,8 @@ def profiles(browser: Browser) -> list[BrowserContext]:
 def new_profile(browser: Browser) -> BrowserContext:
     """Return a profile with an empty page that keeps its process, in which all pages of this machine run."""
     profile = browser.new_context()
+    if LATENCY:
+        profile.add_init_script(LATE_NEWS.replace("LATENCY", str(LATENCY)))
     page = profile.new_page()
     page.route("**", lambda route: route.fulfill(body="", content_type="text/html"))
     page.goto("http://127.0.0.1/")
