@@ -24,7 +24,7 @@ class PolicyOption(StrEnum):
 Precondition = Annotated[str | None, typer.Option(help="A formula that has to hold initially.")]
 PolicyWanted = Annotated[PolicyOption, typer.Option(help="How services are chosen.")]
 TimeValue = Annotated[float, typer.Option(help="With --policy weighted: what a second is worth, in EUR.")]
-Deadline = Annotated[float | None, typer.Option(help="Seconds within which the task has to be accomplished.")]
+Deadline = Annotated[float | None, typer.Option(help="Seconds, in the world's time, within which the task has to be accomplished.")]
 
 
 def stated_task(

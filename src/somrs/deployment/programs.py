@@ -151,6 +151,7 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
 
     It continues the tasks that were open when its process ended, at the same address.
     """
+    from somrs.deployment.world_clock import clock_follower
     from somrs.planner.model.problem import Problem
     from somrs.planner_service.process import PlannerProcess
     from somrs.planner_service.service import Planner
@@ -180,8 +181,9 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
                 journal,
                 carry_out=carry_out,
             )
-            await until_stopped("task-manager", node.address)
-            await runtime.stop()
+            async with clock_follower(node, runtime.clock, addresses.simulator):
+                await until_stopped("task-manager", node.address)
+                await runtime.stop()
         trace.close()
     finally:
         journal.close()

@@ -25,6 +25,7 @@ from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
+from somrs.task_manager.world_clock import WorldClock
 
 PRICE, DURATION = "Price", "Duration"
 """The attributes of a service that state a fixed price and a fixed duration."""
@@ -80,13 +81,14 @@ class TaskManagerContext:
         queues: DeviceQueues,
         quotes: Quotes,
         pace: Pace,
+        clock: WorldClock,
         touched: dict[str, None],
         commitments: Callable[[], Commitments],
         still_at_work: Callable[[AtWork], bool],
     ) -> None:
         self.address = requests.address
         self.replica, self.requests, self.reservations, self.queues, self.quotes = replica, requests, reservations, queues, quotes
-        self.pace = pace
+        self.pace, self.clock = pace, clock
         self.touched = touched
         """The transactions that changed, for the clients that watch them."""
         self.commitments = commitments

@@ -14,6 +14,7 @@ from somrs.kernel.component import (
     EffectsReturning,
     ErrorAnswer,
     Input,
+    Notified,
     Received,
     Send,
     SetTimer,
@@ -57,6 +58,7 @@ from somrs.task_manager.timers import (
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.transaction import Transaction
 from somrs.task_manager.transaction.views import preview_reply
+from somrs.task_manager.world_clock import WorldTimePassed
 
 READY_TIME = 30.0
 """Seconds that a task waits for the map after the start. Then its client receives a Fault: the Repository does not answer."""
@@ -91,6 +93,7 @@ class TaskManager:
             queues=state.queues,
             quotes=state.quotes,
             pace=state.pace,
+            clock=state.clock,
             touched=state.touched,
             commitments=self._commitments,
             still_at_work=self._still_at_work,
@@ -147,6 +150,10 @@ class TaskManager:
                 yield from self._timer_fired(timer, now)  # type: ignore[arg-type]  # only its own timers fire
             case Answered(question, value):
                 yield from self._answered(question, value, now)
+            case Notified(WorldTimePassed() as notice):
+                state.clock.adjust(notice, now)
+                for task in state.running:
+                    yield from self._transaction(task).clock_adjusted(now)
             case DeliveryFailed(message, reason) if message.header.message_id in state.requests.pending:
                 yield from self._request_answered((yield from state.requests.delivery_failed(message, reason, now)), now)
             case DeliveryFailed(message, reason):
@@ -382,6 +389,7 @@ SCHEMA = Schema(
     questions=Question,
     tasks=NodeTask,
     answers=Answer,
+    notices=WorldTimePassed,
     restore=TaskManager.restored,
     migrations=MIGRATIONS,
 )

@@ -16,6 +16,7 @@ from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
 from somrs.task_manager.subscriptions import Subscriptions
 from somrs.task_manager.transaction.state import TaskState
+from somrs.task_manager.world_clock import WorldClock
 
 
 class UnsettledReport(Struct, frozen=True, kw_only=True):
@@ -47,6 +48,7 @@ class TaskManagerState(Struct, kw_only=True):
     queues: DeviceQueues = field(default_factory=DeviceQueues)
     quotes: Quotes = field(default_factory=Quotes)
     pace: Pace = field(default_factory=Pace)
+    clock: WorldClock = field(default_factory=WorldClock)
     subscriptions: Subscriptions = field(default_factory=Subscriptions)
     touched: dict[str, None] = {}
     map_version: int = -1

@@ -36,7 +36,7 @@ class OverdueDue(Struct, frozen=True, tag=True):
 
 
 class DeadlineDue(Struct, frozen=True, tag=True):
-    """The deadline of the task is over."""
+    """The deadline of the task is over, in the world's time."""
 
     owner: str
 

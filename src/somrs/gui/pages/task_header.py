@@ -125,7 +125,7 @@ class TaskHeader:
         end_time = view.ended_at if view.ended_at is not None else now
         elapsed = format_duration(max(0.0, end_time - view.submitted_at))
         self._elapsed.set_text(f"{elapsed}, until {format_time(view.ended_at)}" if view.ended_at is not None else f"{elapsed} so far")
-        self._due.set_text(due_text(view.submitted_at, view.deadline, view.outcome is not None, now))
+        self._due.set_text(due_text(view.deadline, view.due_at, view.outcome is not None, now))
 
 
 def reason_text(reason: str) -> str:

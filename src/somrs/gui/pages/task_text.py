@@ -78,11 +78,13 @@ def count_text(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def due_text(submitted_at: float, deadline: float | None, is_ended: bool, now: float) -> str:
+def due_text(deadline: float | None, due_at: float | None, is_ended: bool, now: float) -> str:
     """The time that a task has left until its deadline, or had."""
     if deadline is None:
         return "none"
-    remaining = submitted_at + deadline - now
     if is_ended:
         return f"within {format_duration(deadline)}"
+    if due_at is None:
+        return f"within {format_duration(deadline)}; the simulation stands still"
+    remaining = due_at - now
     return f"in {format_duration(remaining)}" if remaining > 0 else f"{format_duration(-remaining)} overdue"

@@ -170,7 +170,7 @@ def _table_row(row: TaskRow, asked_people: frozenset[str], now: float) -> dict[s
         "stated": format_time(row.submitted_at),
         "who": person_name(row.client),
         "took": format_duration(max(0.0, seconds)) + ("" if row.outcome is not None else " so far"),
-        "due": due_text(row.submitted_at, row.deadline, row.outcome is not None, now) if row.deadline is not None else "–",
+        "due": due_text(row.deadline, row.due_at, row.outcome is not None, now) if row.deadline is not None else "–",
         "priority": priority_text(row.priority),
     }
 

@@ -25,9 +25,10 @@ class Policy(StrEnum):
 class Submit(MessageBody, frozen=True, kw_only=True, tag=True):
     """State a task: make `effect` true.
 
-    `precondition` is the initial situation, if the client states it. `deadline` is in seconds from now. `time_value` is the value of a
-    second, in the currency of the terms, for the weighted policy. `handlers` take precedence over those of the service types. `priority`:
-    among tasks that wait for the same objects or devices, the one with the higher number goes first; work under way is not interrupted.
+    `precondition` is the initial situation, if the client states it. `deadline` is in seconds from now, of the world's time.
+    `time_value` is the value of a second, in the currency of the terms, for the weighted policy. `handlers` take precedence over those of
+    the service types. `priority`: among tasks that wait for the same objects or devices, the one with the higher number goes first; work
+    under way is not interrupted.
     `waits`: if no service can do it now, for reasons that pass, the task waits and tries again, until its deadline; otherwise it fails.
     `recognise`: find out whether, and for which objects and values, `effect` holds, instead of making it true (`findings.py`).
     `retry_of`: the id of the ended task that this one repeats.

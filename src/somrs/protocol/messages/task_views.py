@@ -99,7 +99,8 @@ class Pause(Struct, frozen=True, kw_only=True):
 
 
 class TaskView(Struct, frozen=True, kw_only=True):
-    """A task as it is now: the goal, the client, the phase and the work done. `deadline` is in seconds from `submitted_at`."""
+    """A task as it is now: the goal, the client, the phase and the work done. `deadline` is in seconds of the world's time, from
+    `submitted_at`. `due_at` is when it is over, in seconds since 1970, as the world's time passes now; None: never, as it stands still."""
 
     task: str
     effect: str
@@ -118,6 +119,7 @@ class TaskView(Struct, frozen=True, kw_only=True):
     policy: Policy = Policy.PRICE
     time_value: float = 0.01
     deadline: float | None = None
+    due_at: float | None = None
     handlers: tuple[Handler, ...] = ()
     priority: int = 0
     waits: bool = True
@@ -137,7 +139,7 @@ class TaskView(Struct, frozen=True, kw_only=True):
 class TaskRow(Struct, frozen=True, kw_only=True):
     """A task in a list.
 
-    `deadline` is in seconds from `submitted_at`; `fraction` is the part of the plan that is done, by the number of steps; `setbacks` counts
+    `deadline` and `due_at` are as in TaskView; `fraction` is the part of the plan that is done, by the number of steps; `setbacks` counts
     what went wrong.
     """
 
@@ -152,6 +154,7 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     """The reasons of which the explanation consists."""
     client: str = ""
     deadline: float | None = None
+    due_at: float | None = None
     priority: int = 0
     steps: int = 0
     done: int = 0

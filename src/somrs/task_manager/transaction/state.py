@@ -176,6 +176,10 @@ class TaskState(Struct, kw_only=True, eq=False):
     """Why there is no plan, while interrupted work is being compensated."""
     pause: Pause | None = None
     """Who has paused the task."""
+    due_time: float | None = None
+    """When the task has to be accomplished, in the world's time; None without a deadline."""
+    due_at: float | None = None
+    """When that is by the wall's clock, as the world's time passes now; None: never, while that stands still."""
     held_devices: list[str] = []
     """The devices that stand still because the task is paused."""
 
@@ -200,8 +204,3 @@ class TaskState(Struct, kw_only=True, eq=False):
         if self.ending is not None or self.side_goals or self.look_queue.current_look is not None:
             return Phase.RECOVERING
         return self.goal.phase
-
-    @property
-    def latest_finish(self) -> float | None:
-        """When the task has to be accomplished; None without a deadline, or if the task is ending."""
-        return self.submitted_at + self.task.deadline if self.task.deadline is not None and self.ending is None else None

@@ -10,6 +10,7 @@ from somrs.task_manager.arrangement.call_for_proposals import REPLY_TIME, Arrang
 from somrs.task_manager.arrangement.conditions import Conditions
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import StepRun, Workflow
+from somrs.task_manager.transaction.deadline import Deadline
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
 
@@ -32,7 +33,7 @@ class StepArranger:
         if not invited:
             exclusions = "; ".join(f"{service}: {reason}" for service, reason in run.excluded.items())
             return (f"no service takes it ({exclusions})" if exclusions else "no device offers it any more",)
-        earliest, latest = self._workflow.earliest_start(run, now), self._scope.state.latest_finish
+        earliest, latest = self._workflow.earliest_start(run, now), Deadline(self._scope).latest_finish(now)
         call = yield from self._arrangement.invite_services(run, invited, earliest, latest, now, self._pace.answer_time(REPLY_TIME))
         yield from self._calls.open(call)
         self._scope.log_event(events.ServicesAsked(services=service_names(invited)), now, run)

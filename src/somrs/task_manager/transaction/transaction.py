@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from collections.abc import Set as AbstractSet
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Effects, EffectsReturning, SetTimer
+from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.services import Occasion
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import events
@@ -29,6 +29,7 @@ from somrs.task_manager.recovery.handlers import fitting_handlers
 from somrs.task_manager.recovery.observation import Look, LookPlan, Observation
 from somrs.task_manager.requests import ForLook, ForPlan
 from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, RetryDue, SilenceDue, StopDue
+from somrs.task_manager.transaction.deadline import Deadline
 from somrs.task_manager.transaction.ending import Ending
 from somrs.task_manager.transaction.goal_executor import GoalExecutor
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost, UndoFirst
@@ -55,8 +56,7 @@ class Transaction:
         state = self.state
         self._scope.log_event(events.TaskStated(effect=state.task.effect), now)
         self._context.reservations.add_task(state.id, state.task.effect, state.task.priority)
-        if state.latest_finish is not None:
-            yield SetTimer(DeadlineDue(state.id), state.latest_finish)
+        yield from Deadline(self._scope).watch(now)
         yield from self._apply_action(state.goal, (yield from self._executor(state.goal).begin(now)), now)
 
     def discovered(self, purpose: ForPlan | ForLook, offers: tuple[Offer, ...] | str, now: float) -> Effects:
@@ -147,6 +147,10 @@ class Transaction:
         """Handle the arrival of services: a task that waits tries again."""
         self._scope.services.returned(services)
         yield from RetryWait(self.state.goal, self._scope).hasten(now)
+
+    def clock_adjusted(self, now: float) -> Effects:
+        """Handle a notice of the world's time."""
+        yield from Deadline(self._scope).watch(now)
 
     def map_changed(self, now: float) -> Effects:
         """Handle a change of the map: services whose invariant it breaks are stopped."""

@@ -22,6 +22,7 @@ from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import ForPlan, Requests
 from somrs.task_manager.reservations import BlockedPlan, Reservation, Reservations
 from somrs.task_manager.timers import Answer, PlanWanted
+from somrs.task_manager.world_clock import WorldClock
 from tests.support.effects import run_effects
 from tests.support.laboratory import MAP, TRANSFER, laboratory, offer
 
@@ -48,6 +49,7 @@ def context() -> TaskManagerContext:
         queues=DeviceQueues(),
         quotes=Quotes(),
         pace=Pace(),
+        clock=WorldClock(),
         touched={},
         commitments=dict,
         still_at_work=lambda work: True,

@@ -24,6 +24,7 @@ from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
 from somrs.task_manager.timers import OverdueDue, SilenceDue
+from somrs.task_manager.world_clock import WorldClock
 from tests.support.effects import run_effects
 
 WORK = ServiceType(name="Work", effect="Jar1.Clean = TRUE")
@@ -50,6 +51,7 @@ class TransactionHarness:
             queues=self.queues,
             quotes=Quotes(),
             pace=Pace(),
+            clock=WorldClock(),
             touched=self.touched,
             commitments=dict,
             still_at_work=lambda work: True,

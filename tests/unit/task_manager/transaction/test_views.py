@@ -77,6 +77,7 @@ def test_a_row_says_how_much_of_the_plan_is_done(fraction: float) -> None:
         submitted_at=0.0,
         client="client",
         deadline=500.0,
+        due_at=500.0,
         priority=2,
         steps=1,
         done=0,

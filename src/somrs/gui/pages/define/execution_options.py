@@ -49,7 +49,7 @@ class ExecutionOptions:
                 self._unit = Picker("Unit of the deadline", options=units, on_pick=self._make_setter("deadline_unit")).classes(
                     "somrs-define-unit"
                 )
-            ui.label("Counted from submission. A task that misses its deadline fails and is undone.").classes("somrs-soft")
+            ui.label("In the world's time, from submission. A task that misses its deadline fails and is undone.").classes("somrs-soft")
             with _field("If no service is free"):
                 self._waits = _toggle(dict(_UNAVAILABLE), "If no service is free")
             ui.label("A task that waits tries again, and goes on when a device joins or is mended.").classes("somrs-soft")
