@@ -50,7 +50,7 @@ SIZES = {**WIDTHS, "640": (640, 480), "390": (390, 844)}
 SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 UP_TIME = 300.0
 """Seconds for a system to start, on a busy machine, too."""
-PATIENCE = 120.0
+PATIENCE = 30.0 if os.environ.get("SOMRS_BROWSER_LATENCY", "0") != "0" else 120.0
 """Seconds to wait for anything else. It is generous: a test that passes waits far less."""
 WORK_TIME = 300_000
 """Milliseconds for robots to carry something, including the recovery from a failure."""
