@@ -11,7 +11,7 @@ from somrs.devices.simulator.server.faults import Schedule
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map
 from tests.support.simulated_tower import CABIN, HEIGHT, tower
-from tests.support.simulator_room import Run, thing
+from tests.support.simulator_room import Run, box, thing
 
 
 def height(run: Run, robot: str) -> float:
@@ -168,6 +168,28 @@ def test_a_way_to_another_storey_counts_the_ride() -> None:
     broken = find_legs(run.simulation, "Robot1", ("Jar1", "Table2", "Table1"))
     assert broken.lengths[1:] == (None, None)
     assert broken.out_of_order == ("Lift1",)
+
+
+def test_a_quote_names_all_lifts_of_which_one_would_do() -> None:
+    run = Run(tower((2, 2, 0), has_western_lift=True), WorldKind.KINEMATIC)
+    run.simulation.fault("Lift1", Fault.DRIVE)
+    other_way = find_legs(run.simulation, "Robot1", ("Table2",))
+    assert None not in other_way.lengths
+    run.simulation.fault("Lift2", Fault.DRIVE)
+    assert find_legs(run.simulation, "Robot1", ("Table2",)).out_of_order == ("Lift1", "Lift2")
+    run.simulation.repair("Lift1", Fault.DRIVE)
+    assert None not in find_legs(run.simulation, "Robot1", ("Table2",)).lengths
+
+
+def test_a_quote_names_the_door_that_every_way_needs_and_all_lifts_behind_it() -> None:
+    walls = [box("LeftWall", "Wall", (0.7, 1.5, 0), (1.4, 0.1, 2.5)), box("RightWall", "Wall", (5.25, 1.5, 0), (5.5, 0.1, 2.5))]
+    door = box("Door1", "Door", (1.95, 1.5, 0), (1.1, 0.1, 2.1), Open=True)
+    run = Run(tower((2, 0.7, 0), extra_objects=[*walls, door], has_western_lift=True), WorldKind.KINEMATIC)
+    assert None not in find_legs(run.simulation, "Robot1", ("Table2",)).lengths
+    run.simulation.close_passages(("Door1", "Lift1", "Lift2"))
+    assert find_legs(run.simulation, "Robot1", ("Table2",)).out_of_order == ("Door1", "Lift1", "Lift2")
+    run.simulation.close_passages(("Door1", "Lift1"))
+    assert find_legs(run.simulation, "Robot1", ("Table2",)).out_of_order == ("Door1",)
 
 
 def test_a_point_is_on_the_floor_of_its_height() -> None:

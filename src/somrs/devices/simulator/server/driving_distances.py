@@ -119,16 +119,42 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
 
 
 def _closing(planner: _LegPlanner, stops: Stops, closed: Closed) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What closes the way: the doors and lifts that are out of order, which are those that are closed, on the way that there would be with
-    all of them; and the no-go zones without each of which there would be one."""
+    """What closes the way: the doors and lifts that are out of order, on the ways that there would be without some of them; and the no-go
+    zones without each of which there would be one."""
     zones = tuple(area.name for area in closed.forbidden if _is_way(planner, stops, closed, omitted=area))
     for passable in (closed, replace(closed, forbidden=())) if not zones else ():
-        leg_ways = planner.ways(stops, replace(passable, doors=frozenset(), lifts=frozenset()))
-        if None not in leg_ways:
-            lifts = {lift for way in leg_ways if way is not None for lift in way.lifts}
-            joint_zones = () if passable is closed else tuple(area.name for area in closed.forbidden)
-            return (*sorted(closed.doors & _doors(leg_ways)), *sorted(closed.lifts & lifts)), joint_zones
+        passages = _closed_passages(planner, stops, passable)
+        if passages is not None:
+            return passages, () if passable is closed else tuple(area.name for area in closed.forbidden)
     return (), zones
+
+
+def _closed_passages(planner: _LegPlanner, stops: Stops, closed: Closed) -> tuple[str, ...] | None:
+    """The doors, and then the lifts, on a way that there would be if none was closed, and on those which lead around each of them; None if
+    there is no way."""
+    passages: dict[str, None] = {}
+    avoided: frozenset[str] = frozenset()
+    on_way = _passed(planner, stops, closed, avoided)
+    if on_way is None:
+        return None
+    waiting = [*on_way]
+    while waiting:
+        passage = waiting.pop(0)
+        passages[passage] = None
+        on_way = _passed(planner, stops, closed, avoided | {passage})
+        if on_way is not None:
+            avoided |= {passage}
+            waiting += [name for name in on_way if name not in passages and name not in waiting]
+    return (*sorted(closed.doors & passages.keys()), *sorted(closed.lifts & passages.keys()))
+
+
+def _passed(planner: _LegPlanner, stops: Stops, closed: Closed, avoided: frozenset[str]) -> list[str] | None:
+    """The closed doors and lifts through which the way would lead if only those to be avoided were closed; None without a way."""
+    leg_ways = planner.ways(stops, replace(closed, doors=closed.doors & avoided, lifts=closed.lifts & avoided))
+    if None in leg_ways:
+        return None
+    lifts = {lift for way in leg_ways if way is not None for lift in way.lifts}
+    return sorted((closed.doors & _doors(leg_ways)) | (closed.lifts & lifts))
 
 
 def _is_way(planner: _LegPlanner, stops: Stops, closed: Closed, omitted: Solid) -> bool:
