@@ -15,17 +15,17 @@ from itertools import combinations
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.sparse import coo_array, csr_array, eye_array
 from scipy.spatial import cKDTree
 
 from somrs.ontology.objects import Map, ValueSet
 from somrs.ontology.types import Ontology
-from somrs.space.free_space import SLACK, FreeSpace
+from somrs.space.free_space import FreeSpace
 from somrs.space.shafts import SAME_FLOOR, Shaft, shafts_of
 from somrs.space.solids import Point, Role, Solid, solid_of
 from somrs.space.squares import Squares, box_around
+from somrs.traffic.coverage import UNSEEN, Coverage, Crossings, Points
 from somrs.traffic.roadmap import Lane, Place, Roadmap, spacing_for
 
 SAME_SIZE = 1.25
@@ -46,10 +46,6 @@ SMALLEST = 0.3
 """Free areas smaller than this are left out, in square metres."""
 HOPS = 4
 """Places that are next to each other on the ground are at most so many lanes apart; a power of two."""
-SAMPLES = 8
-"""Points of a lane at which its clearance is looked at."""
-
-Points = NDArray[np.float64]
 
 
 class OpenBuilding:
@@ -164,22 +160,20 @@ class _Storey:
 
     def __init__(self, free_space: FreeSpace, radius: float, spacing: float) -> None:
         self._free_space, self._grid, self._radius = free_space, free_space.grid, radius
-        field = free_space.field
-        labels, count = ndimage.label(field >= radius, structure=np.ones((3, 3)))
+        labels, count = ndimage.label(free_space.field >= radius, structure=np.ones((3, 3)))
         sizes = np.bincount(labels.ravel(), minlength=count + 1) * self._grid.size**2
-        self._labels = np.where(sizes[labels] >= SMALLEST, labels, 0)
-        self._cells = np.argwhere(self._labels > 0)
-        self._centres: Points = self._grid.centres(self._cells)
-        self._seen_by = np.full(len(self._cells), -1)
-        """By free cell: the number of the first point that sees it."""
-        area = len(self._cells) * self._grid.size**2
+        sizes[0] = 0.0
+        self._free = (sizes >= SMALLEST)[labels]
+        area = np.count_nonzero(self._free) * self._grid.size**2
         self.spacing = max(spacing, min(math.sqrt(area / PLACES * 2 / math.sqrt(3)), WIDEST))
+        self._coverage = Coverage(free_space, self._free, radius, self.spacing - self._grid.size)
 
     def lay_out(self, middles: Sequence[Point]) -> tuple[Points, list[tuple[int, int]]]:
         """The points, and the pairs of them that a straight lane joins. `middles`: those of cabins and passages."""
         points = self._spread([*filter(self._is_free, middles), *self._lattice()])
         points = self._filled(points)
-        while len(joints := self._joints(points)):
+        crossings = self._coverage.crossings()
+        while len(joints := self._joints(points, crossings)):
             points = np.vstack([points, joints])
         return points, self._pairs(points)
 
@@ -195,7 +189,7 @@ class _Storey:
 
     def _is_free(self, point: Point) -> bool:
         cell = self._grid.cell(point)
-        return cell is not None and self._labels[cell] > 0 and self._free_space.free(point, self._radius)
+        return cell is not None and bool(self._free[cell]) and self._free_space.free(point, self._radius)
 
     def _spread(self, points: Sequence[Point]) -> Points:
         """The points without those that are nearer to an earlier one than half of the spacing."""
@@ -212,74 +206,31 @@ class _Storey:
 
     def _filled(self, points: Points) -> Points:
         """The points, and more of them, so that every free cell sees one."""
+        coverage = self._coverage
         for number, point in enumerate(points):
-            self._note_seen(point, number)
-        clearance = self._free_space.clearances(self._centres) if len(self._cells) else np.zeros(0)
-        added: list[Points] = []
-        while len(unseen := np.flatnonzero(self._seen_by < 0)):
-            best = unseen[np.argmax(clearance[unseen])]
-            self._seen_by[best] = number = len(points) + len(added)
-            added.append(self._centres[best])
-            self._note_seen(added[-1], number)
+            coverage.note(point, number)
+        added: list[Point] = []
+        for row, column in coverage.unseen().tolist():
+            if coverage.seen[row, column] == UNSEEN:
+                added.append(self._grid.centre((row, column)))
+                coverage.note(added[-1], len(points) + len(added) - 1)
         return np.vstack([points, *added]) if added else points
-
-    def _note_seen(self, point: Points, number: int) -> None:
-        """Mark the cells to which a robot drives from the point in a straight line that is no longer than the spacing, if they are not
-        marked yet."""
-        near = np.array(self._tree.query_ball_point(point, self.spacing - self._grid.size), dtype=int)
-        near = near[self._seen_by[near] < 0] if len(near) else near
-        if not len(near):
-            return
-        centres = self._centres[near]
-        room = float(self._free_space.clearances([point])[0]) - self._radius
-        clear = np.hypot(centres[:, 0] - point[0], centres[:, 1] - point[1]) <= room  # all that is so near is free
-        rest = ~clear
-        clear[rest] = self._are_clear(np.repeat(point[None, :], np.count_nonzero(rest), axis=0), centres[rest])
-        self._seen_by[near[clear]] = number
-
-    @property
-    def _tree(self) -> cKDTree:
-        if not hasattr(self, "_known_tree"):
-            self._known_tree = cKDTree(self._centres)
-        return self._known_tree
-
-    def _are_clear(self, starts: Points, ends: Points) -> NDArray[np.bool_]:
-        """Whether a robot can drive in a straight line, for each pair."""
-        clear = np.ones(len(starts), dtype=bool)
-        for share in np.linspace(0, 1, SAMPLES + 1):
-            clear &= self._free_space.clearances(starts * (1 - share) + ends * share) >= self._radius - SLACK
-        return clear
 
     def _pairs(self, points: Points) -> list[tuple[int, int]]:
         if len(points) < 2:
             return []
         pairs = cKDTree(points).query_pairs(self.spacing * (1 + 1e-6), output_type="ndarray")
-        clear = self._are_clear(points[pairs[:, 0]], points[pairs[:, 1]]) if len(pairs) else np.zeros(0, dtype=bool)
+        clear = self._coverage.are_clear(points[pairs[:, 0]], points[pairs[:, 1]]) if len(pairs) else np.zeros(0, dtype=bool)
         return [(int(start), int(end)) for start, end in pairs[clear]]
 
-    def _joints(self, points: Points) -> Points:
-        """Further points that join places which are near each other on the floor, but not on the roadmap: there are two neighbouring cells,
-        of which each sees one of the places, and between which a robot can drive."""
+    def _joints(self, points: Points, crossings: Crossings) -> Points:
+        """Further points that join places which are near each other on the floor, as a crossing leads from what sees the one to what sees
+        the other, but not on the roadmap."""
         is_near = self._near_each_other(points)
-        region_of: NDArray[np.int64] = np.full(self._labels.shape, -1)
-        region_of[self._cells[:, 0], self._cells[:, 1]] = self._seen_by
-        joints: dict[tuple[int, int], Points] = {}
-        for rows, columns in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            beside: NDArray[np.int64] = np.full(region_of.shape, -1)
-            beside[: region_of.shape[0] - rows, max(-columns, 0) : region_of.shape[1] - max(columns, 0)] = region_of[
-                rows:, max(columns, 0) : region_of.shape[1] + min(columns, 0)
-            ]
-            cells = np.argwhere((region_of >= 0) & (beside >= 0) & (region_of != beside))
-            first, second = region_of[cells[:, 0], cells[:, 1]], beside[cells[:, 0], cells[:, 1]]
-            apart = ~np.asarray(is_near[first, second]).ravel() if len(cells) else np.zeros(0, dtype=bool)
-            cells, first, second = cells[apart], first[apart], second[apart]
-            starts, ends = self._grid.centres(cells), self._grid.centres(cells + np.array([rows, columns]))
-            clear = self._are_clear(starts, ends)  # it may not be, from corner to corner of two cells
-            for low, high, start, end in zip(first[clear], second[clear], starts[clear], ends[clear], strict=True):
-                joints.setdefault((min(low, high), max(low, high)), np.array([start, end]))
-        return self._far_from_each_other([*joints.values()])
+        apart = ~np.asarray(is_near[crossings.low, crossings.high]).ravel() if len(crossings.low) else np.zeros(0, dtype=bool)
+        return self._far_from_each_other(np.stack([crossings.starts[apart], crossings.ends[apart]], axis=1))
 
-    def _far_from_each_other(self, joints: Sequence[Points]) -> Points:
+    def _far_from_each_other(self, joints: Iterable[Points]) -> Points:
         """The joints without those near an earlier one: with that, they may not be needed."""
         chosen: list[Points] = []
         for joint in joints:

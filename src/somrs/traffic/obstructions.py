@@ -18,12 +18,12 @@ from somrs.space.distances import distances_from
 from somrs.space.free_space import SLACK, FreeSpace
 from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import Role, Solid
-from somrs.traffic.layout import MARGIN, SAMPLES
+from somrs.traffic.coverage import SAMPLES, Points
+from somrs.traffic.layout import MARGIN
 from somrs.traffic.planning.graph import Lane
 from somrs.traffic.roadmap import NumberedRoadmap
 from somrs.traffic.state import Position
 
-Points = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 Room = Callable[[Points], NDArray[np.floating]]
 """The distance from each of the points (n, 2) to the nearest obstacle, in metres."""
