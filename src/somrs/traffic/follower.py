@@ -1,6 +1,7 @@
 """Follows the map for traffic: has the building surveyed, closes ways, and holds traffic. Its program does the surveys.
 
-It keeps nothing on disk: whatever it has told traffic follows from the map.
+It keeps nothing on disk: whatever traffic is to know follows from the map, and is told once at the start, because traffic may know what was
+so in an earlier run.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ class MapFollower:
         self._address, self._traffic = address, traffic
         self.replica = Replica(address, repository)
         self._closing: CloseWays | None = None
-        self._hold = ""
+        self._hold: str | None = None
+        """The reason that traffic was told last; None before the first."""
+        self._hold_number = 0
         self._sent = 0
         self._is_survey_open = self._is_outdated = self._was_surveyed = False
 
@@ -64,11 +67,15 @@ class MapFollower:
         if news is None:
             return
         yield from news.effects
+        if not self.replica.ready:
+            return
         reason = hold_reason(modes(self.replica.map))
         if reason != self._hold:
             self._hold = reason
-            yield self._send(HoldTraffic(reason=reason, number=self.replica.version + 1), now)
-        if self.replica.ready and (news.changes or news.ontology_changed) and (self._has_robots or self._was_surveyed):
+            # The time makes it greater than those of an earlier run, also if the map is one from a backup.
+            self._hold_number = max(self._hold_number + 1, int(now * 1000))
+            yield self._send(HoldTraffic(reason=reason, number=self._hold_number), now)
+        if (news.changes or news.ontology_changed) and (self._has_robots or self._was_surveyed):
             self._is_outdated = True
             yield from self._survey()
 

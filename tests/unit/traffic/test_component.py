@@ -8,7 +8,7 @@ from random import Random
 
 import pytest
 
-from somrs.kernel.component import Answered, Ask, Effect, Received, Send, Started, TimerFired
+from somrs.kernel.component import Answered, Ask, Effect, Notified, Received, Send, Started, TimerFired
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.frp import Fault
@@ -37,7 +37,7 @@ from somrs.runtime.virtual_journal import VirtualJournal
 from somrs.traffic.component import SCHEMA, Traffic
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import Lane, Place, Roadmap
-from somrs.traffic.state import LeasesDue, PlanTraffic
+from somrs.traffic.state import LeasesDue, PlanTraffic, RoadmapMade
 
 LEASE = 30.0
 LINE = ("West", "A", "B", "C", "East")
@@ -64,7 +64,7 @@ class Harness:
         """The plans that were asked for, while none are made."""
         self._handle(Started("traffic"))
 
-    def _handle(self, event: Started | Received | TimerFired | Answered) -> None:
+    def _handle(self, event: Started | Received | TimerFired | Answered | Notified) -> None:
         self._perform(effect for effect, _ in self._journal.handle(event, self.now))
 
     def _perform(self, effects: Iterable[Effect]) -> None:
@@ -125,6 +125,9 @@ class Harness:
             mobility=mobility,
         )
         return self.send(robot, body)
+
+    def replace_roadmap(self, map: Roadmap, closing: CloseWays = CloseWays()) -> None:
+        self._handle(Notified(RoadmapMade(roadmap=map, closing=closing)))
 
     def wait(self, seconds: float) -> list[Body]:
         before = len(self.sent)
@@ -518,3 +521,19 @@ def test_a_request_that_arrives_again_is_answered_again_and_begins_nothing() -> 
     assert TripEnded(robot="R1", trip="first", result=TripResult.ARRIVED) in harness.report("R1", "A", 1)
     assert isinstance(harness.send("R1", request)[0], TripBegun)
     assert harness.view().robots[0].trip is None
+
+
+def test_a_plan_for_an_earlier_roadmap_is_not_followed() -> None:
+    harness = Harness(roadmap(LINE))
+    harness.enter("R1", "West")
+    harness.wait(1)
+    harness.postponed = []
+    harness.trip("R1", "East")
+    harness.wait(1)
+    assert harness.postponed, "the plan is being made"
+    harness.replace_roadmap(roadmap(LINE))
+    harness.make_postponed_plans()
+    harness.enter("R1", "West")
+    harness.trip("R1", "East")
+    harness.wait(1)
+    assert harness.way("R1") == ("West", "A", "B", "C")

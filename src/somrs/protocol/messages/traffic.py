@@ -207,8 +207,8 @@ class HoldTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
     """Nobody is granted a way from now on, such as in a fire. Robots stay where their granted ways end; their trips go on afterwards.
     Only those in zones, such as the cabin of a lift, are still granted their way out, and others make room for them if need be.
 
-    `reason`: why, for users, such as `fire alarm in Building1`; without one, traffic goes on. `number` grows with each such message, as the
-    version of the map does, because messages may overtake each other. Sent by whoever follows the map; nothing is answered.
+    `reason`: why, for users, such as `fire alarm in Building1`; without one, traffic goes on. `number` grows with each such message,
+    because messages may overtake each other. Sent by whoever follows the map; nothing is answered.
     """
 
     reason: str = ""
