@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from somrs.client.client import Addresses
+from somrs.devices.person import assignments
 from somrs.devices.person.device import Person
 from somrs.devices.person.questions import Question, Questions
 from somrs.errors import UsageError
@@ -213,3 +214,17 @@ def test_where_nobody_was_asked_the_commands_say_so(
     result = somrs(*arguments, "--data", tmp_path)
     assert result.returncode == code
     assert expected_text in result.stdout + result.stderr
+
+
+def test_a_person_who_cannot_be_given_steps_leaves_no_file_open(tmp_path: Path) -> None:
+    async def test() -> None:
+        (tmp_path / assignments.FILE).mkdir()
+        person = Person("Anna")
+        person.data = tmp_path
+        with pytest.raises(UsageError, match="the assignments cannot be kept here"):
+            await person.open()
+        assert (tmp_path / "questions.sqlite-wal").exists()
+        await person.close()
+        assert not (tmp_path / "questions.sqlite-wal").exists(), "which goes with the last connection"
+
+    run(test())

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Mapping
+from contextlib import ExitStack
 
 from msgspec import structs
 
@@ -71,12 +72,18 @@ class Person(Device):
         self.offers = PersonOffers()
         self._types: tuple[str, ...] = ()
         self._reviewing: asyncio.Task[None] | None = None
+        self._ending = ExitStack()
+        """What is to be done with what was opened."""
 
     async def open(self) -> None:
-        self._questions, self.assignments = Questions(self.data), Assignments(self.data)
+        self._questions = Questions(self.data)
+        self._ending.callback(self._questions.close)
+        self.assignments = Assignments(self.data)
+        self._ending.callback(self.assignments.close)
         self.assignments.code_of(self.name)
         for end_all in (self._questions.end_all, self.assignments.end_all):
             end_all(self.name, f"the program of {self.name} was restarted")
+            self._ending.callback(end_all, self.name, f"the program of {self.name} ended")
         await self.refresh_offers()
         self._reviewing = asyncio.create_task(self._review_offers())
 
@@ -111,10 +118,7 @@ class Person(Device):
     async def close(self) -> None:
         if self._reviewing is not None:
             self._reviewing.cancel()
-        self._questions.end_all(self.name, f"the program of {self.name} ended")
-        self.assignments.end_all(self.name, f"the program of {self.name} ended")
-        self._questions.close()
-        self.assignments.close()
+        self._ending.close()
 
     @service(RECOGNIZE, price=_price, duration=_answer_duration, able=_able, occupies=False)
     async def recognize(self, task: Task) -> Situation:

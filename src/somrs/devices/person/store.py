@@ -18,9 +18,13 @@ def open_store(path: Path, tables: Iterable[str], content: str) -> sqlite3.Conne
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         database = sqlite3.connect(path, isolation_level=None, timeout=5.0)
-        database.execute("PRAGMA journal_mode=WAL")
-        for table in tables:
-            database.execute(table)
+        try:
+            database.execute("PRAGMA journal_mode=WAL")
+            for table in tables:
+                database.execute(table)
+        except sqlite3.Error:
+            database.close()
+            raise
     except (sqlite3.Error, OSError) as error:
         raise UsageError(f"{path}: the {content} cannot be kept here: {error}") from None
     return database
