@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +24,7 @@ from somrs.space.solids import Point, Solid
 from somrs.traffic.layout import MARGIN
 from somrs.traffic.obstructions import Obstructions, least_room
 from somrs.traffic.planning.graph import FAR, Lane
+from somrs.traffic.planning.recent import recall
 from somrs.traffic.roadmap import NumberedRoadmap
 
 LIFT_WAIT = 10.0
@@ -33,7 +33,6 @@ MOST_FIELDS = 256
 """The number of distance fields and of goals that are kept."""
 
 Points = NDArray[np.float64]
-Kept = TypeVar("Kept")
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +143,7 @@ class Ways:
         if space is None:
             return None
         whole_key = key, round(level, 1), radius
-        return _kept(self._goals, whole_key, lambda: self._find_goal(space, round(level, 1), radius, find_stands(space)))
+        return recall(self._goals, whole_key, lambda: self._find_goal(space, round(level, 1), radius, find_stands(space)), MOST_FIELDS)
 
     def _find_goal(self, space: FreeSpace, level: float, radius: float, stands: Stands) -> Goal:
         numbers, tree = self._layer(level, radius)
@@ -229,7 +228,7 @@ class Ways:
     # Distance fields
 
     def _field(self, goal: Goal, closed: Closed, speed: float) -> _Field:
-        return _kept(self._fields, (goal, closed, speed), lambda: self._find_field(goal, closed, speed))
+        return recall(self._fields, (goal, closed, speed), lambda: self._find_field(goal, closed, speed), MOST_FIELDS)
 
     def _find_field(self, goal: Goal, closed: Closed, speed: float) -> _Field:
         """Dijkstra's algorithm, backwards from a place that all stands are joined to."""
@@ -332,14 +331,3 @@ def _reach(disc: Disc, starts: Points, ends: Points, radius: float) -> NDArray[n
     x, y, lines = np.array(disc.x), np.array(disc.y), zip(starts.tolist(), ends.tolist(), strict=True)
     nearest = np.array([distances_from_segment(x, y, (a, b), (c, d)) for (a, b), (c, d) in lines], dtype=float)
     return np.asarray(nearest < disc.radius + radius + MARGIN - SLACK)
-
-
-def _kept(known: dict[Hashable, Kept], key: Hashable, find: Callable[[], Kept]) -> Kept:
-    """What is known for the key, or is found for it. The last ones are kept."""
-    if key in known:
-        known[key] = known.pop(key)
-    else:
-        while len(known) >= MOST_FIELDS:
-            del known[next(iter(known))]
-        known[key] = find()
-    return known[key]

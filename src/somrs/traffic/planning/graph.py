@@ -12,9 +12,12 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from somrs.traffic.planning.corridors import NOWHERE, find_corridors
+from somrs.traffic.planning.recent import recall
 
 FAR = float("inf")
 """The distance of a place from which a goal cannot be reached."""
+MOST_NUMBERS, FEWEST_GOALS = 16_000_000, 256
+"""How many distances a graph keeps at most, of 8 bytes each, and of how many goals at least."""
 
 
 Lane = tuple[int, int]
@@ -99,14 +102,12 @@ class Graph:
         return _WithPrivatePlaces(self, places) if places else self
 
     def distances(self, goal: int) -> array[float]:
-        """By place: the length of the shortest way to the goal; `FAR` if there is none (Dijkstra, backwards, once for each goal).
+        """By place: the length of the shortest way to the goal; `FAR` if there is none (Dijkstra, backwards).
 
-        No way leads through a private place.
+        No way leads through a private place. The distances from the goals that were asked for last are kept.
         """
-        known = self._distances.get(goal)
-        if known is None:
-            known = self._distances[goal] = self._find_distances(goal)
-        return known
+        most = max(FEWEST_GOALS, MOST_NUMBERS // max(self.size, 1))
+        return recall(self._distances, goal, lambda: self._find_distances(goal), most)
 
     def way(self, start: int, goal: int, robot: Hashable) -> Iterator[int]:
         """The places after the start on a shortest way of the robot to the goal; none without a way."""
