@@ -35,11 +35,11 @@ def play(data: Path, scenario: Callable[[SmallSystem, LiveApi], Awaitable[None]]
     asyncio.run(run())
 
 
-def zone(x: float, y: float, width: float, depth: float, limit: float | None = None) -> Object:
+def zone(x: float, y: float, width: float, depth: float, limit: float | None = None, name: str = "Zone1") -> Object:
     values: dict[str, Value] = {"PositionX": x, "PositionY": y, "Shape.Form": "Box", "Shape.Width": width, "Shape.Depth": depth}
     if limit is not None:
         values["SpeedLimit"] = limit
-    return Object(name="Zone1", type="NoGoZone" if limit is None else "SlowZone", values=values)
+    return Object(name=name, type="NoGoZone" if limit is None else "SlowZone", values=values)
 
 
 def hall(*robots: Object) -> Map:
@@ -102,6 +102,14 @@ def test_a_robot_in_a_no_go_zone_leaves_it_however_deep_it_is_inside(world: Worl
     refused = run.execute("Robot1", DriveTo(x=4, y=3))
     assert isinstance(refused, CommandGivenUp)
     assert "Zone1 is a no-go zone" in refused.description
+
+
+@pytest.mark.parametrize("start", [(3.8, 3.0, 0.0), (4.2, 3.0, 0.0)])
+def test_a_robot_leaves_no_go_zones_that_touch_each_other(world: WorldKind, start: tuple[float, float, float]) -> None:
+    run = Run(hall(robot("Robot1", start)), world)
+    draw(run, zone(3, 3, 2, 6.2), zone(5.5, 3, 3, 6.2, name="Zone2"))
+    assert find_legs(run.simulation, "Robot1", ((0.8, 3.0),)).lengths != (None,)
+    run.execute_all("Robot1", DriveTo(x=0.8, y=3))
 
 
 def test_a_robot_in_a_no_go_zone_makes_room_for_nobody_in_it_but_may_be_passed_around(world: WorldKind) -> None:

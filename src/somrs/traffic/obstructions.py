@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -83,9 +83,16 @@ class Obstructions:
                 lanes += touched[1]
         return places, lanes
 
-    def into_zone(self, area: Solid) -> Iterator[Lane]:
-        """The lanes on which a robot would be in a no-go zone, but for those by which one that is in it comes nearer to its edge."""
-        places, lanes = self.touching(area)
+    def into_zones(self, areas: Sequence[Solid]) -> list[list[Lane]]:
+        """For each no-go zone: the lanes on which a robot would be in it, but for those by which one that is in some zone comes nearer to
+        where it is out of all of them."""
+        touched = [self.touching(area) for area in areas]
+        steps = self._steps_to_edge({place for places, _ in touched for place in places})
+        candidates = (dict.fromkeys((*lanes, *self._lanes_at(places))) for places, lanes in touched)
+        return [[(start, end) for start, end in lanes if steps.get(start, 0) <= steps.get(end, 0)] for lanes in candidates]
+
+    def _steps_to_edge(self, places: Collection[int]) -> dict[int, float]:
+        """For each of some places: how many lanes lead to one that is none of them; infinite if none do."""
         successors = self._roadmap.graph.successors
         steps, edge = dict.fromkeys(places, math.inf), deque[int]()
         for place in places:
@@ -98,11 +105,13 @@ class Obstructions:
                 if steps.get(inner) == math.inf:
                     steps[inner] = steps[place] + 1
                     edge.append(inner)
-        yield from lanes
-        touching_lanes = (
-            (start, end) for place in places for neighbour in successors[place] for start, end in ((place, neighbour), (neighbour, place))
-        )
-        yield from (lane for lane in dict.fromkeys(touching_lanes) if steps.get(lane[0], 0) <= steps.get(lane[1], 0))
+        return steps
+
+    def _lanes_at(self, places: Iterable[int]) -> Iterator[Lane]:
+        """The lanes from and to places."""
+        for place in places:
+            for neighbour in self._roadmap.graph.successors[place]:
+                yield from ((place, neighbour), (neighbour, place))
 
     def closing(
         self,
@@ -120,7 +129,11 @@ class Obstructions:
             blocked = self.blocked(level, partial(_room, free_spaces[level], standing[level]))
             places += blocked[0]
             lanes += blocked[1]
-        passages = (*map(self._closed_passage, out_of_order), *map(self._closed_zone, forbidden))
+        zones = (
+            ClosedPassage(name=area.name, zone=True, lanes=self._closed_lanes(entering_lanes))
+            for area, entering_lanes in zip(forbidden, self.into_zones(forbidden), strict=True)
+        )
+        passages = (*map(self._closed_passage, out_of_order), *zones)
         return CloseWays(places=self._names(places), lanes=self._closed_lanes(lanes), passages=passages)
 
     def _closed_passage(self, passage: Solid) -> ClosedPassage:
@@ -128,9 +141,6 @@ class Obstructions:
         is_lift = passage.role is Role.LIFT
         places, lanes = ([], [*self.into_lift(passage.name)]) if is_lift else self.touching(passage)
         return ClosedPassage(name=passage.name, places=self._names(places), lanes=self._closed_lanes(lanes))
-
-    def _closed_zone(self, area: Solid) -> ClosedPassage:
-        return ClosedPassage(name=area.name, zone=True, lanes=self._closed_lanes([*self.into_zone(area)]))
 
     def _names(self, places: list[int]) -> tuple[str, ...]:
         return tuple(self._roadmap.names[place] for place in places)

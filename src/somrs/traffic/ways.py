@@ -105,8 +105,10 @@ class Ways:
         self._seconds = np.array([LIFT_WAIT + roadmap.graph.length(*lane) for lane in lanes]) * is_ride
         """What rides take; 0 for lanes on one floor."""
         self._obstructions = obstructions = Obstructions(roadmap)
-        self._zone_lanes: dict[tuple[Solid, bool], list[int]] = {}
-        """By area, and whether it is a no-go zone: the lanes that are closed, or on which robots drive slowly."""
+        self._closed_lanes: dict[tuple[Solid, ...], list[int]] = {}
+        """By all no-go zones: the lanes that they close."""
+        self._slow_lanes: dict[Solid, list[int]] = {}
+        """By area: the lanes on which robots drive slowly."""
         self._lanes_of = {name: self._all_lanes(*obstructions.touching(door)) for name, door in doors.items()}
         self._lanes_of |= {lift: [self._lane_numbers[lane] for lane in obstructions.into_lift(lift)] for lift in roadmap.zones}
         self._doors_on: dict[int, list[str]] = {}
@@ -252,8 +254,7 @@ class Ways:
         is_open = np.ones(len(self._starts), dtype=bool)
         for name in (*closed.doors, *closed.lifts):
             is_open[self._lanes_of.get(name, [])] = False
-        for area in closed.forbidden:
-            is_open[self._lanes_in(area, forbidden=True)] = False
+        is_open[self._closed_by(closed.forbidden)] = False
         for level, disc in closed.standing:
             near_lanes = self._near_lanes(level, disc, radius)
             starts, ends = self._points[self._starts[near_lanes]], self._points[self._ends[near_lanes]]
@@ -264,21 +265,28 @@ class Ways:
         """How many times longer each lane takes because of slow zones."""
         slowness: NDArray[np.float64] = np.ones(len(self._starts))
         for area, limit in closed.slow:
-            lanes = self._lanes_in(area, forbidden=False)
+            lanes = self._slow_lanes_in(area)
             slowness[lanes] = np.maximum(slowness[lanes], speed / limit)
         return slowness
 
-    def _lanes_in(self, area: Solid, *, forbidden: bool) -> list[int]:
-        """The lanes that a no-go zone closes; or those of which a half or more is in a slow zone."""
-        if (area, forbidden) not in self._zone_lanes:
-            middles = (self._points[self._starts] + self._points[self._ends]) / 2
-            levels = np.array([place.level for place in self._roadmap.roadmap.places])[self._starts]
-            is_in_area = (abs(levels - area.z) < SAME_FLOOR) & (distances_from(area, middles) < 0)
-            entering_lanes = self._obstructions.into_zone(area) if forbidden else ()
-            self._zone_lanes[area, forbidden] = (
-                [self._lane_numbers[lane] for lane in entering_lanes] if forbidden else np.flatnonzero(is_in_area).tolist()
-            )
-        return self._zone_lanes[area, forbidden]
+    def _closed_by(self, zones: tuple[Solid, ...]) -> list[int]:
+        """The lanes that no-go zones close."""
+
+        def find() -> list[int]:
+            return [self._lane_numbers[lane] for lanes in self._obstructions.into_zones(zones) for lane in lanes]
+
+        return recall(self._closed_lanes, zones, find, MOST_FIELDS)
+
+    def _slow_lanes_in(self, area: Solid) -> list[int]:
+        """The lanes of which a half or more is in a slow zone."""
+        return recall(self._slow_lanes, area, lambda: self._lanes_in(area), MOST_FIELDS)
+
+    def _lanes_in(self, area: Solid) -> list[int]:
+        middles = (self._points[self._starts] + self._points[self._ends]) / 2
+        levels = np.array([place.level for place in self._roadmap.roadmap.places])[self._starts]
+        is_in_area = (abs(levels - area.z) < SAME_FLOOR) & (distances_from(area, middles) < 0)
+        numbers: list[int] = np.flatnonzero(is_in_area).tolist()
+        return numbers
 
     def _near_lanes(self, level: float, disc: Disc, radius: float) -> NDArray[np.int64]:
         numbers, tree = self._layer(round(level, 1), radius)
