@@ -5,21 +5,20 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass
 
-SPACING = 3.0
-"""Distance between two platforms, m."""
 ROW = 5
 """Platforms in a row."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fleet:
-    """What a seed determines: how many robots, chargers and platforms there are, and the charges of the robots at the
-    beginning."""
+    """What a seed determines: how many robots, chargers and platforms there are, the distance between two platforms (`spacing`, m), and the
+    charges of the robots at the beginning (%)."""
 
     seed: int
     robots: int = 10
     chargers: int = 3
     platforms: int = 15
+    spacing: float = 3.0
     lowest_charge: int = 25
     highest_charge: int = 95
 
@@ -34,7 +33,7 @@ class Fleet:
     def site(self) -> str:
         """The site as YAML."""
         rows = -(-self.platforms // ROW)
-        width, depth = SPACING * (max(ROW, self.robots / 2) + 1), SPACING * (rows + 2)
+        width, depth = self.spacing * (max(ROW, self.robots / 2) + 1), self.spacing * (rows + 2)
         dice = random.Random(self.seed)
         lines = [
             "upper: 2",
@@ -51,13 +50,13 @@ class Fleet:
         ]
         facts: list[str] = []
         for number in range(self.platforms):
-            x, y = SPACING * (number % ROW + 1), SPACING * (number // ROW + 1)
+            x, y = self.spacing * (number % ROW + 1), self.spacing * (number // ROW + 1)
             lines.append(f"  Platform{number + 1:02}: {_box('Platform', x, y, 0, 0.5, 0.5, 0.3)}")
             if number % 2 == 0:
                 lines.append(f"  Box{number + 1:02}: {{type: Jar, at: [{x}, {y}, 0.3]}}")
                 facts.append(f"  - Box{number + 1:02} isOn Platform{number + 1:02}")
         for number in range(self.chargers):
-            lines.append(f"  Charger{number + 1}: {{type: Charger, at: [{width - 1}, {SPACING * (number + 1)}]}}")
+            lines.append(f"  Charger{number + 1}: {{type: Charger, at: [{width - 1}, {self.spacing * (number + 1)}]}}")
         for number in range(self.robots):
             x, y = 1 + number * (width - 4) / self.robots, depth - 1
             charge = dice.randint(self.lowest_charge, self.highest_charge)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -62,6 +63,8 @@ class EnergyRun:
         self._dice = random.Random(fleet.seed)
         self._free_boxes, self._free_destinations = [*fleet.boxes], set(fleet.destinations[1::2])
         self._is_over = asyncio.Event()
+        self.on_look: Callable[..., object] | None = None
+        """Called after each look at the robots, with the simulated hours `completed` and what is `told` of the run."""
 
     async def play(self) -> EnergyResult:
         self.data.mkdir(parents=True, exist_ok=True)
@@ -96,6 +99,9 @@ class EnergyRun:
                 self.result.hours = max(self.result.hours, state.time / 3600)
                 if charge == 0:
                     self.result.stranded.add(name)
+            if self.on_look is not None:
+                told = f"{self.result.outcomes[Outcome.ACCOMPLISHED]} tasks accomplished, lowest charge {self.result.lowest_charge:.0f} %"
+                self.on_look(completed=self.result.hours, told=told)
 
     def _is_done(self) -> bool:
         charges = self.result.last_charges.values()
