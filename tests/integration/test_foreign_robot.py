@@ -23,7 +23,7 @@ from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
-from somrs.ontology.objects import Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.objects import Fact, Map, Object, ObjectAdded, ValueSet
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
@@ -32,7 +32,7 @@ from somrs.storage.journal import Journal
 from somrs.traffic.component import SCHEMA
 from tests.support.foreign_robot import ForeignRobot
 from tests.support.hang import HANG_TIME
-from tests.support.simulated_tower import HEIGHT, tower
+from tests.support.simulated_tower import CABIN, HEIGHT, storey, tower
 from tests.support.simulator_room import ONTOLOGY, box, robot
 
 LONG_LEASE = 3600.0
@@ -333,6 +333,41 @@ def test_a_simulator_that_was_started_again_knows_where_foreign_robots_may_be(tm
     (tmp_path / FOREIGN_FILE).write_text("[")
     with pytest.raises(UsageError, match="make sure that no robot stands in a way, and move the file away"):
         play(map, tmp_path, be_gone)
+
+
+def test_nobody_else_is_let_into_a_lift_in_which_a_robot_may_be_that_has_not_entered_anew(tmp_path: Path) -> None:
+    def refused(building: Building, foreigner: ForeignRobot) -> None:
+        """The simulated robot is not taken from the second storey to the third, and the cabin does not move."""
+        ends = building.drive("Robot1", 3, 3, 2 * HEIGHT)
+        foreigner.wait_until(lambda: bool(ends))
+        assert isinstance(ends[0], CommandGivenUp), ends
+        building.call(lambda simulation: heights.append(simulation.lifts[0].solid.z))
+        assert heights[-1] == 0.0
+
+    def stay(building: Building) -> None:
+        foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
+        foreigner.read_roadmap()
+        foreigner.enter(foreigner.nearest(*CABIN), LONG_LEASE)
+        building.call(lambda simulation: simulation.add(box("Shelf9", "Cupboard", (0.3, 0.3, 0), (0.3, 0.3, 0.8))))
+        foreigner.wait_until(lambda: foreigner.is_replaced)
+        refused(building, foreigner)
+        foreigner.close()
+
+    def leave(building: Building) -> None:
+        foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
+        refused(building, foreigner)
+        foreigner.service.LeaveTraffic(Robot="Foreigner")
+        ends = building.drive("Robot1", 3, 3, 2 * HEIGHT)
+        foreigner.wait_until(lambda: bool(ends))
+        assert isinstance(ends[0], CommandDone), ends
+        foreigner.close()
+
+    heights: list[float] = []
+    facts = [Fact("stopsAt", ("Lift1", "Storey3")), Fact("leadsInto", ("Gate3", "Lift1"))]
+    upstairs = robot("Robot1", (2, 2, 0), PositionZ=HEIGHT)
+    map = tower(extra_objects=[*storey(3, 2 * HEIGHT), upstairs], extra_facts=facts)
+    play(map, tmp_path, stay)
+    play(map, tmp_path, leave)
 
 
 # A building that is not simulated

@@ -51,10 +51,10 @@ class Berths:
         """Where the place or berth of this number is."""
         if number < self.roadmap.graph.size:
             place = self.roadmap.roadmap.places[number]
-            return Position(x=place.x, y=place.y, level=place.level, radius=place.radius)
+            return Position(x=place.x, y=place.y, level=place.level, radius=place.radius, zone=place.zone)
         entry = self.slots[number - self.roadmap.graph.size]
         assert entry is not None, "only those in use have a number"
-        return Position(x=entry.berth.x, y=entry.berth.y, level=entry.level, radius=entry.berth.radius)
+        return Position(x=entry.berth.x, y=entry.berth.y, level=entry.level, radius=entry.berth.radius, zone=self._zone(entry))
 
     def add(self, robot: str, berth: Berth) -> None:
         """Use a berth. Raises UsageError for one that cannot be used."""
@@ -147,10 +147,14 @@ class Berths:
             place = self.roadmap.roadmap.places[number]
             if math.dist((place.x, place.y), point) < least_distance(spacing, self.roadmap.spacing(number)):
                 yield number
-        nearest, _ = min(entry.lanes, key=lambda lane: lane[1])
-        zone = self.roadmap.roadmap.places[nearest].zone
-        if zone is not None:  # it stands in the zone
+        zone = self._zone(entry)
+        if zone is not None:
             yield from self.roadmap.zones[zone]
+
+    def _zone(self, entry: UsedBerth) -> str | None:
+        """The zone in which a robot stands at a berth: that of the nearest place from which it drives there."""
+        nearest, _ = min(entry.lanes, key=lambda lane: lane[1])
+        return self.roadmap.roadmap.places[nearest].zone
 
     def _may_be_near(self, entry: UsedBerth) -> list[int]:
         """The slots of berths to which another robot may drive past this one: no lane to a berth is longer than the spacing."""

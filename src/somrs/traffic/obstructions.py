@@ -119,12 +119,13 @@ class Obstructions:
         standing: Mapping[float, Sequence[Disc]],
         out_of_order: Sequence[Solid] = (),
         forbidden: Sequence[Solid] = (),
-        idle_lifts: Iterable[str] = (),
+        shut_lifts: Iterable[str] = (),
     ) -> CloseWays:
         """What is closed: by level, what the free space knows, and things on the floor; doors and lifts that are out of order; the ways
-        into no-go zones; and lifts that nobody moves. Levels without a free space have nothing closed: nobody drives there now."""
+        into no-go zones; and lifts that nobody may enter for another reason. Levels without a free space have nothing closed: nobody
+        drives there now."""
         places: list[int] = []
-        lanes = [lane for lift in idle_lifts for lane in self.into_lift(lift)]
+        lanes = [lane for lift in shut_lifts for lane in self.into_lift(lift)]
         for level in free_spaces.keys() & {*self.levels}:
             blocked = self.blocked(level, partial(_room, free_spaces[level], standing[level]))
             places += blocked[0]

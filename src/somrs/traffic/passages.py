@@ -7,7 +7,6 @@ from msgspec import Struct
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.traffic import PassageOpen
 from somrs.traffic.component import Traffic
-from somrs.traffic.state import TrafficState
 
 
 class Passage(Struct, frozen=True, kw_only=True):
@@ -22,43 +21,26 @@ class Passage(Struct, frozen=True, kw_only=True):
 
 def next_passage(traffic: Traffic, robot: str) -> Passage | None:
     """What has to be open before a robot comes to the next place that it was granted; None if nothing has to."""
-    held = traffic.state.held[robot][:2]
+    held = traffic.positions(robot)[:2]
     if len(held) < 2:
         return None
-    current, following = (_whereabouts(traffic.state, number) for number in held)
+    current, following = held
     lift = current.zone or following.zone
-    if lift is None or current == following:
+    if lift is None or (current.zone, current.level) == (following.zone, following.level):
         return None
-    place = traffic.place_name(held[1])
+    place = traffic.place_name(traffic.state.held[robot][1])
     return Passage(lift=lift, level=following.level, place=place, progress=traffic.state.robots[robot].progress)
 
 
 def lifts_held(traffic: Traffic, robot: str) -> set[str]:
-    """The lifts of which a robot holds places."""
-    held = (_whereabouts(traffic.state, number) for number in traffic.state.held.get(robot, ()))
-    return {whereabouts.zone for whereabouts in held if whereabouts.zone is not None}
+    """The lifts in which a robot may be, or to which it was granted the way."""
+    positions = traffic.positions(robot) if robot in traffic.state.robots else traffic.state.astray.get(robot, ())
+    return {position.zone for position in positions if position.zone is not None}
 
 
 def is_inside(traffic: Traffic, robot: str) -> bool:
     """Whether a robot is at a place of a lift."""
-    return _whereabouts(traffic.state, traffic.state.held[robot][0]).zone is not None
-
-
-class _Whereabouts(Struct, frozen=True):
-    """The lift of which a place is a part, if any, and the height of its floor."""
-
-    zone: str | None
-    level: float
-
-
-def _whereabouts(state: TrafficState, number: int) -> _Whereabouts:
-    """Where a place is, or a berth: it is where the nearest place is from which a robot drives there."""
-    places = state.roadmap.places
-    if number >= len(places):
-        berth = state.berths[number - len(places)]
-        assert berth is not None, "only those in use have a number"
-        number, _ = min(berth.lanes, key=lambda lane: lane[1])
-    return _Whereabouts(places[number].zone, places[number].level)
+    return traffic.positions(robot)[0].zone is not None
 
 
 def opened(traffic: Traffic, robot: str, passage: Passage) -> Message:

@@ -137,12 +137,14 @@ class TrafficPlan(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Position(Struct, frozen=True, kw_only=True):
-    """A point at which a robot may be, on the map, in metres. `level`: the height of its floor; `radius`: of the largest robot there."""
+    """A point at which a robot may be, on the map, in metres. `level`: the height of its floor; `radius`: of the largest robot there;
+    `zone`: the lift in which it is, or in whose doors."""
 
     x: float
     y: float
     level: float
     radius: float
+    zone: str | None = None
 
 
 class RoadmapExpected(Struct, frozen=True, tag=True):

@@ -26,6 +26,7 @@ from somrs.space.zones import Zones
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import Layout, OpenBuilding, lay_out
 from somrs.traffic.obstructions import discs_along
+from somrs.traffic.passages import lifts_held
 from somrs.traffic.roadmap import Roadmap
 from somrs.traffic.state import MAP_FOLLOWER, Position
 from somrs.traffic.ways import Ways
@@ -239,16 +240,19 @@ class SimulatedTraffic:
             if not robot.road.takes_part:
                 x, y, _ = robot.pose()
                 standing[_level(robot)].append(Disc(x, y, robot.size.radius))
-        for positions in self.office.component.state.astray.values():
+        astray = self.office.component.state.astray
+        for positions in astray.values():
             for level, disc in discs_along(positions):
                 standing.setdefault(level, []).append(disc)
+        occupied_lifts = {lift for robot in astray for lift in lifts_held(self.office.component, robot)}
         rounded = {level: [Disc(round(disc.x, 2), round(disc.y, 2), disc.radius) for disc in discs] for level, discs in standing.items()}
         shut = tuple(sorted({*self._out_of_order, *(name for name, lift in self._robots.lifts.items() if not lift.is_usable)}))
         if self.changed or (rounded, shut) != (self._standing, self._shut):
             self.changed, self._standing, self._shut = False, rounded, shut
             solids = self._scene.world.solids
             free_spaces = {level: self._free_space(level) for level in self._robots.levels}
-            self.office.close(free_spaces, rounded, [solids[name] for name in shut if name in solids], self._robots.zones.forbidden)
+            shut_solids = [solids[name] for name in shut if name in solids]
+            self.office.close(free_spaces, rounded, shut_solids, self._robots.zones.forbidden, occupied_lifts)
 
 
 def _is_silent(robot: Robot) -> bool:

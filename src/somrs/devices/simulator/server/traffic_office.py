@@ -192,10 +192,11 @@ class TrafficOffice:
         things: Mapping[float, list[Disc]],
         out_of_order: Sequence[Solid] = (),
         forbidden: Sequence[Solid] = (),
+        occupied_lifts: Collection[str] = (),
     ) -> None:
         """Close the places and lanes where something stands: by level, what the free_space knows, and things on the floor; those in doors
-        and lifts that are out of order; and the ways into no-go zones."""
-        closing = self._obstructions.closing(free_spaces, things, out_of_order, forbidden)
+        and lifts that are out of order; the ways into no-go zones; and those into lifts in which robots may be that take no part."""
+        closing = self._obstructions.closing(free_spaces, things, out_of_order, forbidden, occupied_lifts)
         if closing != self._closed:
             self._closed, self.edition = closing, self._random.getrandbits(32)
             self.tell(MAP_FOLLOWER, closing)
