@@ -215,6 +215,18 @@ def test_lines_and_the_formula_stay_in_step(open_page: Callable[..., Page]) -> N
     expect(page.get_by_role("combobox", name="Related object")).to_have_value("Table001")
 
 
+def test_choices_that_come_late_are_offered_in_the_open_list(system: RunningSystem, open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    page.get_by_role("combobox", name="Thing").fill("Door001")
+    expect(page.locator(".somrs-pick .somrs-fe-chosen:visible")).to_contain_text("Door001")
+    with system.paused("gui"):
+        page.keyboard.press("Enter")
+        page.get_by_role("combobox", name="Property").click()
+        page.keyboard.type("open")
+    page.get_by_role("option", name="Open", exact=False).first.click()
+    expect(page.get_by_role("combobox", name="Comparison")).to_be_visible()
+
+
 # On the plan
 
 
@@ -447,6 +459,13 @@ def test_a_link_opens_the_page_with_a_goal(open_page: Callable[..., Page]) -> No
     page = open_page(effect="Carton001 isOn Shelf001")
     expect(field(page)).to_have_value("Carton001 isOn Shelf001")
     expect(page.get_by_role("combobox", name="Related object")).to_have_value("Shelf001")
+
+
+def test_what_was_typed_at_once_outlives_a_reload(system: RunningSystem, window: Callable[..., Page]) -> None:
+    page = window(f"{system.url}/define")
+    field(page).fill("Carton001 isOn Shelf001")
+    page.reload()
+    expect(field(page)).to_have_value("Carton001 isOn Shelf001")
 
 
 def test_what_was_typed_outlives_the_server(system: RunningSystem, open_page: Callable[..., Page]) -> None:

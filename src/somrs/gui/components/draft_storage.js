@@ -1,13 +1,16 @@
 // Keeps form drafts in this browser tab, letter by letter, so that they survive reloads and times without a server. The element is
-// invisible.
+// invisible. What is typed before the server has replied for the first time goes into the initial drafts.
 
 export default {
   template: `<span hidden></span>`,
-  props: { shelf: String },
+  props: { shelf: String, initial: Object },
   emits: ["found"],
   mounted() {
     const found = this.names().map((name) => JSON.parse(sessionStorage.getItem(name)));
     if (found.length) this.$emit("found", found);
+    for (const [key, draft] of Object.entries(this.initial ?? {})) {
+      if (!sessionStorage.getItem(`${this.shelf} ${key}`)) this.keep(key, draft);
+    }
   },
   methods: {
     names() {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from nicegui.element import Element
@@ -12,11 +12,11 @@ from nicegui.events import GenericEventArguments
 
 class DraftStorage(Element, component="draft_storage.js"):
     """An invisible element that stores drafts. After the page has loaded, `on_restore` receives the drafts stored under `storage_key`: JSON
-    objects whose `form` holds the values."""
+    objects whose `form` holds the values. `initial` drafts are stored first, by key, where the browser has none yet."""
 
-    def __init__(self, storage_key: str, on_restore: Callable[[list[Any]], None]) -> None:
+    def __init__(self, storage_key: str, on_restore: Callable[[list[Any]], None], initial: Mapping[str, Any] | None = None) -> None:
         super().__init__()
-        self._props["shelf"] = storage_key
+        self._props["shelf"], self._props["initial"] = storage_key, initial
 
         def handle(event: GenericEventArguments) -> None:
             on_restore(event.args)

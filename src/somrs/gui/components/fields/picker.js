@@ -57,6 +57,14 @@ export default {
   },
   watch: {
     value(value) { this.picked = value ?? ""; this.recognise(); },
+    options() {
+      // Choices may come after the user has opened the list, and typed.
+      if (!this.open || this.source) return;
+      const marked = this.items[this.chosen]?.value;
+      this.look(this.typed ?? "");
+      const place = this.items.findIndex((one) => one.value === marked);
+      if (place >= 0) this.chosen = place;
+    },
   },
   methods: {
     begin() {

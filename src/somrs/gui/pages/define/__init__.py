@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import uuid
 
-from nicegui import app, background_tasks, ui
+from nicegui import app, ui
 
 from somrs.api.formulas import CheckFormula
 from somrs.api.remote import LiveApi
@@ -21,16 +20,12 @@ from somrs.gui.pages.task_text import task_path
 from somrs.gui.shell import guarded, notify, page
 from somrs.protocol.messages.submission import Submit
 
-SETTLED = 0.4
-"""Seconds within which the browser sends its stored draft."""
-
 
 def register(api: LiveApi) -> None:
     @ui.page("/define")
     async def show_page(effect: str = "") -> None:
         with page("New task", "/define", api, ("effect",)):
-            define_page = _DefinePage(api, effect)
-        background_tasks.create(define_page.begin(), context=ui.context.client)
+            _DefinePage(api, effect)
 
 
 class _DefinePage:
@@ -38,7 +33,6 @@ class _DefinePage:
 
     def __init__(self, api: LiveApi, effect: str) -> None:
         self._api = api
-        self._client = ui.context.client
         self._form = form = Form(api, Draft(effect=effect, link=effect))
         self._last_attempt: tuple[Submit, str] | None = None
         with ui.element("div").classes("somrs-define-head"):
@@ -65,11 +59,6 @@ class _DefinePage:
                 Orders(form)
         form.on_change(self._refresh)
         self._refresh()
-
-    async def begin(self) -> None:
-        await self._client.connected()
-        await asyncio.sleep(SETTLED)
-        self._form.begin()
 
     def _refresh(self) -> None:
         self._earlier.visible = self._form.has_earlier_goal

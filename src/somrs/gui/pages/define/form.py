@@ -24,10 +24,9 @@ class Form:
         self.api, self.draft = api, draft
         self._listeners: list[Callable[[], None]] = []
         self._is_submitted = False
-        self._restored = False
         self._restored_goal = ""
         """The goal of a draft that the browser kept, until the user decides about it."""
-        self._storage = DraftStorage(_STORAGE_KEY, self._restore)
+        self._storage = DraftStorage(_STORAGE_KEY, self._restore, {_KEY: self._stored()})
 
     @property
     def examples(self) -> Examples:
@@ -41,9 +40,12 @@ class Form:
     def changed(self) -> None:
         """Report a change of the draft to all panels."""
         if not self._is_submitted:
-            self._storage.save(_KEY, {"form": msgspec.to_builtins(self.draft)})
+            self._storage.save(_KEY, self._stored())
         for refresh in self._listeners:
             refresh()
+
+    def _stored(self) -> dict[str, Any]:
+        return {"form": msgspec.to_builtins(self.draft)}
 
     @property
     def has_earlier_goal(self) -> bool:
@@ -58,11 +60,6 @@ class Form:
         """Store the element's input in the browser as it is typed, also while the server is away."""
         self._storage.mirror(element, "update:value", _KEY, path)
 
-    def begin(self) -> None:
-        """Store the initial draft, unless the browser already has one. Called once the page is open in the browser."""
-        if not self._restored:
-            self.changed()
-
     def end(self) -> None:
         """Remove the stored draft: the task was submitted."""
         self._is_submitted = True
@@ -76,9 +73,8 @@ class Form:
         try:
             draft = msgspec.convert(stored_drafts[0].get("form"), Draft)
         except (msgspec.ValidationError, AttributeError):
-            return  # stored by another version of this page
-        if not self.draft.link or draft.link == self.draft.link:
-            self._restored = True
+            draft = None  # stored by another version of this page
+        if draft is not None and (not self.draft.link or draft.link == self.draft.link):
             self._restored_goal = draft.effect if draft.effect != self.draft.effect else ""
             self.draft = draft
-            self.changed()
+        self.changed()
