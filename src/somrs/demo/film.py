@@ -38,18 +38,18 @@ class Frame:
 class Film:
     """The frames so far. Needs the `simulator` extra."""
 
-    _last: Frame | None = None
+    _last_frame: Frame | None = None
     _images: list[Image.Image] = field(default_factory=list)
     _times: list[int] = field(default_factory=list)
 
     def add(self, frame: Frame) -> None:
         """Add a frame, unless it is like the last one."""
-        if frame == self._last:
+        if frame == self._last_frame:
             return
-        is_new_caption = self._last is None or frame.caption != self._last.caption
+        is_new_caption = self._last_frame is None or frame.caption != self._last_frame.caption
         self._images.append(draw(frame))
         self._times.append(CAPTION_TIME if is_new_caption else FRAME_TIME)
-        self._last = frame
+        self._last_frame = frame
 
     def save(self, target: Path) -> bool:
         """Write the film, which repeats for ever. Returns False if it has no frames."""

@@ -334,7 +334,7 @@ async def perform(system: System, folder: Path, console: Console) -> int:
 
 def _checks_of_story(record: _ScenarioRecord) -> dict[str, bool]:
     """What happened to the lifts and the deliveries, each with whether it is so."""
-    cargo, (last,) = record.cargo, _LAST
+    cargo, (last_thing,) = record.cargo, _LAST
     return {
         "the lift broke half-way, with a robot and its load in it": cargo in _FIRST and 0 < record.stuck_at < 3.2,
         "the robot stayed in the cabin, which stood still until the repair": record.height_before_repair == record.stuck_at,
@@ -346,7 +346,7 @@ def _checks_of_story(record: _ScenarioRecord) -> dict[str, bool]:
         in record.hindrances,
         "after the repair, the robot in the lift delivered its load itself": cargo is not None
         and [work.service for work in record.views[cargo].work] == [f"{record.passenger}.TransferObject"],
-        "after the repair, the delivery that waited went on": record.views[last].outcome is Outcome.ACCOMPLISHED,
+        "after the repair, the delivery that waited went on": record.views[last_thing].outcome is Outcome.ACCOMPLISHED,
         "all deliveries were accomplished": record.accomplished() == _DELIVERIES.keys(),
     }
 

@@ -32,9 +32,9 @@ def group_devices(driven: Sequence[tuple[str, str]], per_process: int | None = N
     if per_process is not None:
         return _named(_split(driven, math.ceil(len(driven) / per_process)))
     shared = [device for device in driven if device[1].startswith(OWN_DRIVERS)]
-    alone = [device for device in driven if not device[1].startswith(OWN_DRIVERS)]
+    separate_devices = [device for device in driven if not device[1].startswith(OWN_DRIVERS)]
     process_count = min(len(shared), max(os.cpu_count() or 1, LEAST_PROCESSES))
-    return _named([*_split(shared, process_count), *([device] for device in alone)])
+    return _named([*_split(shared, process_count), *([device] for device in separate_devices)])
 
 
 def _split(devices: Sequence[tuple[str, str]], process_count: int) -> list[Sequence[tuple[str, str]]]:

@@ -77,7 +77,7 @@ class _Surveys:
 
     def __init__(self, node: Node, worker: TrafficWorker) -> None:
         self._node, self._worker = node, worker
-        self._last: tuple[Survey, CloseWays] | None = None
+        self._last_survey: tuple[Survey, CloseWays] | None = None
 
     async def carry_out(self, task: object, report: Report) -> object:
         """What is closed now. If there is another roadmap, traffic gets it before."""
@@ -86,12 +86,12 @@ class _Surveys:
         assert isinstance(task, Survey), "who follows the map requests nothing else"
         state = _traffic_of(self._node).state
         survey = structs.replace(task, present=tuple(sorted(state.robots)), astray=tuple(state.astray.values()))
-        if self._last is not None and _is_same(self._last[0], survey):
-            return self._last[1]
+        if self._last_survey is not None and _is_same(self._last_survey[0], survey):
+            return self._last_survey[1]
         surveyed = await self._worker.survey(survey)
         if surveyed.roadmap != state.roadmap:
             return await self._replace(survey)
-        self._last = survey, surveyed.closing
+        self._last_survey = survey, surveyed.closing
         return surveyed.closing
 
     async def _replace(self, survey: Survey) -> CloseWays:

@@ -211,7 +211,7 @@ class Traffic:
         if isinstance(body, ReadRoadmap):
             return roadmap_page(self.state, self._berths.roadmap.graph, body.after)
         robots = tuple(view(self.state, self._schedule, self._berths))
-        return TrafficView(robots=robots, berths=tuple(used.berth for used in self.state.berths if used), hold=self.state.hold)
+        return TrafficView(robots=robots, berths=tuple(entry.berth for entry in self.state.berths if entry), hold=self.state.hold)
 
     def _answer(self, request: Message, body: Body) -> Send:
         return Send(reply(request, body, self.state.address))
@@ -256,9 +256,9 @@ class Traffic:
 
     def _put(self, name: str, place: int, towards: int | None = None) -> None:
         """The robot is at this place, or on its way to the next one, and holds no others. Raises UsageError if another robot holds them."""
-        for taken in (place, towards):
-            if taken is not None and (holder := self._schedule.holder(taken, besides=name)) is not None:
-                raise UsageError(f"{name} cannot be at {self._berths.name(taken)}: {holder} holds it, or a place that is too close")
+        for held_place in (place, towards):
+            if held_place is not None and (holder := self._schedule.holder(held_place, besides=name)) is not None:
+                raise UsageError(f"{name} cannot be at {self._berths.name(held_place)}: {holder} holds it, or a place that is too close")
         if name in self._schedule:
             self._schedule.leave(name)
         self._schedule.enter(name, place)
@@ -281,9 +281,9 @@ class Traffic:
             raise UsageError(f"{body.robot} was not granted its way to {body.place}: let it enter anew, where it is")
         record.progress = body.progress
         self._schedule.advance(body.robot, count)
-        kept = 2 if body.between else 1
-        if body.mobility is not Mobility.FREE and body.grant == record.grants and len(held) > count + kept:
-            self._schedule.retreat(body.robot, kept)
+        kept_count = 2 if body.between else 1
+        if body.mobility is not Mobility.FREE and body.grant == record.grants and len(held) > count + kept_count:
+            self._schedule.retreat(body.robot, kept_count)
             self._obstacles_changed()
         if record.silent or record.mobility is not body.mobility:
             record.silent, record.mobility = False, body.mobility
@@ -344,10 +344,10 @@ class Traffic:
         """Forget the berths that nobody uses any more, but not while a plan is being made in which they may occur."""
         state = self.state
         if not state.is_planning and state.berths:
-            used = {record.trip.destination for record in state.robots.values() if record.trip is not None}
-            used.update(place for held in state.held.values() for place in held)
-            used.update(place for planned in state.planned.values() for _, place in planned)
-            if self._berths.keep(used):
+            used_numbers = {record.trip.destination for record in state.robots.values() if record.trip is not None}
+            used_numbers.update(place for held in state.held.values() for place in held)
+            used_numbers.update(place for planned in state.planned.values() for _, place in planned)
+            if self._berths.keep(used_numbers):
                 self._schedule.graph = self._berths.graph
 
     # Trips

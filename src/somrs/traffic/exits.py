@@ -48,13 +48,13 @@ class Exits:
         places, size = self._berths.roadmap.roadmap.places, self._berths.roadmap.graph.size
         if number < size:
             return places[number].zone is not None
-        used = self._berths.slots[number - size]
-        return used is not None and all(places[beside].zone is not None for beside, _ in used.lanes)
+        entry = self._berths.slots[number - size]
+        return entry is not None and all(places[neighbour].zone is not None for neighbour, _ in entry.lanes)
 
     def _level(self, number: int) -> float:
         places, size = self._berths.roadmap.roadmap.places, self._berths.roadmap.graph.size
         if number < size:
             return places[number].level
-        used = self._berths.slots[number - size]
-        assert used is not None, "only those in use have a number"
-        return used.level
+        entry = self._berths.slots[number - size]
+        assert entry is not None, "only those in use have a number"
+        return entry.level

@@ -39,7 +39,7 @@ class MapFollower:
         self._hold: str | None = None
         """The reason that traffic was told last; None before the first."""
         self._hold_number = 0
-        self._sent = 0
+        self._message_count = 0
         self._is_survey_open = self._is_outdated = self._was_surveyed = False
 
     def handle(self, event: Input, now: float) -> list[Effect]:
@@ -90,6 +90,6 @@ class MapFollower:
         return any(ontology.is_subtype(object.type, MOBILE_ROBOT) for object in self.replica.map.objects.values())
 
     def _send(self, body: Body, now: float) -> Send:
-        self._sent += 1
-        id = message_id(self._address, self._traffic, self._sent, now)
+        self._message_count += 1
+        id = message_id(self._address, self._traffic, self._message_count, now)
         return Send(Message(header=Header(sender=MAP_FOLLOWER, recipient=self._traffic, message_id=id), body=body))

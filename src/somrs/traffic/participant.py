@@ -26,7 +26,7 @@ class Participant:
         """The number of its entry; 0 before the first."""
         self.way: tuple[str, ...] = ()
         """The places up to which it may drive, after the one to which it is on its way."""
-        self._sent = self._grant = self._progress = 0
+        self._message_count = self._grant = self._progress = 0
 
     def enter(self, lease: float, berths: tuple[Berth, ...] = (), mobility: Mobility = Mobility.FREE) -> EnterTraffic:
         """Take part, from where the robot is. `lease`: in seconds."""
@@ -87,5 +87,5 @@ class Participant:
         return CancelTrip(robot=self.robot, fence=self.fence, trip=trip)
 
     def _number(self) -> int:
-        self._sent += 1
-        return self._sent
+        self._message_count += 1
+        return self._message_count

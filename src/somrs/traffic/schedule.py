@@ -123,9 +123,9 @@ class Schedule:
         """The robot gives back all places but the first ones of its way. What is planned for all robots ends."""
         self.plan({})
         held = self._held[robot]
-        for given_back in held[kept:]:
-            if given_back not in held[:kept]:
-                self._holder.pop(given_back, None)
+        for returned_place in held[kept:]:
+            if returned_place not in held[:kept]:
+                self._holder.pop(returned_place, None)
         del held[kept:]
 
     def advance(self, robot: str, count: int) -> None:
@@ -133,8 +133,8 @@ class Schedule:
         held = self._held[robot]
         if not 0 <= count < len(held):
             raise UsageError(f"{robot} is where it has no right to be")
-        given_back = held[:count]
+        returned_places = held[:count]
         del held[:count]
-        for left in given_back:
-            if left not in held:  # a way may lead to a place twice
-                self._holder.pop(left, None)
+        for returned_place in returned_places:
+            if returned_place not in held:  # a way may lead to a place twice
+                self._holder.pop(returned_place, None)

@@ -257,9 +257,9 @@ class ChargingRobot(SimulatedDevice):
         ]
 
 
-def least_charge(needed: float) -> int:
+def least_charge(needed_charge: float) -> int:
     """The charge to demand on the map, percent: the map may say up to a step more than the robot has."""
-    return math.ceil(needed + CHARGE_STEP)
+    return math.ceil(needed_charge + CHARGE_STEP)
 
 
 def _key(task: Task) -> tuple[str, str]:

@@ -15,10 +15,10 @@ async def _able(device: Scale, task: Task) -> None:
     object = str(task.inputs["Object"])
     if not await task.map.holds(f"{object} isOn {device.name}"):
         raise Refusal(f"{object} does not stand on {device.name}", condition=f"{object} isOn {device.name}")
-    others = [str(row["Other"]) for row in await task.map.query(f"?Other isOn {device.name}") if row["Other"] != object]
-    if others:
-        condition = " AND ".join(f"NOT {other} isOn {device.name}" for other in others)
-        raise Refusal(f"{device.name} can weigh {object} only alone, and {', '.join(others)} is on it, too", condition=condition)
+    other_things = [str(row["Other"]) for row in await task.map.query(f"?Other isOn {device.name}") if row["Other"] != object]
+    if other_things:
+        condition = " AND ".join(f"NOT {other_thing} isOn {device.name}" for other_thing in other_things)
+        raise Refusal(f"{device.name} can weigh {object} only alone, and {', '.join(other_things)} is on it, too", condition=condition)
 
 
 class Scale(SimulatedDevice):

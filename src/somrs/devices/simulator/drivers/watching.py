@@ -56,13 +56,13 @@ class News:
     def __bool__(self) -> bool:
         return bool(self.unexplained or self.missed)
 
-    def is_same(self, other: News, tolerance: float) -> bool:
+    def is_same(self, earlier_news: News, tolerance: float) -> bool:
         """Whether both looks show the same."""
-        if self.missed != other.missed or len(self.unexplained) != len(other.unexplained):
+        if self.missed != earlier_news.missed or len(self.unexplained) != len(earlier_news.unexplained):
             return False
-        others = [other.sightings[number] for number in other.unexplained]
+        earlier_sightings = [earlier_news.sightings[number] for number in earlier_news.unexplained]
         return all(
-            any(seen.type == sighting.type and _distance(seen, sighting) <= tolerance for seen in others)
+            any(twin.type == sighting.type and _distance(twin, sighting) <= tolerance for twin in earlier_sightings)
             for sighting in (self.sightings[number] for number in self.unexplained)
         )
 
@@ -99,7 +99,7 @@ class Watch:
     def __init__(self, device: Device, accuracy: float) -> None:
         self._device = device
         self._tolerance = SAME_PLACE + NOISE * accuracy
-        self._last = self._reported = NOTHING
+        self._last_news = self._reported = NOTHING
 
     async def look(self, state: RobotState, link: RobotLink) -> None:
         """Look once, and report what was seen for the second time."""
@@ -109,7 +109,7 @@ class Watch:
         types = {sighting.type for sighting in view.sightings if not sighting.robot}
         known = {type_name: await self._things(type_name, state) for type_name in types}
         news = self._compare(view, things, known)
-        is_settled, self._last = news.is_same(self._last, self._tolerance), news
+        is_settled, self._last_news = news.is_same(self._last_news, self._tolerance), news
         if news and is_settled and not news.is_same(self._reported, self._tolerance):
             self._reported = news
             await self._report(news, seen_at)
@@ -148,8 +148,8 @@ class Watch:
         )
         return News(sightings=sightings, unexplained=unexplained, missed=missed)
 
-    def _is_at(self, place: Thing | Sighting, others: Iterable[Thing | Sighting]) -> bool:
-        return any(_distance(place, other) <= self._tolerance for other in others)
+    def _is_at(self, place: Thing | Sighting, places: Iterable[Thing | Sighting]) -> bool:
+        return any(_distance(place, known_place) <= self._tolerance for known_place in places)
 
     async def _report(self, news: News, seen_at: float) -> None:
         unexplained = [news.sightings[number] for number in news.unexplained]
@@ -165,9 +165,9 @@ def _stands(sighting: Sighting) -> bool:
     return not sighting.robot and (sighting.support is not None or sighting.container is not None)
 
 
-def _is_near(place: Thing | Sighting, others: Iterable[Sighting], distance: float) -> bool:
-    return any(math.dist((place.x, place.y), (other.x, other.y)) <= distance for other in others)
+def _is_near(place: Thing | Sighting, sightings: Iterable[Sighting], distance: float) -> bool:
+    return any(math.dist((place.x, place.y), (sighting.x, sighting.y)) <= distance for sighting in sightings)
 
 
-def _distance(place: Thing | Sighting, other: Thing | Sighting) -> float:
-    return math.dist((place.x, place.y, place.z), (other.x, other.y, other.z))
+def _distance(place: Thing | Sighting, other_place: Thing | Sighting) -> float:
+    return math.dist((place.x, place.y, place.z), (other_place.x, other_place.y, other_place.z))

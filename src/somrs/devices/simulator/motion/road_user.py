@@ -82,15 +82,15 @@ class RoadUser:
 
     def enter(self, position: Point, sees: Sees) -> bool:
         """Take part from where the robot is, unless it is where it is known to be. Returns whether it does."""
-        known = self._participant
-        if known is not None and (known.towards is not None or math.dist(self.point(known.place), position) <= ASTRAY):
+        participant = self._participant
+        if participant is not None and (participant.towards is not None or math.dist(self.point(participant.place), position) <= ASTRAY):
             return True
         self._participant, self._trip = None, None
-        here = self.stop_at(position, sees)
-        if here is None:
+        stop = self.stop_at(position, sees)
+        if stop is None:
             self.refusal = f"{self.robot} stands where it sees no place of the roadmap"
             return False
-        self._enter(Participant(self.robot, here.name if isinstance(here, Berth) else here))
+        self._enter(Participant(self.robot, stop.name if isinstance(stop, Berth) else stop))
         return self.takes_part
 
     def _enter(self, participant: Participant) -> None:
@@ -125,16 +125,16 @@ class RoadUser:
     def stop_at(self, position: Point, sees: Sees) -> Berth | str | None:
         """The place at a position, or a berth there; None if no place is in sight."""
         roadmap, radius = self.office.roadmap, self.office.roadmap.radius_for(self.radius)
-        near = [
+        near_places = [
             (math.dist((place.x, place.y), position), place.name, roadmap.spacing(number))
             for number in roadmap.near(position, self.level)
             if (place := roadmap.roadmap.places[number]).radius == radius
         ]
-        distance, nearest, _ = min(near, default=(math.inf, "", 0.0))
+        distance, nearest, _ = min(near_places, default=(math.inf, "", 0.0))
         if distance <= AT_PLACE:
             return nearest
-        within = sorted(entry for entry in near if entry[0] <= entry[2])
-        places = tuple(name for _, name, _ in within if sees(position, self._points_of(name)))
+        places_within = sorted(entry for entry in near_places if entry[0] <= entry[2])
+        places = tuple(name for _, name, _ in places_within if sees(position, self._points_of(name)))
         if not places:
             return None
         self._count += 1
@@ -145,9 +145,9 @@ class RoadUser:
     def _remember(self, berth: Berth) -> None:
         """Keep a berth, and of the earlier ones those that may still occur in grants: where the robot is, and the last destinations."""
         participant = self._participant
-        used = (participant.place, participant.towards, *participant.way) if participant is not None else ()
-        recent = [*self._berths][-REMEMBERED:]
-        self._berths = {name: known for name, known in self._berths.items() if name in used or name in recent}
+        used_names = (participant.place, participant.towards, *participant.way) if participant is not None else ()
+        recent_names = [*self._berths][-REMEMBERED:]
+        self._berths = {name: known_berth for name, known_berth in self._berths.items() if name in used_names or name in recent_names}
         self._berths[berth.name] = berth
 
     # Trips

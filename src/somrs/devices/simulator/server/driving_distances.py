@@ -68,9 +68,9 @@ class _Promised:
 
     def stop(self, stop: PathStop) -> PathStop:
         """Where the robot has to go for this stop."""
-        seen = set[str]()
-        while isinstance(stop, str) and stop not in seen and stop in {*self.points, *self.carriers}:
-            seen.add(stop)
+        visited_stops = set[str]()
+        while isinstance(stop, str) and stop not in visited_stops and stop in {*self.points, *self.carriers}:
+            visited_stops.add(stop)
             stop = self.points[stop] if stop in self.points else self.carriers[stop]
         return stop
 
@@ -90,8 +90,8 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
         raise UsageError(f"there is no robot {robot}; there are {', '.join(simulation.robots) or 'none'}")
     solids = simulation.scene.world.solids
     promised = _Promised.read(situation, solids)
-    last = solids.get(stops[-1]) if stops and isinstance(stops[-1], str) else None
-    carries = last is None or last.role in CARRYING
+    last_solid = solids.get(stops[-1]) if stops and isinstance(stops[-1], str) else None
+    carries = last_solid is None or last_solid.role in CARRYING
     ways = simulation.ways()
     doors = {name: solids[name] for name in ways.doors if name in solids}
     unusable = frozenset(simulation.out_of_order & doors.keys())
@@ -114,8 +114,8 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
             to_open.remove(door)
             with_doors = shorter
     closed = replace(closed, doors=shut_doors - {*to_open})
-    needed = _needed(planner, stops, closed, with_doors)
-    return Legs(_lengths(with_doors), tuple(to_open), tuple(door for door in needed if door not in to_open), carries)
+    needed_doors = _needed(planner, stops, closed, with_doors)
+    return Legs(_lengths(with_doors), tuple(to_open), tuple(door for door in needed_doors if door not in to_open), carries)
 
 
 def _closing(planner: _LegPlanner, stops: Stops, closed: Closed) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -192,8 +192,8 @@ class _LegPlanner:
     def standing(self) -> tuple[tuple[float, Disc], ...]:
         """The other robots that cannot move, and the heights of their floors."""
         broken = (robot for robot in self._simulation.robots.values() if robot is not self._robot and not robot.mobile)
-        at = ((robot, robot.pose()) for robot in broken)
-        return tuple((round(robot.level, 1), Disc(round(x, 2), round(y, 2), robot.size.radius)) for robot, (x, y, _) in at)
+        poses = ((robot, robot.pose()) for robot in broken)
+        return tuple((round(robot.level, 1), Disc(round(x, 2), round(y, 2), robot.size.radius)) for robot, (x, y, _) in poses)
 
     def ways(self, stops: Stops, closed: Closed) -> list[Way | None]:
         """The way of each leg; None from the first leg without a way on."""
@@ -236,10 +236,10 @@ class _LegPlanner:
     def _reaching(self, spots: Sequence[Sequence[float]], top: float, level: float, container: str | None = None) -> Goal | None:
         """Where on a floor the robot would reach one of some spots at a height, on a support or in a container."""
         robot, solids = self._robot, self._simulation.scene.world.solids
-        points, within = np.array(spots, dtype=float), solids[container] if container is not None else None
+        points, container_solid = np.array(spots, dtype=float), solids[container] if container is not None else None
 
         def find_stands(space: FreeSpace) -> Stands:
-            bases, _, costs = reaching_bases(robot, points, top, np.zeros(len(points)), space.clearances, within)
+            bases, _, costs = reaching_bases(robot, points, top, np.zeros(len(points)), space.clearances, container_solid)
             return Stands(bases, costs)
 
         key = points.tobytes(), top, container, robot.size

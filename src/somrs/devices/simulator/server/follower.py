@@ -110,12 +110,12 @@ class Follower:
         """
         solids, objects = simulation.scene.world.solids, self.replica.map.objects
         own_name = self._own_names.pop(name, None)
-        kept = next((kept for kept in (own_name, into) if kept in objects and kept not in solids), None)
-        if kept is None and into in objects and self._stands_for(name, into, simulation):
+        kept_name = next((kept_name for kept_name in (own_name, into) if kept_name in objects and kept_name not in solids), None)
+        if kept_name is None and into in objects and self._stands_for(name, into, simulation):
             simulation.remove(into)
-            kept = into
-        if kept is not None and name in solids:
-            simulation.rename(name, objects[kept])
+            kept_name = into
+        if kept_name is not None and name in solids:
+            simulation.rename(name, objects[kept_name])
         else:
             simulation.remove(name)
 
@@ -135,8 +135,8 @@ class Follower:
             for thing in simulation.scene.things()
             if simulation.scene.hands.holder(thing) is None and are_alike(solids[thing], new, self.replica.ontology)
         }
-        near = [thing for thing, distance in distances.items() if distance <= SAME_PLACE and not self._is_mapped_at(thing, place)]
-        return min(near, key=distances.__getitem__, default=None)
+        near_things = [thing for thing, distance in distances.items() if distance <= SAME_PLACE and not self._is_mapped_at(thing, place)]
+        return min(near_things, key=distances.__getitem__, default=None)
 
     def _is_mapped_at(self, thing: str, place: tuple[float, float, float]) -> bool:
         object = self.replica.map.objects.get(thing)

@@ -18,16 +18,16 @@ class ForeignRides:
 
     def __init__(self, lifts: Mapping[str, Lift], deliver: Callable[[Message], None]) -> None:
         self._lifts, self._deliver = lifts, deliver
-        self._told: dict[str, tuple[int, Passage]] = {}
+        self._notices: dict[str, tuple[int, Passage]] = {}
         """What the robots were told last to be open, with their fences."""
-        self._called: dict[str, str] = {}
+        self._called_lifts: dict[str, str] = {}
         """The lifts that were called, by the robots for which they were."""
 
     def advance(self, traffic: Traffic, foreign: list[str]) -> None:
         """Call the lifts that robots need now, and release those that they need no more."""
-        for robot, lift in [*self._called.items()]:
+        for robot, lift in [*self._called_lifts.items()]:
             if lift not in lifts_held(traffic, robot):
-                del self._called[robot]
+                del self._called_lifts[robot]
                 if lift in self._lifts:
                     self._lifts[lift].release(robot)
         for robot in foreign:
@@ -37,9 +37,9 @@ class ForeignRides:
 
     def _call(self, traffic: Traffic, robot: str, passage: Passage, lift: Lift) -> None:
         notice = traffic.state.robots[robot].fence, passage
-        if self._told.get(robot) == notice or not (lift.is_usable or is_inside(traffic, robot)):
+        if self._notices.get(robot) == notice or not (lift.is_usable or is_inside(traffic, robot)):
             return
-        self._called[robot] = passage.lift
+        self._called_lifts[robot] = passage.lift
         if lift.call(robot, passage.level):
-            self._told[robot] = notice
+            self._notices[robot] = notice
             self._deliver(opened(traffic, robot, passage))

@@ -60,11 +60,11 @@ class SimulatedTraffic:
         self.layouter: Layouter | None = None
         """Makes roadmaps beside the simulation, which goes on meanwhile; without it, the simulation makes them itself."""
         self._under_way: Layout | None = None
-        self._made: Roadmap | None = None
+        self._made_roadmap: Roadmap | None = None
         """The roadmap of the layout that was under way, until the next period."""
         self._ways = Ways(self.office.roadmap, {}, {})
         self.changed, self.outdated = True, False
-        self._looked_at = self._joined_at = 0.0
+        self._look_time = self._join_time = 0.0
         self._standing: dict[float, list[Disc]] = {}
         self._hold = ""
         self._out_of_order: tuple[str, ...] = ()
@@ -74,7 +74,7 @@ class SimulatedTraffic:
     @property
     def busy(self) -> bool:
         """Whether a plan is being made, a roadmap has come in, or a robot that is not simulated is under way."""
-        return self.office.is_planning or self._made is not None or self.office.is_foreign_trip_open
+        return self.office.is_planning or self._made_roadmap is not None or self.office.is_foreign_trip_open
 
     def serve(self, deliver: Deliver, store: StoreForeign, stored: Mapping[str, tuple[Position, ...]]) -> None:
         """Let robots take part that are not simulated. `deliver`: sends a message to its recipient. `store`: keeps where such robots may
@@ -144,15 +144,15 @@ class SimulatedTraffic:
             self.layouter(self._under_way, self._note_roadmap)
 
     def _note_roadmap(self, roadmap: Roadmap | None) -> None:
-        self._made = roadmap
+        self._made_roadmap = roadmap
         if roadmap is None:
             self._under_way = None
 
     def _use_made(self) -> None:
         """Use the roadmap that has come in. It may be outdated already: then the next one is made."""
-        if self._made is not None and self._under_way is not None:
-            layout, roadmap, outdated = self._under_way, self._made, self.outdated
-            self._under_way = self._made = None
+        if self._made_roadmap is not None and self._under_way is not None:
+            layout, roadmap, outdated = self._under_way, self._made_roadmap, self.outdated
+            self._under_way = self._made_roadmap = None
             self._use(layout.building, roadmap)
             self.outdated = outdated
 
@@ -203,9 +203,9 @@ class SimulatedTraffic:
         self._use_made()
         if self.outdated:
             self._renew(map, ontology)
-        if self.changed or now >= self._looked_at + LOOK:
+        if self.changed or now >= self._look_time + LOOK:
             self._close()
-        if now >= self._joined_at + RENEWAL:
+        if now >= self._join_time + RENEWAL:
             self._join()
         self.office.advance(now, lambda name: _is_silent(self._robots[name]))
         self._rides.advance(self.office.component, self.office.foreign)
@@ -223,7 +223,7 @@ class SimulatedTraffic:
 
     def _join(self) -> None:
         """Let robots enter that do not take part."""
-        self._joined_at = self._scene.time
+        self._join_time = self._scene.time
         for robot in self._robots.values():
             if not robot.road.takes_part and not _is_silent(robot):
                 robot.road.level = _level(robot)
@@ -231,7 +231,7 @@ class SimulatedTraffic:
 
     def _close(self) -> None:
         """Close what is blocked by things on the floor, doors, and robots that do not take part."""
-        self._looked_at = self._scene.time
+        self._look_time = self._scene.time
         self._robots.levels |= {_level(robot) for robot in self._robots.values()}
         if self.office.foreign:
             self._robots.levels |= {*self.office.levels}

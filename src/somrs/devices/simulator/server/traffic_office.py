@@ -48,8 +48,8 @@ class TrafficOffice:
         self.component, self._deliver = component, deliver
         self._random = Random()
         self._planner = TrafficPlanner(roadmap, self._random)
-        self.edition = self._random.getrandbits(32)
-        """Another number with each change of the roadmap, and of what is closed on it."""
+        self.roadmap_number = self._random.getrandbits(32)
+        """Another one with each change of the roadmap, and of what is closed on it."""
         self._users: dict[str, RoadUser] = {}
         self._timers: dict[Hashable, float] = {}
         self._problems: dict[Hashable, PlanTraffic] = {}
@@ -123,20 +123,19 @@ class TrafficOffice:
         if held is None:
             return None
         radius = self.roadmap.radius_for(self._users[robot].radius)
-        on_level = (
-            number
-            for number, place in enumerate(places)
-            if place.radius == radius and abs(place.level - level) < SAME_FLOOR and place.zone is None
-        )
+
+        def is_clear(number: int) -> bool:
+            return number < len(places) and abs(places[number].level - level) < SAME_FLOOR and places[number].zone is None
+
+        on_level = [number for number, place in enumerate(places) if place.radius == radius and is_clear(number)]
         for number in sorted(on_level, key=lambda number: math.dist((places[number].x, places[number].y), goal))[:NEAREST]:
-            distances = graph.distances(number)
-            if distances[held] == FAR:
-                continue
-            here, steps = held, 0
-            while here != number and steps < CLEAR_OF_LIFT:
-                here = min(graph.options(here, robot), key=lambda end: graph.length(here, end) + distances[end])
-                steps += here < len(places) and abs(places[here].level - level) < SAME_FLOOR and places[here].zone is None
-            return places[here].name
+            if graph.distances(number)[held] < FAR:
+                end, steps = held, 0
+                for end in graph.way(held, number, robot):
+                    steps += is_clear(end)
+                    if steps == CLEAR_OF_LIFT:
+                        break
+                return places[end].name
         return None
 
     def advance(self, now: float, silent: Callable[[str], bool]) -> None:
@@ -198,7 +197,7 @@ class TrafficOffice:
         and lifts that are out of order; the ways into no-go zones; and those into lifts in which robots may be that take no part."""
         closing = self._obstructions.closing(free_spaces, things, out_of_order, forbidden, occupied_lifts)
         if closing != self._closed:
-            self._closed, self.edition = closing, self._random.getrandbits(32)
+            self._closed, self.roadmap_number = closing, self._random.getrandbits(32)
             self.tell(MAP_FOLLOWER, closing)
 
     @property

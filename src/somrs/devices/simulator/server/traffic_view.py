@@ -28,7 +28,7 @@ def roadmap_view(traffic: SimulatedTraffic) -> Roadmap:
     positions = {lane: position for position, lane in enumerate(lanes)}
     closed_lanes = ((numbers[lane.start], numbers[lane.end]) for lane in office.closed_lanes)
     return Roadmap(
-        number=office.edition,
+        number=office.roadmap_number,
         places=tuple(_point(place.x, place.y, place.level) for place in office.roadmap.roadmap.places),
         lanes=tuple(lanes),
         closed_places=tuple(sorted(numbers[place] for place in office.closed_places)),
@@ -52,7 +52,7 @@ def traffic_view(traffic: SimulatedTraffic, robots: Mapping[str, Robot], work: R
     foreign = {name: _driving(robot, point) for name, robot in in_traffic.items() if name not in robots}
     simulated = {name: _robot_view(robot, in_traffic.get(name), point, work.object(name)) for name, robot in robots.items()}
     return TrafficState(
-        roadmap=office.edition,
+        roadmap=office.roadmap_number,
         robots={**foreign, **simulated},
         hold=view.hold,
         closed_lifts=tuple(sorted(name for name, lift in traffic.lifts.items() if not lift.is_usable)),
