@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import pytest
 
 from somrs.protocol.messages.traffic import TripResult
-from somrs.traffic.berths import Berths
 from somrs.traffic.dispatcher import Dispatcher
 from somrs.traffic.schedule import Schedule
+from somrs.traffic.surroundings import Surroundings
 from verification.traffic_runs.draw import draw
 from verification.traffic_runs.play import Outcome, Play
 
@@ -43,8 +43,8 @@ def test_robots_that_do_not_wait_for_others_touch_them(monkeypatch: pytest.Monke
 
 
 def test_robots_touch_each_other_at_berths_that_exclude_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    for near in ("_near_places", "_near_berths"):
-        monkeypatch.setattr(Berths, near, lambda *_: iter(()))
+    for near in ("_near_places", "_near_berth"):
+        monkeypatch.setattr(Surroundings, near, lambda *_: iter(()))
     assert any("touch each other" in outcome.violation for outcome in outcomes(range(30)))
 
 

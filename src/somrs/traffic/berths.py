@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from itertools import pairwise
-
-import numpy as np
 
 from somrs.errors import UsageError
 from somrs.protocol.messages.traffic import Berth
-from somrs.space.lines import point_distance
 from somrs.traffic.planning.graph import FAR, Graph, PrivatePlace
-from somrs.traffic.roadmap import NumberedRoadmap, UsedBerth, least_distance
+from somrs.traffic.roadmap import NumberedRoadmap, UsedBerth
 from somrs.traffic.state import Closed, OutOfOrder, PlannedBerth, Position
+from somrs.traffic.surroundings import TOLERANCE, Surroundings, zone_of
 
-GAP = 0.01
-"""The least distance between robots that stand at berths, in metres."""
-
-TOLERANCE = 1e-6
-"""The error of computed distances, in metres."""
 SPEED = 0.5
 """The speed at which robots are taken to drive to their berths, in metres per second."""
 SHORTEST = 0.1
@@ -32,7 +25,13 @@ class Berths:
 
     def __init__(self, roadmap: NumberedRoadmap, slots: list[UsedBerth | None], closed: Closed = Closed()) -> None:
         self.roadmap, self.slots, self._closed = roadmap, slots, closed
-        self.graph = self._make_graph()
+        self.private_places: list[PlannedBerth | None] = []
+        """By slot: the berth for the planner."""
+        self._surroundings = Surroundings(roadmap)
+        for slot, entry in enumerate(slots):
+            if entry is not None:
+                self._surroundings.put(slot, entry)
+        self.graph = self._changed_graph(range(len(slots)))
 
     def number(self, place: str, robot: str) -> int:
         """The number of a place or of a berth of this robot. Raises UsageError."""
@@ -54,7 +53,7 @@ class Berths:
             return Position(x=place.x, y=place.y, level=place.level, radius=place.radius, zone=place.zone)
         entry = self.slots[number - self.roadmap.graph.size]
         assert entry is not None, "only those in use have a number"
-        return Position(x=entry.berth.x, y=entry.berth.y, level=entry.level, radius=entry.berth.radius, zone=self._zone(entry))
+        return Position(x=entry.berth.x, y=entry.berth.y, level=entry.level, radius=entry.berth.radius, zone=zone_of(self.roadmap, entry))
 
     def add(self, robot: str, berth: Berth) -> None:
         """Use a berth. Raises UsageError for one that cannot be used."""
@@ -65,7 +64,7 @@ class Berths:
             return
         slot = self.slots.index(None) if None in self.slots else len(self.slots)
         self.slots[slot : slot + 1] = [entry]
-        self.graph = self._make_graph()
+        self.graph = self._changed_graph(sorted(self._surroundings.put(slot, entry)))
 
     def _slot(self, robot: str, name: str) -> int | None:
         """Where a berth of this robot is in `slots`."""
@@ -75,7 +74,7 @@ class Berths:
     def close(self, closed: Closed) -> None:
         """These places and lanes are closed from now on, and all others are open."""
         self._closed = closed
-        self.graph = self._make_graph()
+        self.graph = self._changed_graph(range(len(self.slots)))
 
     def closed_passages(self, robot: str, start: int, destination: int) -> tuple[OutOfOrder, ...]:
         """The passages that are out of order, and the no-go zones, on the shortest way that there would be with them."""
@@ -94,14 +93,17 @@ class Berths:
 
     def keep(self, numbers: Collection[int]) -> bool:
         """Use only the berths of these numbers any more. Returns whether there were others."""
-        unused = [slot for slot, entry in enumerate(self.slots, self.roadmap.graph.size) if entry is not None and slot not in numbers]
-        for number in unused:
-            self.slots[number - self.roadmap.graph.size] = None
+        first = self.roadmap.graph.size
+        unused_slots = [slot for slot, entry in enumerate(self.slots) if entry is not None and first + slot not in numbers]
+        changed_slots = {*unused_slots}
+        for slot in unused_slots:
+            self.slots[slot] = None
+            changed_slots |= self._surroundings.remove(slot)
         while self.slots and self.slots[-1] is None:
             self.slots.pop()
-        if unused:
-            self.graph = self._make_graph()
-        return bool(unused)
+        if unused_slots:
+            self.graph = self._changed_graph(sorted(changed_slots))
+        return bool(unused_slots)
 
     def _use(self, robot: str, berth: Berth) -> UsedBerth:
         if not berth.name.startswith(f"{robot}/"):
@@ -127,58 +129,16 @@ class Berths:
         lanes = tuple((number, max(distance / SPEED, SHORTEST)) for number, distance in zip(numbers, distances, strict=True))
         return UsedBerth(robot=robot, berth=berth, level=places[0].level, lanes=lanes)
 
-    def _make_graph(self) -> Graph:
-        circles = [
-            (entry.berth.x, entry.berth.y, entry.berth.radius) if entry is not None else (math.inf, math.inf, 0.0) for entry in self.slots
-        ]
-        self._circles = np.array(circles).reshape(-1, 3)
-        self.private_places = [self._planned(entry) if entry is not None else None for entry in self.slots]
-        return with_berths(self.roadmap.graph, self._closed, self.private_places)
-
-    def _planned(self, entry: UsedBerth) -> PlannedBerth:
-        exclusions = dict.fromkeys((*self._near_places(entry), *self._near_berths(entry)))
+    def _changed_graph(self, slots: Iterable[int]) -> Graph:
+        """The graph after the surroundings of the berths in these slots, or what is closed, have changed."""
         closed = self._closed.all_places
-        return PlannedBerth(entry.robot, tuple(lane for lane in entry.lanes if lane[0] not in closed), tuple(exclusions))
-
-    def _near_places(self, entry: UsedBerth) -> Iterator[int]:
-        """The places at which another robot would be too near."""
-        point, spacing = (entry.berth.x, entry.berth.y), self.roadmap.spacing(entry.lanes[0][0])
-        for number in self.roadmap.near(point, entry.level):
-            place = self.roadmap.roadmap.places[number]
-            if math.dist((place.x, place.y), point) < least_distance(spacing, self.roadmap.spacing(number)):
-                yield number
-        zone = self._zone(entry)
-        if zone is not None:
-            yield from self.roadmap.zones[zone]
-
-    def _zone(self, entry: UsedBerth) -> str | None:
-        """The zone in which a robot stands at a berth: that of the nearest place from which it drives there."""
-        nearest, _ = min(entry.lanes, key=lambda lane: lane[1])
-        return self.roadmap.roadmap.places[nearest].zone
-
-    def _may_be_near(self, entry: UsedBerth) -> list[int]:
-        """The slots of berths to which another robot may drive past this one: no lane to a berth is longer than the spacing."""
-        if not self.roadmap.widest:
-            return [*range(len(self.slots))]
-        x, y, radius = self._circles.T
-        span = radius + (entry.berth.radius + GAP + self.roadmap.widest + TOLERANCE)
-        numbers: list[int] = np.flatnonzero(np.hypot(x - entry.berth.x, y - entry.berth.y) < span).tolist()
-        return numbers
-
-    def _near_berths(self, entry: UsedBerth) -> Iterator[int]:
-        """The berths of other robots that are too near, and the places through which these drive to theirs past this one."""
-        point = entry.berth.x, entry.berth.y
-        for number in self._may_be_near(entry):
-            near = self.slots[number]
-            if near is None or near.robot == entry.robot or near.level != entry.level:
-                continue
-            room, end = entry.berth.radius + near.berth.radius + GAP, (near.berth.x, near.berth.y)
-            if math.dist(point, end) < room:
-                yield self.roadmap.graph.size + number
-            for start, _ in near.lanes:
-                place = self.roadmap.roadmap.places[start]
-                if point_distance(point, (place.x, place.y), end) < room:
-                    yield start
+        for slot in slots:
+            entry = self.slots[slot] if slot < len(self.slots) else None
+            lanes = tuple(lane for lane in entry.lanes if lane[0] not in closed) if entry is not None else ()
+            planned = PlannedBerth(entry.robot, lanes, self._surroundings.exclusions(slot)) if entry is not None else None
+            self.private_places[slot : slot + 1] = [planned]
+        del self.private_places[len(self.slots) :]
+        return with_berths(self.roadmap.graph, self._closed, self.private_places)
 
 
 def with_berths(graph: Graph, closed: Closed, berths: Sequence[PlannedBerth | None], owners: Mapping[str, Hashable] | None = None) -> Graph:

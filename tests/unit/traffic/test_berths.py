@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from somrs.errors import UsageError
 from somrs.protocol.messages.traffic import Berth
 from somrs.space.lines import point_distance
-from somrs.traffic.berths import GAP, Berths
+from somrs.traffic.berths import Berths
 from somrs.traffic.planning.graph import FAR, Graph, PrivatePlace
 from somrs.traffic.roadmap import Lane, NumberedRoadmap, Place, Roadmap
+from somrs.traffic.state import Closed
+from somrs.traffic.surroundings import GAP
 from tests.support.roadmaps import graphs
 
 SPACING = 0.62
@@ -208,3 +210,24 @@ def test_berths_keep_away_whoever_would_touch_them(circles: list[tuple[float, fl
             place = berths.roadmap.roadmap.places[berths.roadmap.number(place_name)]
             passes = point_distance((one.x, one.y), (place.x, place.y), (other.x, other.y)) < one.radius + other.radius + GAP
             assert not passes or berths.roadmap.number(place_name) in berths.graph.exclusions[numbers[0]]
+
+
+@given(st.data())
+def test_berths_that_come_and_go_leave_what_would_be_found_anew(data: st.DataObject) -> None:
+    roadmap = floor()
+    berths = Berths(roadmap, [])
+    coordinate = st.floats(0.0, 2.4).map(lambda value: round(value, 2))
+    for number in range(data.draw(st.integers(1, 12))):
+        x, y, robot = data.draw(coordinate), data.draw(coordinate), data.draw(st.sampled_from(("R1", "R2", "R3")))
+        near = [place.name for place in roadmap.roadmap.places if math.dist((place.x, place.y), (x, y)) <= SPACING]
+        if data.draw(st.booleans()) and near:
+            berths.add(robot, berth(f"{robot}/{number}", x, y, *near))
+        elif data.draw(st.booleans()):
+            berths.close(Closed(places=tuple(data.draw(st.sets(st.integers(0, 19), max_size=3)))))
+        else:
+            berths.keep(data.draw(st.sets(st.integers(20, 20 + len(berths.slots)))))
+        anew = Berths(roadmap, [*berths.slots], berths._closed)
+        assert berths.private_places == anew.private_places
+        assert len(berths.private_places) == len(berths.slots)
+        assert berths.graph.exclusions == anew.graph.exclusions
+        assert berths.graph.successors == anew.graph.successors

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from collections import defaultdict
 from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -51,16 +52,17 @@ class Graph:
         for first, second in conflicts:
             if first != second:
                 exclusions[first][second] = exclusions[second][first] = None
-        self._assemble(lengths, [tuple(excluded) for excluded in exclusions])
+        self._assemble(lengths, [tuple(excluded) for excluded in exclusions], [tuple(ends) for ends in lengths])
 
-    def _assemble(self, lengths: list[dict[int, float]], exclusions: list[tuple[int, ...]]) -> None:
+    def _assemble(self, lengths: list[dict[int, float]], exclusions: list[tuple[int, ...]], successors: list[tuple[int, ...]]) -> None:
         self.size, self._lengths = len(lengths), lengths
-        self.successors: list[tuple[int, ...]] = [tuple(ends) for ends in lengths]
+        self.successors = successors
         """By place: those to which a lane leads that any robot may take."""
         self.exclusions = exclusions
         """By place: the others that no robot may be at while one is at this place."""
         self._private_ways: dict[int, list[tuple[Hashable, int]]] = {}
         self._distances: dict[int, array[float]] = {}
+        self._lane_distances: dict[tuple[tuple[int, float], ...], array[float]] = {}
         self._without: tuple[tuple[set[int], set[Lane]], Graph] | None = None
         """The places to which lanes were left out last, the lanes that were left out, and the graph without them."""
 
@@ -93,7 +95,7 @@ class Graph:
         for start, end in lanes:
             lengths[start] = _without_keys(lengths[start], {end})
         graph = Graph.__new__(Graph)
-        graph._assemble(lengths, self.exclusions)
+        graph._assemble(lengths, self.exclusions, [tuple(ends) for ends in lengths])
         self._without = left_out, graph
         return graph
 
@@ -106,8 +108,20 @@ class Graph:
 
         No way leads through a private place. The distances from the goals that were asked for last are kept.
         """
-        most = max(FEWEST_GOALS, MOST_NUMBERS // max(self.size, 1))
-        return recall(self._distances, goal, lambda: self._find_distances(goal), most)
+        return recall(self._distances, goal, lambda: self._find_distances(goal), self._most_goals)
+
+    def distances_from_lanes(self, lanes: tuple[tuple[int, float], ...]) -> array[float]:
+        """By place: the length of the shortest way to a private place with these lanes; `FAR` if there is none."""
+        return recall(self._lane_distances, lanes, lambda: self._find_lane_distances(lanes), self._most_goals)
+
+    def _find_lane_distances(self, lanes: tuple[tuple[int, float], ...]) -> array[float]:
+        ways = [np.frombuffer(self.distances(start)) + length for start, length in lanes]
+        return array("d", (np.min(ways, axis=0) if ways else np.full(self.size, FAR)).tobytes())
+
+    @property
+    def _most_goals(self) -> int:
+        """Of how many goals the distances are kept."""
+        return max(FEWEST_GOALS, MOST_NUMBERS // max(self.size, 1))
 
     def way(self, start: int, goal: int, robot: Hashable) -> Iterator[int]:
         """The places after the start on a shortest way of the robot to the goal; none without a way."""
@@ -137,17 +151,21 @@ class _WithPrivatePlaces(Graph):
 
     def __init__(self, public: Graph, places: Sequence[PrivatePlace | None]) -> None:
         self._public, self._places = public, places
+        own_lengths = [dict(place.lanes) if place is not None else {} for place in places]
+        successors = [*public.successors, *(tuple(lengths) for lengths in own_lengths)]
         exclusions = [*public.exclusions, *(() for _ in places)]
-        self._assemble([*public._lengths, *(dict(place.lanes) if place is not None else {} for place in places)], exclusions)
+        self._assemble([*public._lengths, *own_lengths], exclusions, successors)
+        excluded: defaultdict[int, dict[int, None]] = defaultdict(dict)
         for number, place in enumerate(places, start=public.size):
             if place is None:
                 continue
             for start, _ in place.lanes:
                 self._private_ways.setdefault(start, []).append((place.owner, number))
+            excluded[number].update(dict.fromkeys(place.exclusions))
             for near in place.exclusions:
-                for one, excluded in ((number, near), (near, number)):
-                    if excluded not in exclusions[one]:
-                        exclusions[one] = (*exclusions[one], excluded)
+                excluded[near][number] = None
+        for number, near_places in excluded.items():
+            exclusions[number] = (*exclusions[number], *near_places)
 
     @property
     def public_size(self) -> int:
@@ -167,20 +185,17 @@ class _WithPrivatePlaces(Graph):
 
     def _find_distances(self, goal: int) -> array[float]:
         size = self._public.size
-        if goal < size:
-            ways = [np.frombuffer(self._public.distances(goal))]
-        else:
-            place = self._places[goal - size]
-            lanes = place.lanes if place is not None else ()
-            ways = [np.frombuffer(self._public.distances(start)) + length for start, length in lanes]
-        public = np.min(ways, axis=0) if ways else np.full(size, FAR)
+        place = self._places[goal - size] if goal >= size else None
+        public = (
+            self._public.distances_from_lanes(place.lanes if place is not None else ()) if goal >= size else self._public.distances(goal)
+        )
         private = np.full(len(self._places), FAR)
         starts, ends, lengths, numbers = self._private_lanes
         if len(numbers):
-            private[numbers] = np.minimum.reduceat(public[ends] + lengths, starts)
+            private[numbers] = np.minimum.reduceat(np.frombuffer(public)[ends] + lengths, starts)
         if goal >= size:
             private[goal - size] = 0.0
-        return array("d", np.concatenate([public, private]).tobytes())
+        return public + array("d", private.tobytes())
 
     @cached_property
     def _private_lanes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
