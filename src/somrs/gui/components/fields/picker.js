@@ -2,6 +2,7 @@
 // large maps.
 
 const PAUSE = 80; // milliseconds without typing before the API is called
+const LISTED = 100; // choices listed at once
 
 export default {
   template: `
@@ -103,7 +104,8 @@ export default {
         };
         const ranked = this.options.map((item) => [match(item), item]).filter(([rank]) => rank < 3);
         // Without a search, keep groups together.
-        this.items = (wanted ? ranked.sort((a, b) => a[0] - b[0]) : ranked).map(([, item]) => item);
+        this.items = (wanted ? ranked.sort((a, b) => a[0] - b[0]) : ranked).slice(0, LISTED).map(([, item]) => item);
+        this.more = ranked.length > LISTED;
       }
       this.chosen = typed ? (this.items.length ? 0 : -1) : this.items.findIndex((one) => one.value === this.picked);
       this.$nextTick(() => {

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 from nicegui import ui
-from nicegui.events import GenericEventArguments
 
 from somrs.api.remote import LiveApi
 from somrs.gui.author import author
+from somrs.gui.components.fields.picker import Choice, Picker
 from somrs.gui.pages.map.change_text import describe_changes
 from somrs.gui.pages.map.moves import X, Y, Z
 from somrs.gui.shell import guarded, notify
@@ -18,7 +19,6 @@ from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.protocol.messages.knowledge import MergeObject
 from somrs.repository.association import compatible_types
 
-_MAX_OPTIONS = 30
 _MAX_LINES = 8
 
 
@@ -74,49 +74,37 @@ class MergeDialog:
         with ui.dialog().props(f'aria-label="{title}"') as dialog, ui.card().classes("somrs-map-dialog"):
             ui.label(title).classes("somrs-title")
             if self._candidates:
-                self._choice = ui.select({}, label="Known object", with_input=True, on_change=guarded(self._show_consequences))
-                self._choice.props("outlined dense options-dense hide-bottom-space input-debounce=100").classes("w-full")
-                self._choice.on("input-value", self._typed)
+                choices = [Choice(value=option.name, text=option.label) for option in self._candidates]
+                self._choice = Picker("Known object", value=choices[0]["value"], options=choices, on_pick=guarded(self._show_consequences))
                 self._consequences = ui.element("div").props('role="status"')
-                self._filter("")
             else:
                 ui.label(f"The map has no other object that {self.name} could be.").classes("somrs-soft")
             with ui.element("div").classes("somrs-map-buttons"):
                 if self._candidates:
-                    self._confirm = ui.button("It is this one", icon="check", on_click=lambda: dialog.submit(str(self._choice.value or "")))
+                    self._confirm = ui.button(
+                        f"It is {self._choice.value}", icon="check", on_click=lambda: dialog.submit(self._choice.value)
+                    )
                     self._confirm.props("unelevated no-caps")
                 ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
             if self._candidates:
-                self._choice.value = self._candidates[0].name
+                ui.timer(0, partial(guarded(self._show_consequences), self._choice.value), once=True)
         dialog.on("hide", dialog.delete)
         into = await dialog
         if not into:
             return None
-        merge = MergeObject(name=self.name, into=str(into), author=author())
+        merge = MergeObject(name=self.name, into=into, author=author())
         result = await self._api.map.merge(merge)
         notify(f"{self.name} is {into}")
-        return result.version, str(into)
+        return result.version, into
 
-    def _typed(self, event: GenericEventArguments) -> None:
-        self._filter(str(event.args or ""))
-
-    def _filter(self, typed: str) -> None:
-        fitting = [option for option in self._candidates if typed.lower() in option.label.lower()][:_MAX_OPTIONS]
-        options = {option.name: option.label for option in fitting}
-        selected = self._choice.value
-        options.update((option.name, option.label) for option in self._candidates if option.name == selected)
-        self._choice.set_options(options, value=selected)
-
-    async def _show_consequences(self) -> None:
-        into = self._choice.value
+    async def _show_consequences(self, into: str) -> None:
         self._confirm.set_enabled(False)
-        if not into:
-            self._consequences.clear()
-            return
-        considered = await self._api.map.consider_merge(MergeObject(name=self.name, into=str(into)))
+        self._consequences.clear()
+        considered = await self._api.map.consider_merge(MergeObject(name=self.name, into=into))
         if into != self._choice.value:
             return  # the user chose another one meanwhile
         self._consequences.clear()
+        self._confirm.set_text(f"It is {into}")
         self._confirm.set_enabled(not considered.broken)
         with self._consequences:
             if considered.broken:

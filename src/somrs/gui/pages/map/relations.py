@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
+from somrs.gui.components.fields.picker import Choice, Picker, things
 from somrs.gui.pages.map.entries import list_note
-from somrs.gui.pages.map.picker import ObjectPicker
 from somrs.gui.shell import guarded, notify
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map
 from somrs.ontology.types import Ontology, RelationType
@@ -132,38 +132,36 @@ class Relations:
         options = {role.key: role for role in relation_roles(object.type, ontology)}
         self._form.clear()
         with self._form, ui.element("form").props('aria-label="Add a relation" novalidate') as form:
-            choice = ui.select({key: role.text() for key, role in options.items()}, label="Relation", with_input=True)
-            choice.props("outlined dense options-dense autofocus hide-bottom-space")
-            pickers: list[ObjectPicker] = []
-            fields = ui.element("div").classes("somrs-map-pickers")
+            pickers: list[Picker] = []
 
-            def chosen() -> None:
+            def chosen(key: str) -> None:
                 fields.clear()
                 pickers.clear()
-                role = options.get(str(choice.value))
-                if role is None:
-                    return
+                role = options[key]
                 with fields:
                     for place, joined in enumerate(role.relation.joins):
                         if place != role.place:
-                            pickers.append(ObjectPicker(self._api, joined, role.relation.name, place))
+                            pickers.append(Picker(joined, placeholder=joined, source=things(relation=role.relation.name, place=place)))
                 pickers[0].focus()
 
             async def add() -> None:
-                role = options.get(str(choice.value))
-                if role is None or any(picker.value is None for picker in pickers):
+                role = options.get(choice.value)
+                if role is None or not all(picker.value for picker in pickers):
                     notify("Choose the relation and the other objects.", bad=True)
                     return
-                fact = role.fact(self._name, [picker.value or "" for picker in pickers])
+                fact = role.fact(self._name, [picker.value for picker in pickers])
                 now = self._api.context
                 if await self._change(tuple(fact_changes(fact, now.map, now.ontology)), f"{fact} added") is not None:
                     self._close()
 
-            choice.on_value_change(chosen)
+            choices = [Choice(value=key, text=role.text(), detail=role.relation.doc) for key, role in options.items()]
+            choice = Picker("Relation", placeholder="Relation", options=choices, on_pick=chosen)
+            fields = ui.element("div").classes("somrs-map-pickers")
             form.on("submit.prevent", guarded(add))
             with ui.element("div").classes("somrs-map-buttons"):
                 ui.button("Add", icon="check").props("unelevated dense no-caps type=submit")
                 ui.button("Cancel", on_click=self._close).props("flat dense no-caps")
+        choice.focus()
 
     def _close(self) -> None:
         self._form.clear()
