@@ -30,9 +30,9 @@ class Closures:
         There are no such robots if the ways are closed by what stands there. `closed`: the `places`.
         """
         start = self._schedule.last(name)
-        if self._schedule.graph.distances(trip.destination)[start] == FAR:
+        if self._schedule.graph.distance(start, trip.destination) == FAR:
             return ()
-        if not closed or self._open_graph(closed).distances(trip.destination)[start] < FAR:
+        if not closed or self._open_graph(closed).distance(start, trip.destination) < FAR:
             return None
         return tuple(dict.fromkeys(self._in_the_way(name, start, trip.destination, closed))) or None
 

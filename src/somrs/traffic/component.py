@@ -359,7 +359,7 @@ class Traffic:
         if body.berth is not None:
             self._use_berth(body.robot, body.berth)
         destination, start = self._berths.number(body.destination, body.robot), self._schedule.last(body.robot)
-        distance = self._berths.graph.distances(destination)[start]
+        distance = self._berths.graph.distance(start, destination)
         if distance == FAR:
             reason = self._why_no_way(body.robot, start, destination)
             raise UsageError(f"no lanes lead from {self._berths.name(start)} to {body.destination}{reason}")

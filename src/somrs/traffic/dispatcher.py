@@ -104,7 +104,7 @@ class Dispatcher:
             return False
         place = self._schedule.grant(name)
         if place is not None and record.trip is not None:
-            distance = self._berths.graph.distances(record.trip.destination)[place]
+            distance = self._berths.graph.distance(place, record.trip.destination)
             if distance < record.trip.nearest:
                 record.trip.nearest, record.trip.progressed_at = distance, now
         if name in leaving and self._goal(name) is None:

@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import zip_longest
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -65,6 +66,8 @@ class Graph:
         self._lane_distances: dict[tuple[tuple[int, float], ...], array[float]] = {}
         self._without: tuple[tuple[set[int], set[Lane]], Graph] | None = None
         """The places to which lanes were left out last, the lanes that were left out, and the graph without them."""
+        self._with_private: _WithPrivatePlaces | None = None
+        """The graph with the private places that there were last."""
 
     def options(self, place: int, robot: Hashable) -> tuple[int, ...]:
         """The places to which the robot may go from this place."""
@@ -101,7 +104,11 @@ class Graph:
 
     def with_private(self, places: Sequence[PrivatePlace | None]) -> Graph:
         """This graph with private places, which get the next numbers. None leaves a number out."""
-        return _WithPrivatePlaces(self, places) if places else self
+        if not places:
+            return self
+        if self._with_private is None or self._with_private._places != [*places]:
+            self._with_private = _WithPrivatePlaces(self, places, self._with_private)
+        return self._with_private
 
     def distances(self, goal: int) -> array[float]:
         """By place: the length of the shortest way to the goal; `FAR` if there is none (Dijkstra, backwards).
@@ -109,6 +116,10 @@ class Graph:
         No way leads through a private place. The distances from the goals that were asked for last are kept.
         """
         return recall(self._distances, goal, lambda: self._find_distances(goal), self._most_goals)
+
+    def distance(self, start: int, goal: int) -> float:
+        """The length of the shortest way from a place to a goal; `FAR` if there is none."""
+        return self.distances(goal)[start]
 
     def distances_from_lanes(self, lanes: tuple[tuple[int, float], ...]) -> array[float]:
         """By place: the length of the shortest way to a private place with these lanes; `FAR` if there is none."""
@@ -149,23 +160,45 @@ class Graph:
 class _WithPrivatePlaces(Graph):
     """Shares what it can with the graph without private places, because these come and go with each trip."""
 
-    def __init__(self, public: Graph, places: Sequence[PrivatePlace | None]) -> None:
-        self._public, self._places = public, places
-        own_lengths = [dict(place.lanes) if place is not None else {} for place in places]
-        successors = [*public.successors, *(tuple(lengths) for lengths in own_lengths)]
-        exclusions = [*public.exclusions, *(() for _ in places)]
-        self._assemble([*public._lengths, *own_lengths], exclusions, successors)
-        excluded: defaultdict[int, dict[int, None]] = defaultdict(dict)
-        for number, place in enumerate(places, start=public.size):
-            if place is None:
-                continue
-            for start, _ in place.lanes:
-                self._private_ways.setdefault(start, []).append((place.owner, number))
-            excluded[number].update(dict.fromkeys(place.exclusions))
-            for near in place.exclusions:
-                excluded[near][number] = None
-        for number, near_places in excluded.items():
-            exclusions[number] = (*exclusions[number], *near_places)
+    def __init__(self, public: Graph, places: Sequence[PrivatePlace | None], earlier: _WithPrivatePlaces | None = None) -> None:
+        """`earlier`: such a graph with the same public places, of which nothing is made again that is the same."""
+        self._public, self._places = public, [*places]
+        known = earlier._places if earlier is not None else []
+        before, count = (earlier, len(known)) if earlier is not None else (public, 0)
+        kept = public.size + min(count, len(places))
+        added = range(kept, public.size + len(places))
+        self._assemble(
+            [*before._lengths[:kept], *({} for _ in added)],
+            [*before.exclusions[:kept], *(() for _ in added)],
+            [*before.successors[:kept], *(() for _ in added)],
+        )
+        self._near: dict[int, frozenset[int]] = dict(earlier._near) if earlier is not None else {}
+        """By place: the private places and those near it that exclude each other with it."""
+        self._private_ways = dict(before._private_ways)
+        pairs = enumerate(zip_longest(known, self._places), start=public.size)
+        self._replace({number: pair for number, pair in pairs if pair[0] != pair[1]})
+
+    def _replace(self, changes: dict[int, tuple[PrivatePlace | None, PrivatePlace | None]]) -> None:
+        """By their numbers, use other private places than before."""
+        lost: defaultdict[int, set[int]] = defaultdict(set)
+        won: defaultdict[int, set[int]] = defaultdict(set)
+        for number, (before, after) in changes.items():
+            for place, pairs in ((before, lost), (after, won)):
+                for near in place.exclusions if place is not None else ():
+                    pairs[number].add(near)
+                    pairs[near].add(number)
+            for start, _ in before.lanes if before is not None else ():
+                self._private_ways[start] = [way for way in self._private_ways[start] if way[1] != number]
+            for start, _ in after.lanes if after is not None else ():
+                self._private_ways[start] = [*self._private_ways.get(start, ()), (after.owner, number)]  # type: ignore[union-attr]
+            if number < self.size:
+                self._lengths[number] = dict(after.lanes) if after is not None else {}
+                self.successors[number] = tuple(self._lengths[number])
+        for number in {*lost, *won}:
+            near_places = self._near[number] = (self._near.get(number, frozenset()) - lost[number]) | won[number]
+            if number < self.size:
+                public = self._public.exclusions[number] if number < self._public.size else ()
+                self.exclusions[number] = (*public, *sorted(near_places))
 
     @property
     def public_size(self) -> int:
@@ -183,18 +216,28 @@ class _WithPrivatePlaces(Graph):
         reduced = [replace(place, lanes=tuple(lane for lane in place.lanes if lane[0] not in closed)) if place else None for place in kept]
         return self._public.without_lanes_to(closed, lanes).with_private(reduced)
 
+    def distance(self, start: int, goal: int) -> float:
+        if start == goal:
+            return 0.0
+        distances = self._public_distances(goal)
+        if start < self._public.size:
+            return distances[start]
+        place = self._places[start - self._public.size]
+        return min((distances[end] + length for end, length in place.lanes), default=FAR) if place is not None else FAR
+
+    def _public_distances(self, goal: int) -> array[float]:
+        if goal < self._public.size:
+            return self._public.distances(goal)
+        place = self._places[goal - self._public.size]
+        return self._public.distances_from_lanes(place.lanes if place is not None else ())
+
     def _find_distances(self, goal: int) -> array[float]:
-        size = self._public.size
-        place = self._places[goal - size] if goal >= size else None
-        public = (
-            self._public.distances_from_lanes(place.lanes if place is not None else ()) if goal >= size else self._public.distances(goal)
-        )
-        private = np.full(len(self._places), FAR)
+        public, private = self._public_distances(goal), np.full(len(self._places), FAR)
         starts, ends, lengths, numbers = self._private_lanes
         if len(numbers):
             private[numbers] = np.minimum.reduceat(np.frombuffer(public)[ends] + lengths, starts)
-        if goal >= size:
-            private[goal - size] = 0.0
+        if goal >= self._public.size:
+            private[goal - self._public.size] = 0.0
         return public + array("d", private.tobytes())
 
     @cached_property
