@@ -16,7 +16,7 @@ from somrs.client.operations import operation
 from somrs.client.refusals import NotFound
 from somrs.entish.parse import nearest
 from somrs.errors import UsageError
-from somrs.ontology.modes import BUILDING, BUILDING_MODES, PASSAGE_MODES, Mode, modes, reason_of
+from somrs.ontology.modes import BUILDING, BUILDING_MODES, DOOR, LIFT, PASSAGE_MODES, Mode, modes, reason_of
 from somrs.ontology.objects import Change, ValueSet
 from somrs.ontology.types import IN_SERVICE, MODE, PAUSED, Value
 from somrs.ontology.values import value_of
@@ -149,7 +149,7 @@ class ControlService:
 
     def _with_mode(self, mode: Mode, building: str | None, lift: str | None, door: str | None) -> list[str]:
         """The objects that are to have a mode. Raises UsageError."""
-        chosen = [(type, name) for type, name in ((BUILDING, building), ("Lift", lift), ("Door", door)) if name is not None]
+        chosen = [(type, name) for type, name in ((BUILDING, building), (LIFT, lift), (DOOR, door)) if name is not None]
         if len(chosen) > 1:
             raise UsageError("a building, a lift or a door has a mode; name one of them at a time")
         if not chosen and mode is Mode.OUT_OF_ORDER:

@@ -29,7 +29,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.task_views import StepView, TaskView, WorkView
 
 _STOREY = "Storey"
-_HELD_BY = "isHeldBy"
+_HELD_BY, _STANDS_AT = "isHeldBy", "standsAt"
 
 DEPARTED_TIME = 600.0
 """Seconds for which a device that left is still listed."""
@@ -112,7 +112,7 @@ class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it gets new work."""
     position: tuple[float, ...] | None = None
     place: str | None = None
-    """The storey on which it is."""
+    """The storey on which it is, or at which the cabin of a lift is."""
     holding: tuple[str, ...] = ()
     charge: float | None = None
     services: tuple[ServiceView, ...] = ()
@@ -275,6 +275,8 @@ class FleetService:
 
     def _place(self, name: str) -> str | None:
         map, ontology = self._context.map, self._context.ontology
+        for arguments in map.facts_with(_STANDS_AT, 0, name):
+            return arguments[1]
         whole, visited = map.whole(name), set[str]()
         while whole is not None and whole in map.objects and whole not in visited:
             if ontology.is_subtype(map.objects[whole].type, _STOREY):

@@ -33,7 +33,7 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.entish.parse import parse
 from somrs.errors import SimulationError
 from somrs.ontology.files.site import dump_site
-from somrs.ontology.modes import Mode, modes, out_of_order
+from somrs.ontology.modes import Mode, closed_passages, out_of_order
 from somrs.ontology.objects import ValueSet
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import MODE
@@ -147,14 +147,13 @@ class _ScenarioPlayer:
         await self._mark("operator", f"{_OTHER_LIFT} is in order again, too")
 
     async def _lift_breaks(self) -> None:
-        """Wait until the lift breaks, see who is in it, and state that it is out of order."""
+        """Wait until the lift breaks, and see who is in it."""
         await self._is_broken.wait()
         record, lift = self.record, await self._operator.observe(_LIFT)
         for name, state in (await self._operator.robots()).items():
             if math.dist((state.x, state.y), (lift.x, lift.y)) < 1 and state.z is not None:
                 record.passenger, record.cargo, record.stuck_at = name, state.holding, state.z
         await self._mark(_LIFT, f"breaks half-way, with {record.passenger} and {record.cargo} in it")
-        await self._set_mode(_LIFT, Mode.OUT_OF_ORDER)
         await self._take_picture("A", _LIFT)
 
     async def _guest_orders_what_no_robot_can_bring(self) -> None:
@@ -173,7 +172,6 @@ class _ScenarioPlayer:
         record.accomplished_before_repair = record.accomplished()
         record.height_before_repair = (await self._operator.observe(_LIFT)).z
         await self._operator.repair(_LIFT, Fault.DRIVE)
-        await self._set_mode(_LIFT, Mode.NORMAL)
         record.is_mended = True
         await self._mark("mechanic", f"repairs {_LIFT}")
         if record.cargo is not None:
@@ -316,7 +314,7 @@ async def perform(system: System, folder: Path, console: Console) -> int:
         **_checks_of_story(record),
         "the goals hold in the Repository": all(formula_holds(parse(_goal(thing)), map, ontology) for thing in _DELIVERIES),
         "in the simulator, each thing is where it was to be brought": supports == _DELIVERIES,
-        "both lifts are in order, and no robot is in one": not modes(map)
+        "both lifts are in order, and no robot is in one": not closed_passages(map, ontology)
         and all(state.z is not None and 0 <= state.x <= 14 and not state.faults for state in robots.values()),
         **_checks_of_messages(record.lines),
     }

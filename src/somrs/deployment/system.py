@@ -21,6 +21,7 @@ from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_windows
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError, UsageError
+from somrs.ontology.modes import DOOR, LIFT
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.ports import Reservation
@@ -161,7 +162,7 @@ class System:
         world_address = self._world_address or f"{self.host}:{ports[3]}"
         has_world = bodiless or self._simulates
         if not has_world:
-            check_unsimulated(driven)
+            driven = unsimulated(driven, map, ontology)
         # A simulator that runs already has a traffic of its own.
         traffic_address = f"http://{self.host}:{ports[7]}/traffic" if self._world_address is None and not bodiless else None
         self.addresses = replace(
@@ -321,12 +322,18 @@ def symbolic(driven: Sequence[tuple[str, str]]) -> bool:
     return bool(bodiless)
 
 
-def check_unsimulated(driven: Sequence[tuple[str, str]]) -> None:
-    """Check that no device needs a simulator. Raises UsageError."""
-    simulated = [(name, driver) for name, driver in driven if driver.startswith("somrs.devices.simulator.")]
-    if simulated:
-        name, driver = simulated[0]
-        raise UsageError(
-            f"{name} is a device of the simulator, by the driver of its type, {driver}: start the system with a simulator, or give it a "
-            "type without this driver"
-        )
+def unsimulated(driven: Sequence[tuple[str, str]], map: Map, ontology: Ontology) -> list[tuple[str, str]]:
+    """The devices of a building without a simulator. Nobody drives its lifts and doors unless their types have drivers of their own.
+
+    Raises UsageError if another device needs a simulator.
+    """
+    kept: list[tuple[str, str]] = []
+    for name, driver in driven:
+        if not driver.startswith("somrs.devices.simulator."):
+            kept.append((name, driver))
+        elif not any(ontology.is_subtype(map.objects[name].type, kind) for kind in (LIFT, DOOR)):
+            raise UsageError(
+                f"{name} is a device of the simulator, by the driver of its type, {driver}: start the system with a simulator, or give it "
+                "a type without this driver"
+            )
+    return kept

@@ -198,6 +198,8 @@ def activity_text(activity: Assignment) -> str:
 def _position_text(device: DeviceView) -> str:
     if device.simulated is not None:
         x, y = device.simulated.x, device.simulated.y
+    elif device.place is not None and "Lift" in device.lineage:
+        return f"at {device.place}"
     elif device.position is not None:
         x, y = device.position[:2]
     else:

@@ -25,7 +25,10 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
         )
     ),
     Section.RELATIONS: frozenset(
-        ("isPartOf", "isOn", "isIn", "isHeldBy", "isAt", "isBookedFor", "startsAt", "endsAt", "interactsAt", "stopsAt", "leadsInto")
+        (
+            "isPartOf", "isOn", "isIn", "isHeldBy", "isAt", "isBookedFor",
+            "startsAt", "endsAt", "interactsAt", "stopsAt", "leadsInto", "standsAt",
+        )
     ),
     Section.FUNCTIONS: frozenset(("distance",)),
     Section.TYPES: frozenset(
@@ -40,7 +43,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
     Section.SERVICES: frozenset(
         (
             "TransferObject", "RecognizeSituation", "MoveTo", "ChargeBattery",
-            "OpenDoor", "CloseDoor", "OpenCupboard", "CloseCupboard", "PutInto", "TakeOutOf", "WeighObject",
+            "CallLift", "OpenDoor", "CloseDoor", "OpenCupboard", "CloseCupboard", "PutInto", "TakeOutOf", "WeighObject",
             "LookAt", "LookInto",
         )
     ),

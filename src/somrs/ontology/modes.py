@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 
 from somrs.ontology.objects import Change, Map, ValueSet
-from somrs.ontology.types import IN_SERVICE, MODE, OUT_OF_ORDER, PAUSED, PAUSED_FOR, Ontology, Value
+from somrs.ontology.types import IN_SERVICE, MODE, OUT_OF_ORDER, PAUSED, PAUSED_FOR, WORKING, Ontology, Value
 from somrs.ontology.values import value_of
 
 
@@ -22,7 +22,7 @@ class Mode(StrEnum):
     """Nobody uses the lift or the door."""
 
 
-BUILDING, MOBILE_ROBOT = "Building", "MobileRobot"
+BUILDING, LIFT, DOOR, MOBILE_ROBOT = "Building", "Lift", "Door", "MobileRobot"
 
 BUILDING_MODES = (Mode.NORMAL, Mode.FIRE, Mode.EMERGENCY)
 PASSAGE_MODES = (Mode.NORMAL, Mode.OUT_OF_ORDER)
@@ -64,16 +64,29 @@ def freed_devices(changes: Iterable[Change], map: Map, ontology: Ontology) -> se
         IN_SERVICE: (True, None),
         MODE: (Mode.NORMAL.value, None),
     }
-    freed = {change.object for change in changes if isinstance(change, ValueSet) and change.value in allowed.get(change.path, ())}
+    values = [change for change in changes if isinstance(change, ValueSet)]
+    freed = {change.object for change in values if change.value in allowed.get(change.path, ())}
+    repaired = (change.object for change in values if change.path == WORKING and change.value is not False)
+    freed |= {name for name in repaired if _is_lift(name, map, ontology)}  # robots that need it refused
     if any(ontology.is_subtype(object.type, BUILDING) for name in freed if (object := map.objects.get(name)) is not None):
         kinds = (type for type in ontology.types if ontology.is_subtype(type, MOBILE_ROBOT))
         freed |= {robot for kind in kinds for robot in map.of_type(kind)}
     return freed
 
 
-def passages_out_of_order(modes: Mapping[str, Mode]) -> tuple[str, ...]:
-    """The lifts and doors that nobody uses, by name."""
-    return tuple(name for name, mode in modes.items() if mode is Mode.OUT_OF_ORDER)
+def closed_passages(map: Map, ontology: Ontology) -> tuple[str, ...]:
+    """The lifts and doors that nobody uses, by name: those that are out of order, and lifts that do not work or are out of service.
+
+    A door that does not move may stand open.
+    """
+    closed = {name for name, mode in modes(map).items() if mode is Mode.OUT_OF_ORDER}
+    idle = {name for path in (WORKING, IN_SERVICE) for name in map.with_value(path, False)}
+    return tuple(sorted(closed | {name for name in idle if _is_lift(name, map, ontology)}))
+
+
+def _is_lift(name: str, map: Map, ontology: Ontology) -> bool:
+    object = map.objects.get(name)
+    return object is not None and ontology.is_subtype(object.type, LIFT)
 
 
 def out_of_order(names: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from msgspec import Struct
 
-from somrs.ontology.modes import modes, passages_out_of_order
+from somrs.ontology.modes import closed_passages
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.traffic import CloseWays
@@ -71,8 +71,8 @@ class Surveyor:
             self._spaces_of = building, shafts
             self._spaces = {level: FreeSpace(map, ontology, level=level) for level in self._obstructions.levels}
         standing = {level: [*_standing(survey, solids, level)] for level in self._obstructions.levels}
-        out_of_order = {*passages_out_of_order(modes(map))}
-        passages = [solid for solid in building if solid.name in out_of_order]
+        closed = {*closed_passages(map, ontology)}
+        passages = [solid for solid in building if solid.name in closed]
         forbidden, idle_lifts = zones_of(map, ontology).forbidden, [shaft.name for shaft in shafts]
         closing = self._obstructions.closing(self._spaces, standing, passages, forbidden, idle_lifts)
         return Surveyed(roadmap=self._roadmap, closing=closing)

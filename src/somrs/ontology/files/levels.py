@@ -32,8 +32,8 @@ OBLIGATORY_IN_2 = frozenset((("CuboidRoom", "Ceiling"), ("Table", "FurnitureLeg"
 LIBRARY = frozenset(
     DefinitionKey(section=Section.SERVICES, name=name)
     for name in (
-        "MoveTo", "ChargeBattery", "OpenDoor", "CloseDoor", "OpenCupboard", "CloseCupboard", "PutInto", "TakeOutOf", "WeighObject",
-        "LookAt", "LookInto",
+        "MoveTo", "ChargeBattery", "CallLift", "OpenDoor", "CloseDoor", "OpenCupboard", "CloseCupboard", "PutInto", "TakeOutOf",
+        "WeighObject", "LookAt", "LookInto",
     )
 ) | {DefinitionKey(section=Section.TYPES, name="Scale")}  # fmt: skip
 """Service types of the shipped devices, and types of devices, whose names a site or a device may use for a definition of its own, which

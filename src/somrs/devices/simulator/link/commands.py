@@ -60,6 +60,12 @@ class Close(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     object: str
 
 
+class MoveCabin(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Take the cabin of a lift to the floor of this height, as soon as no robot has the lift."""
+
+    z: float
+
+
 class Charge(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Charge the battery until it is full, on the charger at the current position."""
 
@@ -132,7 +138,24 @@ class Status(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Report the current state."""
 
 
-Command = DriveTo | Approach | Grip | Place | Insert | Open | Close | Charge | PutDown | Weigh | Sense | LookAt | LookAround | Stop | Status
+Command = (
+    DriveTo
+    | Approach
+    | Grip
+    | Place
+    | Insert
+    | Open
+    | Close
+    | MoveCabin
+    | Charge
+    | PutDown
+    | Weigh
+    | Sense
+    | LookAt
+    | LookAround
+    | Stop
+    | Status
+)
 
 
 class Fault(StrEnum):

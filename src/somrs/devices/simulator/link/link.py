@@ -23,6 +23,7 @@ from somrs.devices.simulator.link.commands import (
     Likeness,
     LookAround,
     LookAt,
+    MoveCabin,
     ObjectState,
     Open,
     Place,
@@ -139,6 +140,9 @@ class RobotLink(Link):
 
     async def close_doors(self, object: str) -> CommandDone:
         return await self.command(Close(object=object))
+
+    async def move_cabin(self, z: float) -> CommandDone:
+        return await self.command(MoveCabin(z=z))
 
     async def charge(self) -> CommandDone:
         return await self.command(Charge())

@@ -1,6 +1,7 @@
 """The drive of a lift: it takes its cabin from storey to storey, with the robots that are in it, and moves its doors.
 
-One robot has the lift at a time: the one to which traffic has granted the cabin.
+One robot has the lift at a time: the one to which traffic has granted the cabin. The command to take the cabin
+to a floor waits until none has.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
-from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, RobotState, Status, Stop
+from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, MoveCabin, RobotState, Status, Stop
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.world.scene import Scene
@@ -30,7 +31,7 @@ class LiftDrive(StationaryDevice):
     `is_out_of_order`: an operator has said so. Then nobody enters it, and who is in the cabin still gets out.
     """
 
-    refusal = "is a lift: it accepts Stop and Status"
+    refusal = "is a lift: it accepts MoveCabin to a floor at which it stops, Stop and Status"
 
     def __init__(self, solid: Solid, scene: Scene, robots: Mapping[str, Robot], shaft: Shaft) -> None:
         super().__init__(solid, scene)
@@ -41,6 +42,8 @@ class LiftDrive(StationaryDevice):
         self._robots = robots
         self._holder: str | None = None
         self._goal = self._nearest_level()
+        self._commanded: tuple[float, OnEnd] | None = None
+        """The height to which the command in progress is to take the cabin, and what is called with its result."""
 
     @property
     def works(self) -> bool:
@@ -62,7 +65,8 @@ class LiftDrive(StationaryDevice):
     @property
     def busy(self) -> bool:
         """Whether its cabin or one of its doors has to move."""
-        return self.works and not (self._is_level() and all(self._is_at_goal(leaf, level) for leaf, level in self._leaves()))
+        is_settled = self._is_level() and all(self._is_at_goal(leaf, level) for leaf, level in self._leaves())
+        return self.works and not (is_settled and self._commanded is None)
 
     def call(self, robot: str, level: float) -> bool:
         """Let a robot have the lift, and send the cabin to a floor. Returns whether the robot can enter or leave it there now."""
@@ -88,11 +92,31 @@ class LiftDrive(StationaryDevice):
         return replace(super().state(), z=self.solid.z, holding=next((robot.name for robot in self._carried()), None))
 
     def command(self, command: Command, on_end: OnEnd) -> None:
-        on_end(CommandDone(state=self.state()) if isinstance(command, Stop | Status) else self._refused())
+        """Carry out a command. A new command ends the one in progress."""
+        if not isinstance(command, Status):
+            self._give_up("stopped", f"{self.name} received another command")
+        match command:
+            case MoveCabin() if not self.works:
+                on_end(self._given_up("drive-dead", f"{self.name} does not work"))
+            case MoveCabin(z=z) if (landing := self.shaft.landing(z)) is not None:
+                self._commanded, self.activity = (landing.level, on_end), type(command).__name__
+            case Stop() | Status():
+                on_end(CommandDone(state=self.state()))
+            case _:
+                on_end(self._refused())
+
+    def _give_up(self, reason: str, description: str) -> None:
+        """End the command in progress, if there is one."""
+        if self._commanded is not None:
+            (_, on_end), self._commanded, self.activity = self._commanded, None, None
+            on_end(self._given_up(reason, description))
 
     def fault(self, fault: Fault) -> None:
         """Inject a fault: the cabin and the doors stop where they are."""
         self.faults.add(fault)
+        if fault in (Fault.SILENT, Fault.LINK):
+            self._commanded = self.activity = None
+        self._give_up("drive-dead", f"{self.name} does not work")
         for leaf, _ in self._leaves():
             if leaf.owner.powered:
                 self.scene.hold_leaf(leaf, self.scene.leaf_position(leaf))
@@ -101,6 +125,8 @@ class LiftDrive(StationaryDevice):
         """Move the doors, or else the cabin, for one control period."""
         if not self.works:
             return
+        if self._commanded is not None and not self._is_taken():
+            self._holder, self._goal = None, self._commanded[0]
         is_shut = True
         for leaf, level in self._leaves():
             is_wanted_open = self._is_wanted_open(level)
@@ -111,6 +137,16 @@ class LiftDrive(StationaryDevice):
             is_shut &= leaf.is_shut(self.scene.leaf_position(leaf))
         if is_shut and not self._is_level():
             self._move_cabin()
+        elif is_shut and self._commanded is not None and self._holder is None:
+            (_, on_end), self._commanded, self.activity = self._commanded, None, None
+            on_end(CommandDone(state=self.state()))
+
+    def _is_taken(self) -> bool:
+        """Whether a robot has the lift, and needs it still."""
+        holder = self._robots.get(self._holder) if self._holder is not None else None
+        if holder is None:
+            return self._holder is not None  # a robot that is not simulated releases it
+        return self.carries(holder) or self.name in (holder.road.zone, holder.road.next_zone)
 
     def _move(self, leaf: Leaf, goal: float) -> None:
         if not goal and obstacle_in_sweep(self.scene, leaf, self._robots.values()) is not None:

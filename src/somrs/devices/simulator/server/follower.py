@@ -21,7 +21,7 @@ from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.devices.simulator.world.recognition import are_alike
 from somrs.kernel.component import Effect, Input, Started
 from somrs.kernel.replica import Replica
-from somrs.ontology.modes import hold_reason, modes, passages_out_of_order
+from somrs.ontology.modes import closed_passages, hold_reason, modes
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
 from somrs.ontology.types import PAUSED, PAUSED_FOR
@@ -98,9 +98,8 @@ class Follower:
                     simulation.set_carrying(support)
 
     def _follow_modes(self, simulation: Simulation) -> None:
-        current = modes(self.replica.map)
-        simulation.hold(hold_reason(current))
-        simulation.close_passages(passages_out_of_order(current))
+        simulation.hold(hold_reason(modes(self.replica.map)))
+        simulation.close_passages(closed_passages(self.replica.map, self.replica.ontology))
         simulation.set_zones(zones_of(self.replica.map, self.replica.ontology))
 
     def _remove(self, simulation: Simulation, name: str, into: str | None) -> None:

@@ -59,10 +59,15 @@ def is_same_state(first: RobotState, second: RobotState) -> bool:
     same_pose = abs(first.x - second.x) < SMALLEST and abs(first.y - second.y) < SMALLEST and abs(first.yaw - second.yaw) < SMALLEST
     return (
         same_pose
+        and _is_same_height(first.z, second.z)
         and _is_same_charge(first.charge, second.charge)
         and (first.holding, first.activity, first.faults) == (second.holding, second.activity, second.faults)
         and first.hindrance == second.hindrance
     )
+
+
+def _is_same_height(first: float | None, second: float | None) -> bool:
+    return first == second if first is None or second is None else abs(first - second) < SMALLEST
 
 
 def _is_same_charge(first: float | None, second: float | None) -> bool:
