@@ -28,9 +28,12 @@ class Berths:
         self.private_places: list[PlannedBerth | None] = []
         """By slot: the berth for the planner."""
         self._surroundings = Surroundings(roadmap)
+        self._slots_by_name: dict[tuple[str, str], int] = {}
+        """By robot and name of the berth."""
         for slot, entry in enumerate(slots):
             if entry is not None:
                 self._surroundings.put(slot, entry)
+                self._slots_by_name[entry.robot, entry.berth.name] = slot
         self.graph = self._changed_graph(range(len(slots)))
 
     def number(self, place: str, robot: str) -> int:
@@ -64,12 +67,12 @@ class Berths:
             return
         slot = self.slots.index(None) if None in self.slots else len(self.slots)
         self.slots[slot : slot + 1] = [entry]
+        self._slots_by_name[robot, berth.name] = slot
         self.graph = self._changed_graph(sorted(self._surroundings.put(slot, entry)))
 
     def _slot(self, robot: str, name: str) -> int | None:
         """Where a berth of this robot is in `slots`."""
-        berths = ((entry.robot, entry.berth.name) if entry is not None else None for entry in self.slots)
-        return next((slot for slot, berth in enumerate(berths) if berth == (robot, name)), None)
+        return self._slots_by_name.get((robot, name))
 
     def close(self, closed: Closed) -> None:
         """These places and lanes are closed from now on, and all others are open."""
@@ -96,6 +99,7 @@ class Berths:
         first = self.roadmap.graph.size
         unused_slots = [slot for slot, entry in enumerate(self.slots) if entry is not None and first + slot not in numbers]
         changed_slots = {*unused_slots}
+        self._slots_by_name = {key: slot for key, slot in self._slots_by_name.items() if slot not in changed_slots}
         for slot in unused_slots:
             self.slots[slot] = None
             changed_slots |= self._surroundings.remove(slot)

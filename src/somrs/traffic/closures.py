@@ -17,6 +17,8 @@ class Closures:
         self._state, self._schedule = state, schedule
         self._open: tuple[frozenset[int], Graph, Graph] | None = None
         """The closed places, the graph, and the graph without the lanes to them."""
+        self._passable: dict[str, tuple[str, int, Graph, frozenset[int]]] = {}
+        """By robot: its trip, from where there was a way when it was looked for last, on which public graph, and what was closed then."""
 
     @property
     def places(self) -> frozenset[int]:
@@ -30,9 +32,13 @@ class Closures:
         There are no such robots if the ways are closed by what stands there. `closed`: the `places`.
         """
         start = self._schedule.last(name)
+        circumstances = trip.id, start, self._schedule.graph.public, closed
+        if self._passable.get(name) == circumstances:
+            return None  # the berths of others are in nobody's way
         if self._schedule.graph.distance(start, trip.destination) == FAR:
             return ()
         if not closed or self._open_graph(closed).distance(start, trip.destination) < FAR:
+            self._passable[name] = circumstances
             return None
         return tuple(dict.fromkeys(self._in_the_way(name, start, trip.destination, closed))) or None
 

@@ -85,11 +85,11 @@ class Dispatcher:
             return
         leaving = self._leaving
         granted: dict[str, None] = {}
-        waiting = [*self.state.robots]
-        while waiting:
+        while waiting := [name for name, planned in self.state.planned.items() if planned]:
             progressed = [name for name in waiting if self._grant_next(name, now, leaving)]
+            if not progressed:
+                break
             granted |= dict.fromkeys(progressed)
-            waiting = [*self.state.robots] if progressed else []
         if self.state.hold and not leaving:
             self._schedule.plan({})  # those that made room stay where they are
         for name in granted:

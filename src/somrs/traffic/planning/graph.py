@@ -62,6 +62,8 @@ class Graph:
         self.exclusions = exclusions
         """By place: the others that no robot may be at while one is at this place."""
         self._private_ways: dict[int, list[tuple[Hashable, int]]] = {}
+        self._most_goals = max(FEWEST_GOALS, MOST_NUMBERS // max(self.size, 1))
+        """Of how many goals the distances are kept."""
         self._distances: dict[int, array[float]] = {}
         self._lane_distances: dict[tuple[tuple[int, float], ...], array[float]] = {}
         self._without: tuple[tuple[set[int], set[Lane]], Graph] | None = None
@@ -77,9 +79,13 @@ class Graph:
         return (*self.successors[place], *(end for owner, end in private if owner == robot))
 
     @property
+    def public(self) -> Graph:
+        """The graph of the places that any robot may enter: the first ones."""
+        return self
+
+    @property
     def public_size(self) -> int:
-        """The number of places that any robot may enter: the first ones."""
-        return self.size
+        return self.public.size
 
     def length(self, start: int, end: int) -> float:
         """The length of a lane."""
@@ -128,11 +134,6 @@ class Graph:
     def _find_lane_distances(self, lanes: tuple[tuple[int, float], ...]) -> array[float]:
         ways = [np.frombuffer(self.distances(start)) + length for start, length in lanes]
         return array("d", (np.min(ways, axis=0) if ways else np.full(self.size, FAR)).tobytes())
-
-    @property
-    def _most_goals(self) -> int:
-        """Of how many goals the distances are kept."""
-        return max(FEWEST_GOALS, MOST_NUMBERS // max(self.size, 1))
 
     def way(self, start: int, goal: int, robot: Hashable) -> Iterator[int]:
         """The places after the start on a shortest way of the robot to the goal; none without a way."""
@@ -201,8 +202,8 @@ class _WithPrivatePlaces(Graph):
                 self.exclusions[number] = (*public, *sorted(near_places))
 
     @property
-    def public_size(self) -> int:
-        return self._public.size
+    def public(self) -> Graph:
+        return self._public
 
     @cached_property
     def corridors(self) -> Sequence[int]:
