@@ -22,8 +22,8 @@ def storey(number: int, level: float, *, has_western_lift: bool = False) -> list
             box(f"WestGate{number}", "LiftDoor", (-0.05, 3, level), (0.1, 1.2, 2.1), Open=False),
         ]
     return [
-        *west,
         Object(name=f"Storey{number}", type="Storey", values={"Elevation": level}),
+        *west,
         box(f"Floor{number}", "Floor", (4, 3, level - 0.1), (8.2, 6.2, 0.1)),
         box(f"South{number}", "Wall", (4, -0.05, level), (8.2, 0.1, 2.5)),
         box(f"North{number}", "Wall", (4, 6.05, level), (8.2, 0.1, 2.5)),

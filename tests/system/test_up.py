@@ -67,7 +67,7 @@ def test_a_system_in_the_background_of_a_script_stops_at_sigint(tmp_path: Path) 
         assert shell.stdout is not None
         system = int(shell.stdout.readline())
         try:
-            wait_until(lambda: "Running." in text(output), output)
+            wait_until(lambda: "Services on offer" in text(output), output)  # it runs, and is about to say so
             os.kill(system, signal.SIGINT)
             wait_until(lambda: not is_running(system), output)
             assert "the system stops: it received SIGINT" in text(output)

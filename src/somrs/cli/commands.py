@@ -120,7 +120,7 @@ async def run_system(
 ) -> None:
     """Run a system until it is asked to stop."""
     from somrs.cli.import_commands import import_sources
-    from somrs.deployment.programs import load_site
+    from somrs.deployment.programs import load_site, stop_signal
     from somrs.deployment.system import System, check_unused, discard
 
     console = terminal.console()
@@ -149,6 +149,8 @@ async def run_system(
             await system.start()
             async with Client(system.addresses) as client:
                 offers = await client.services()
+        stopped = asyncio.create_task(stop_signal())
+        await asyncio.sleep(0)  # until the signals are handled: a script may send one as soon as it reads that the system runs
         console.print(terminal.services(offers))
         console.print(
             f"Running. In another terminal: somrs do FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C stops it."
@@ -156,7 +158,7 @@ async def run_system(
         console.print(f"The API: {system.addresses.api}")
         if system.addresses.gui is not None:
             console.print(f"In the browser: {system.addresses.gui}")
-        await _supervise(system, report)
+        await _supervise(system, report, stopped)
     except Exception as error:  # whatever it is, the log of the system says why it ended
         report(f"the system stops: {type(error).__name__}: {error}")
         raise
@@ -166,11 +168,9 @@ async def run_system(
         await system.stop()
 
 
-async def _supervise(system: System, report: Callable[[str], None]) -> None:
+async def _supervise(system: System, report: Callable[[str], None], stopped: asyncio.Task[str]) -> None:
     """Keep the programs of a system running until it is asked to stop. `report` receives what happens, and why it stops."""
-    from somrs.deployment.programs import stop_signal
-
-    supervisor, stopped = asyncio.create_task(system.keep_running(report)), asyncio.create_task(stop_signal())
+    supervisor = asyncio.create_task(system.keep_running(report))
     try:
         await asyncio.wait([supervisor, stopped], return_when=asyncio.FIRST_COMPLETED)
         if supervisor.done():
