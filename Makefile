@@ -60,7 +60,8 @@ lint-python: setup
 javascript: setup
 	@scripts/javascript lint test
 
-# The windows in a real browser; pictures of the pages come to out/screenshots. LATENCY=400 delays all that the server tells them by 400 ms.
+# The windows in a real browser; pictures of the pages come to out/screenshots. LATENCY=400 makes messages late, for tests
+# that do not wait for what they need.
 browser: setup
 	@scripts/javascript setup
 	@SOMRS_BROWSER_LATENCY=$(or $(LATENCY),0) $(BIN)/pytest tests/browser --numprocesses $(JOBS) --dist loadscope --no-loadscope-reorder

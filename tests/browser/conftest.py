@@ -55,13 +55,27 @@ PATIENCE = 30.0 if os.environ.get("SOMRS_BROWSER_LATENCY", "0") != "0" else 120.
 WORK_TIME = 300_000
 """Milliseconds for robots to carry something, including the recovery from a failure."""
 LATENCY = int(os.environ.get("SOMRS_BROWSER_LATENCY", "0"))
-"""Milliseconds by which what the server tells a page is late: tests that act before the page is ready fail with it, and not at random."""
-LATE_NEWS = """
+"""Milliseconds by which what the server and a page tell each other is late, in each direction: tests that act before the page is ready fail
+with it, and not at random."""
+_SLOW_NETWORK = """
 const { set } = Object.getOwnPropertyDescriptor(WebSocket.prototype, "onmessage");
 Object.defineProperty(WebSocket.prototype, "onmessage", {
-  set(handler) { set.call(this, handler && ((event) => setTimeout(() => handler.call(this, event), LATENCY))); },
+  set(handler) { set.call(this, handler && ((event) => setTimeout(() => handler.call(this, event), DELAY))); },
 });
+const { send } = WebSocket.prototype;
+const onTheWay = new Set();
+WebSocket.prototype.send = function (message) {
+  const deliver = () => onTheWay.delete(deliver) && this.readyState === WebSocket.OPEN && send.call(this, message);
+  onTheWay.add(deliver);
+  setTimeout(deliver, DELAY);
+};
+addEventListener("pagehide", () => onTheWay.forEach((deliver) => deliver())); // what a page has sent arrives although the page is left
 """
+
+
+def slow_network(delay: int) -> str:
+    """A script that makes messages to and from a page late by so many milliseconds."""
+    return f"{{{_SLOW_NETWORK.replace('DELAY', str(delay))}}}"
 
 
 class RunningSystem:
@@ -200,7 +214,7 @@ def new_profile(browser: Browser) -> BrowserContext:
     """Return a profile with an empty page that keeps its process, in which all pages of this machine run."""
     profile = browser.new_context()
     if LATENCY:
-        profile.add_init_script(LATE_NEWS.replace("LATENCY", str(LATENCY)))
+        profile.add_init_script(slow_network(LATENCY))
     page = profile.new_page()
     page.route("**", lambda route: route.fulfill(body="", content_type="text/html"))
     page.goto("http://127.0.0.1/")

@@ -14,7 +14,7 @@ from playwright.sync_api import Locator, Page, expect
 
 from tests.support.paths import SCENARIO_1
 
-from .conftest import RunningSystem, every_look, fits, resize, take_screenshot, wait_until_still
+from .conftest import RunningSystem, every_look, fits, resize, slow_network, take_screenshot, wait_until_still
 
 
 def call_api(system: RunningSystem, method: str, path: str, body: object | None = None) -> Any:
@@ -355,6 +355,16 @@ def test_a_preview_says_what_would_be_done_and_what_it_costs(open_page: Callable
     page.get_by_role("button", name="Preview again").click()
     expect(page.locator(".somrs-define-totals")).to_contain_text("25 EUR")
     assert page.url.endswith("/define"), "nothing was started"
+
+
+def test_what_is_done_before_the_page_is_connected_is_done_in_order(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    page.add_init_script(slow_network(1000))
+    page.reload()
+    field(page).focus()
+    page.keyboard.type("Carton001 isOn Shelf001")
+    page.keyboard.press("Control+Enter")
+    expect(page.get_by_role("group", name="Plan preview").get_by_text("Carton001, Shelf001")).to_have_count(1)
 
 
 def test_an_impossible_wish_says_why(open_page: Callable[..., Page]) -> None:

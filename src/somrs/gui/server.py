@@ -60,7 +60,7 @@ def _application(api: LiveApi, data: Path) -> FastAPI:
 
     pages = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     pages.mount("/api", Proxy(api.client))
-    for file in ("look.css", "portals.js"):
+    for file in ("look.css", "connection.js", "portals.js"):
         app.add_static_file(local_file=str(resources.files("somrs.gui").joinpath(file)), url_path=f"{LOOK}/{file}")
     app.config.quasar_config["loadingBar"]["skipHijack"] = True  # no bar for requests: it has no name, and no page waits for one
     for page_module in (start, map, ontology, define, tasks, fleet, history, person, missing):

@@ -66,7 +66,8 @@ def page(title: str, path: str, api: LiveApi, parameters: Collection[str] = (), 
 
     The main landmark takes the focus when the page has loaded, so that the keyboard and screen readers begin at the content."""
     ui.page_title(f"{title} · SO-MRS")
-    ui.add_head_html(f'<link rel="stylesheet" href="{LOOK}/look.css"><script type="module" src="{LOOK}/portals.js"></script>')
+    scripts = (f'<script type="module" src="{LOOK}/{name}.js"></script>' for name in ("connection", "portals"))
+    ui.add_head_html(f'<link rel="stylesheet" href="{LOOK}/look.css">{"".join(scripts)}')
     dark = ui.dark_mode(value=app.storage.user.get("dark"))
     with ui.header(elevated=False).classes("somrs-header"), ui.element("nav").classes("somrs-nav").props('aria-label="Pages"'):
         if navigation:
