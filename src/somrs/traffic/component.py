@@ -144,8 +144,7 @@ class Traffic:
         self._note_silent(now)
         yield from self._dispatcher.end_trips()
         yield from self._dispatcher.grant(now)
-        self._drop_berths()
-        yield from self._dispatcher.plan(now)
+        yield from self._dispatcher.plan(now, self._drop_berths)
         times = (robot.expires_at for robot in self.state.robots.values() if not robot.silent)
         yield SetTimer(LeasesDue(), min(times, default=None))
 
@@ -252,6 +251,7 @@ class Traffic:
             address=address, fence=self.state.fences, lease=lease, expires_at=now + lease, mobility=body.mobility
         )
         self._obstacles_changed()
+        self._dispatcher.concern(body.robot)
         return self._entered(body.robot)
 
     def _put(self, name: str, place: int, towards: int | None = None) -> None:
@@ -275,6 +275,7 @@ class Traffic:
             return self._entered(body.robot)  # a later report has overtaken it
         place = self._berths.number(body.place, body.robot)
         record.reported = body.number
+        self._dispatcher.concern(body.robot)
         count = body.progress - record.progress
         held = self._schedule.held(body.robot)
         if not 0 <= count < len(held) or held[count] != place:
@@ -315,6 +316,7 @@ class Traffic:
     # Berths
 
     def _use_berth(self, robot: str, berth: Berth) -> None:
+        self._drop_berths()
         self._berths.add(robot, berth)
         self._schedule.graph = self._berths.graph
 
@@ -367,6 +369,7 @@ class Traffic:
             record.requested = body.number
             record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance, progressed_at=now)
             self.state.changed, self.state.failures = True, 0
+            self._dispatcher.concern(body.robot)
         return TripBegun(trip=body.trip, length=distance)
 
     def _why_no_way(self, robot: str, start: int, destination: int) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from somrs.kernel.component import Ask, Effects, Send, SetTimer
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -9,7 +11,7 @@ from somrs.protocol.messages.traffic import Granted, Mobility, RoadmapReplaced, 
 from somrs.traffic.berths import Berths
 from somrs.traffic.closures import Closures
 from somrs.traffic.exits import Exits
-from somrs.traffic.planning.graph import FAR
+from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
     OutOfOrder,
@@ -47,14 +49,21 @@ class Dispatcher:
         self.state, self._schedule, self._berths = state, schedule, berths
         self._closures = Closures(state, schedule)
         self._exits = Exits(schedule, berths)
+        self._concerned: dict[str, None] = {}
+        """The robots whose places, trips or mobility may have changed since trips were ended last."""
+        self._circumstances: tuple[Graph, frozenset[int]] | None = None
+        """The graph without berths, and the closed places, then."""
 
     # Trips
 
     def end_trips(self) -> Effects:
         """End the trips of robots that have arrived, and of those that cannot arrive any more."""
-        closed = self._closures.places
-        for name, record in self.state.robots.items():
-            if record.trip is None or record.silent:
+        circumstances = self._schedule.graph.public, self._closures.places
+        concerned = self._concerned if circumstances == self._circumstances else self.state.robots
+        self._circumstances, self._concerned, closed = circumstances, {}, circumstances[1]
+        for name in concerned:
+            record = self.state.robots.get(name)
+            if record is None or record.trip is None or record.silent:
                 continue
             if self._schedule.held(name)[0] == record.trip.destination:
                 yield self._end_trip(name, TripResult.ARRIVED)
@@ -63,6 +72,10 @@ class Dispatcher:
             elif (blockers := self._closures.blockers(name, record.trip, closed)) is not None:
                 passages = self.closed_passages(name, record.trip.destination) if not blockers else ()
                 yield self._end_trip(name, TripResult.CLOSED, blockers, passages)
+
+    def concern(self, name: str) -> None:
+        """Have it looked at whether the trip of this robot ends."""
+        self._concerned[name] = None
 
     def closed_passages(self, name: str, destination: int) -> tuple[OutOfOrder, ...]:
         """The passages that are out of order, and the no-go zones, on the robot's way to a place to which no other way leads."""
@@ -103,6 +116,8 @@ class Dispatcher:
         if record.silent or record.mobility is not Mobility.FREE or len(self._schedule.held(name)) > AHEAD:
             return False
         place = self._schedule.grant(name)
+        if place is not None:
+            self.concern(name)
         if place is not None and record.trip is not None:
             distance = self._berths.graph.distance(place, record.trip.destination)
             if distance < record.trip.nearest:
@@ -136,8 +151,8 @@ class Dispatcher:
 
     # Plans
 
-    def plan(self, now: float) -> Effects:
-        """Ask for a plan, if there is reason to, and none is being made."""
+    def plan(self, now: float, drop_berths: Callable[[], None]) -> Effects:
+        """Ask for a plan, if there is reason to, and none is being made. Before, `drop_berths` forgets those that nobody uses."""
         state = self.state
         if state.is_planning or not (state.changed or self._is_exhausted()) or (state.whole and any(state.planned.values())):
             return
@@ -148,6 +163,7 @@ class Dispatcher:
         if now < due_at:
             yield SetTimer(PlanDue(), due_at)
             return
+        drop_berths()
         state.serial += 1
         state.is_planning, state.changed, state.planned_at = True, False, now
         robots = tuple(self._planned_robot(name, record, now) for name, record in state.robots.items())
