@@ -614,14 +614,14 @@ def test_traffic_is_shown_on_demand_with_the_roadmap(system: RunningSystem, wind
 def test_a_no_go_zone_is_drawn_on_the_plan_and_removed(system: RunningSystem, window: OpenWindow) -> None:
     page = open_map(window, system)
     pad = plan(page)
-    page.get_by_role("button", name="Zone").click()
     drawing = page.get_by_role("group", name="New zone")
-    expect(drawing).to_contain_text("Click the corners of the zone")  # before, a click selects objects
     box = pad.bounding_box()
     assert box is not None
-    for x, y in ((0.45, 0.4), (0.55, 0.6)):
-        page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
-    drawing.get_by_role("button", name="Finish").click()
+    with system.paused("gui"):  # the browser draws by itself
+        page.get_by_role("button", name="Zone").click()
+        for x, y in ((0.45, 0.4), (0.55, 0.6)):
+            page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+        drawing.get_by_role("button", name="Finish").click()
     dialog = page.get_by_role("dialog", name="New zone")
     dialog.get_by_label("Name").fill("WetFloor")
     dialog.get_by_role("button", name="Draw").click()

@@ -15,7 +15,7 @@ Events, each with a dict:
   of the map when the drag began. `unanswered {names}`: these objects were moved back because the page did not answer.
 - `dropped {thing, target, x, y}` and `picked {name, x, y, target}`, in `pick`. `target`: the highest support, place or floor there.
 - `placed {type, x, y, turned, target, storey}`: the position of a new object, after `place(type)`; `stopped {}`: placing was cancelled.
-- `outlined {corners, storey}`: the corners of a zone, after `sketch_zone`, each x and y.
+- `outlined {corners, storey}`: the corners of a zone, after `sketch_zone_on_click`, each x and y.
 - `open {name}` (Enter, double click), `remove {name}` (Delete), `undo {}` (Ctrl+Z).
 - `storey {name, alone}`: the storey shown, and whether it is the only one; `loaded {version, objects}`: a map was read.
 """
@@ -111,9 +111,10 @@ class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"so
         defaults."""
         self.run_method("place", type_name, dict(values or {}))
 
-    def sketch_zone(self) -> None:
-        """Let the user click the corners of a zone; emits `outlined`."""
-        self.run_method("sketchZone", True)
+    def sketch_zone_on_click(self, button: Element) -> None:
+        """Let the user click the corners of a zone once the button was clicked; emits `outlined`. The browser begins by itself: the next
+        click may come before the server knows of the first."""
+        button.on("click", js_handler=f"() => getElement({self.id}).sketchZone(true)")
 
     def focus(self) -> None:
         self.run_method("focus")

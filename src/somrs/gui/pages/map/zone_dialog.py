@@ -21,12 +21,12 @@ _SPEED = "0.3"
 
 
 class ZoneTool:
-    """The button that begins a zone with `on_begin`. `on_drawn` is called with the version of the map that has a new one."""
+    """The button that begins a zone. `on_drawn` is called with the version of the map that has a new one."""
 
-    def __init__(self, api: LiveApi, on_begin: Callable[[], None], on_drawn: Callable[[int], None]) -> None:
+    def __init__(self, api: LiveApi, on_drawn: Callable[[int], None]) -> None:
         self._api, self._on_drawn = api, on_drawn
-        button = ui.button("Zone", icon="highlight_alt", on_click=on_begin).props("flat dense no-caps")
-        button.tooltip("Draw a zone that robots do not enter, or in which they drive slowly")
+        self.button = ui.button("Zone", icon="highlight_alt").props("flat dense no-caps")
+        self.button.tooltip("Draw a zone that robots do not enter, or in which they drive slowly")
 
     def ask(self, event: dict[str, Any]) -> None:
         """Ask for the name of the zone with these corners, and draw it."""
