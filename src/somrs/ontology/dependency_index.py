@@ -34,8 +34,8 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
     Section.TYPES: frozenset(
         (
             "Object", "PhysicalObject", "AbstractObject", "Building", "Storey", "Space",
-            "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "PoweredDoor", "Place", "Charger",
-            "Waypoint", "Lane", "Station", "Zone", "NoGoZone", "SlowZone", "Hole", "Pedestrian",
+            "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "PoweredDoor",
+            "AutomaticDoor", "Place", "Charger", "Waypoint", "Lane", "Station", "Zone", "NoGoZone", "SlowZone", "Hole", "Pedestrian",
             "Furniture", "FurnitureLeg", "Support", "Cupboard", "Graspable",
             "Device", "Person", "StationaryDevice", "Scale", "Camera", "Lift", "MobileRobot", "Vehicle", "MobileManipulator", "PatrolRobot",
         )

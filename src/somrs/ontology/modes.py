@@ -22,7 +22,7 @@ class Mode(StrEnum):
     """Nobody uses the lift or the door."""
 
 
-BUILDING, LIFT, DOOR, MOBILE_ROBOT = "Building", "Lift", "Door", "MobileRobot"
+BUILDING, LIFT, DOOR, AUTOMATIC_DOOR, MOBILE_ROBOT = "Building", "Lift", "Door", "AutomaticDoor", "MobileRobot"
 
 BUILDING_MODES = (Mode.NORMAL, Mode.FIRE, Mode.EMERGENCY)
 PASSAGE_MODES = (Mode.NORMAL, Mode.OUT_OF_ORDER)
@@ -67,7 +67,7 @@ def freed_devices(changes: Iterable[Change], map: Map, ontology: Ontology) -> se
     values = [change for change in changes if isinstance(change, ValueSet)]
     freed = {change.object for change in values if change.value in allowed.get(change.path, ())}
     repaired = (change.object for change in values if change.path == WORKING and change.value is not False)
-    freed |= {name for name in repaired if _is_lift(name, map, ontology)}  # robots that need it refused
+    freed |= {name for name in repaired if _opens_by_itself(name, map, ontology)}  # robots that need it refused
     if any(ontology.is_subtype(object.type, BUILDING) for name in freed if (object := map.objects.get(name)) is not None):
         kinds = (type for type in ontology.types if ontology.is_subtype(type, MOBILE_ROBOT))
         freed |= {robot for kind in kinds for robot in map.of_type(kind)}
@@ -75,18 +75,20 @@ def freed_devices(changes: Iterable[Change], map: Map, ontology: Ontology) -> se
 
 
 def closed_passages(map: Map, ontology: Ontology) -> tuple[str, ...]:
-    """The lifts and doors that nobody uses, by name: those that are out of order, and lifts that do not work or are out of service.
+    """The lifts and doors that nobody uses, by name: those that are out of order, and lifts and automatic doors that do not work or are out
+    of service.
 
-    A door that does not move may stand open.
+    Another door that does not work may stand open.
     """
     closed = {name for name, mode in modes(map).items() if mode is Mode.OUT_OF_ORDER}
     idle = {name for path in (WORKING, IN_SERVICE) for name in map.with_value(path, False)}
-    return tuple(sorted(closed | {name for name in idle if _is_lift(name, map, ontology)}))
+    return tuple(sorted(closed | {name for name in idle if _opens_by_itself(name, map, ontology)}))
 
 
-def _is_lift(name: str, map: Map, ontology: Ontology) -> bool:
+def _opens_by_itself(name: str, map: Map, ontology: Ontology) -> bool:
+    """Whether it is a lift or a door that opens for robots."""
     object = map.objects.get(name)
-    return object is not None and ontology.is_subtype(object.type, LIFT)
+    return object is not None and any(ontology.is_subtype(object.type, kind) for kind in (LIFT, AUTOMATIC_DOOR))
 
 
 def out_of_order(names: Sequence[str]) -> str:

@@ -90,4 +90,5 @@ class FreeSpace:
 
 
 def _stands(solid: Solid) -> bool:
-    return solid.role in STANDING or (solid.role is Role.DOOR and not solid.open)
+    """Whether robots drive around it. An automatic door opens for them."""
+    return solid.role in STANDING or (solid.role is Role.DOOR and not (solid.open or solid.automatic))

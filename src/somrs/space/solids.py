@@ -104,6 +104,8 @@ class Solid:
     open: bool = False
     powered: bool = False
     """Whether it is a door with a drive."""
+    automatic: bool = False
+    """Whether it is a door that opens by itself for robots that drive through it."""
     charger: bool = False
     container: bool = False
     """Whether things can be put into it, through doors in its front."""
@@ -259,6 +261,7 @@ def _make(object: Object, ontology: Ontology, role: Role) -> Solid | None:
         scale=ontology.is_subtype(object.type, "Scale"),
         open=bool(value("Open")),
         powered=role is Role.DOOR and (ontology.driver(object.type) is not None or ontology.is_subtype(object.type, "LiftDoor")),
+        automatic=ontology.is_subtype(object.type, "AutomaticDoor"),
         charger=ontology.is_subtype(object.type, "Charger"),
         container=ontology.is_subtype(object.type, "Cupboard"),
         speed=number("Speed", 0.8),

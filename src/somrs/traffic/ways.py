@@ -27,6 +27,8 @@ from somrs.traffic.planning.graph import FAR, Lane
 from somrs.traffic.planning.recent import recall
 from somrs.traffic.roadmap import NumberedRoadmap
 
+DOOR_WAIT = 3.0
+"""What a robot is taken to wait until an automatic door is open, s."""
 LIFT_WAIT = 10.0
 """The time for which a robot is taken to wait for a lift, s."""
 MOST_FIELDS = 256
@@ -116,6 +118,8 @@ class Ways:
         for name in doors:
             for lane in self._lanes_of[name]:
                 self._doors_on.setdefault(lane, []).append(name)
+        self._waits = self._waits_for_doors(doors)
+        """What robots wait on each lane for automatic doors to open, s."""
         self._layers: dict[tuple[float, float], tuple[NDArray[np.int64], cKDTree]] = {}
         """By level and radius of places: their numbers and points."""
         self._goals: dict[Hashable, Goal] = {}
@@ -127,6 +131,15 @@ class Ways:
         around = ((place, end) for place in touched for end in self._roadmap.graph.successors[place])
         both_ways = (lane for start, end in around for lane in ((start, end), (end, start)) if lane in self._lane_numbers)
         return [self._lane_numbers[lane] for lane in {*lanes, *both_ways}]
+
+    def _waits_for_doors(self, doors: Mapping[str, Solid]) -> NDArray[np.float64]:
+        """What robots wait on each lane for automatic doors to open, s: on those on which they come to a door."""
+        waits = np.zeros(len(self._starts))
+        for name, door in doors.items():
+            if door.automatic:
+                in_doorway = {*self._obstructions.touching(door)[0]}
+                waits[[lane for lane in self._lanes_of[name] if self._starts[lane] not in in_doorway]] += DOOR_WAIT
+        return waits
 
     @property
     def levels(self) -> Iterable[float]:
@@ -242,7 +255,8 @@ class Ways:
         joined_places, first_rows = np.unique(goal.places[order], return_index=True)
         order = order[first_rows]  # the best stand of each place
         open_lanes = self._open_lanes(closed, goal.radius)
-        weights = self._metres[open_lanes] * self._slowness(closed, speed)[open_lanes] + self._seconds[open_lanes] * speed
+        weights = self._metres[open_lanes] * self._slowness(closed, speed)[open_lanes]
+        weights += (self._seconds + self._waits)[open_lanes] * speed
         rows = np.concatenate([self._ends[open_lanes], np.full(len(joined_places), size)])
         columns = np.concatenate([self._starts[open_lanes], joined_places])
         backwards = csr_array((np.concatenate([weights, costs[order]]), (rows, columns)), (size + 1, size + 1))

@@ -1,4 +1,7 @@
-"""The drive of a powered door: a device on the robot link that opens and closes its own leaf."""
+"""The drive of a powered door: a device on the robot link that opens and closes its own leaf.
+
+An automatic door also opens by itself while a robot is to drive through it or is in it, and shuts behind the last one.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,10 @@ from somrs.space.solids import Solid
 
 DRIVE_SPEED = 0.3
 """Speed of the leaf, m/s."""
+AUTOMATIC_SPEED = 0.6
+"""Speed of the leaf of an automatic door that moves by itself, m/s."""
+LINGER = 2.0
+"""Time for which an automatic door stays open behind a robot, s."""
 DRIVE_PATIENCE = 45.0
 """Time for which the drive waits for a free doorway before it gives up, s."""
 
@@ -31,6 +38,33 @@ class DoorDrive(StationaryDevice):
         self._goal: float | None = None
         self._waited = 0.0
         self._on_end: OnEnd | None = None
+        self.is_out_of_order = self.is_paused = False
+        """Whether an operator has said that nobody uses it; whether one has stopped it."""
+        self.stays_open = solid.open
+        """Whether it was opened by a command, or is open on the map: then it does not shut by itself."""
+        self._is_needed = self._is_obstructed = False
+        self._needed_until = -LINGER
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether robots may drive through it: it works, and is not out of order."""
+        return not self.faults and not self.is_out_of_order
+
+    @property
+    def is_open(self) -> bool:
+        """Whether robots can drive through it now."""
+        return self._leaf.is_open(self.scene.leaf_position(self._leaf)) and (self._goal is None or self._goal > 0)
+
+    @property
+    def hindrance(self) -> str | None:
+        """Why it does not open now; None if it does."""
+        if self.faults:
+            return f"{self.solid.name} does not work"
+        return f"{self.solid.name} is stopped" if self.is_paused else None
+
+    def need(self, needed: bool) -> None:
+        """Whether a robot is to drive through it, or is in it."""
+        self._is_needed = needed
 
     @property
     def _leaf(self) -> Leaf:
@@ -39,7 +73,8 @@ class DoorDrive(StationaryDevice):
 
     @property
     def busy(self) -> bool:
-        return self._goal is not None
+        """Whether its leaf has to move, or will have to when the robot behind it is gone."""
+        return self._goal is not None or (self._moves_by_itself and not self._is_obstructed and not self._is_as_wanted())
 
     def command(self, command: Command, on_end: OnEnd) -> None:
         """Carry out a command. A new command ends the one in progress."""
@@ -51,7 +86,7 @@ class DoorDrive(StationaryDevice):
                     on_end(self._given_up("drive-dead", f"the drive of {name} is dead"))
                     return
                 self._goal, self._waited = self._leaf.travel if isinstance(command, Open) else 0.0, 0.0
-                self._on_end, self.activity = on_end, type(command).__name__
+                self._on_end, self.activity, self.stays_open = on_end, type(command).__name__, isinstance(command, Open)
             case Stop() | Status():
                 on_end(self._done())
             case _:
@@ -68,7 +103,11 @@ class DoorDrive(StationaryDevice):
 
     def step(self) -> bool:
         """Move the leaf for one control period. Returns whether it has come to rest now."""
+        if self._is_needed:
+            self._needed_until = self.scene.time + LINGER
         if self._goal is None:
+            if self._moves_by_itself:
+                self._move_by_itself()
             return False
         leaf, position = self._leaf, self.scene.leaf_position(self._leaf)
         if leaf.is_open(position) if self._goal else leaf.is_shut(position):
@@ -78,7 +117,7 @@ class DoorDrive(StationaryDevice):
             if on_end is not None:
                 on_end(self._done())
             return True
-        obstacle = None if self._goal else obstacle_in_sweep(self.scene, leaf, self._robots.values())
+        obstacle = None if self._goal else self._obstacle()
         if obstacle is not None:
             self._waited += self.scene.period
             if self._waited > DRIVE_PATIENCE:
@@ -86,6 +125,38 @@ class DoorDrive(StationaryDevice):
             return self._goal is None
         self.scene.drive_leaf(leaf, self._goal, DRIVE_SPEED)
         return False
+
+    def _obstacle(self) -> str | None:
+        """What keeps the leaf from shutting: a thing or a robot in its way, or one that is to come."""
+        if self._moves_by_itself and self._is_needed:
+            return "a robot that is to drive through"
+        return obstacle_in_sweep(self.scene, self._leaf, self._robots.values())
+
+    @property
+    def _moves_by_itself(self) -> bool:
+        return self.solid.automatic and not self.faults
+
+    @property
+    def _is_wanted_open(self) -> bool:
+        return self.stays_open or self._is_needed or self.scene.time < self._needed_until
+
+    def _is_as_wanted(self) -> bool:
+        position = self.scene.leaf_position(self._leaf)
+        if self._is_wanted_open:
+            return self._leaf.is_open(position) and (self.stays_open or self._is_needed)
+        return self._leaf.is_shut(position)
+
+    def _move_by_itself(self) -> None:
+        """Move the leaf of an automatic door for one control period, unless it is where it is to be."""
+        leaf, position, opens = self._leaf, self.scene.leaf_position(self._leaf), self._is_wanted_open
+        if leaf.is_open(position) if opens else leaf.is_shut(position):
+            if self.scene.world.solids[self.solid.name].open != opens:
+                self.scene.note_leaves(self.solid.name)
+                self._rest(leaf.travel if opens else 0.0)
+            return
+        self._is_obstructed = not opens and self._obstacle() is not None
+        if not self._is_obstructed:
+            self.scene.drive_leaf(leaf, leaf.travel if opens else 0.0, AUTOMATIC_SPEED)
 
     def _rest(self, position: float | None = None) -> None:
         """Hold the leaf at a position; by default where it is."""

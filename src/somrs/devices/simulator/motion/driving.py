@@ -7,7 +7,7 @@ from collections.abc import Collection, Generator
 from functools import partial
 
 from somrs.devices.simulator.motion.road_user import ASTRAY
-from somrs.devices.simulator.motion.robot import COMFORTABLE, GivenUp, Lift, Robot, Routine, stand, wait, wrap
+from somrs.devices.simulator.motion.robot import COMFORTABLE, AutomaticDoor, GivenUp, Lift, Robot, Routine, stand, wait, wrap
 from somrs.devices.simulator.motion.traffic import GAP
 from somrs.devices.simulator.world.scene import Scene
 from somrs.ontology.modes import why_closed
@@ -88,7 +88,8 @@ def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: floa
     """
     robot.need_drive()
     while (distance := math.dist(robot.pose()[:2], goal)) > ARRIVED or robot.road.is_on_its_way:
-        if distance < ASTRAY and not robot.road.is_on_its_way and sees(robot, robot.pose()[:2], goal):
+        is_near = distance < ASTRAY and not robot.road.is_on_its_way and sees(robot, robot.pose()[:2], goal)
+        if is_near and all(door.is_open for door in robot.fleet.doors_between(robot, robot.pose()[:2], goal)):
             yield from _drive_lane(robot, robot.pose()[:2], goal)  # within the place that it holds
             yield from stand(robot)
         else:
@@ -189,6 +190,8 @@ def drive_on(robot: Robot) -> Generator[None, None, bool]:
         lift = _lift_to_pass(robot)
         if lift is not None and not (yield from _wait_for(robot, lift)):
             return has_moved
+        if not (yield from _wait_for_doors(robot, robot.fleet.doors_between(robot, position, following))):
+            return has_moved
         if not (road.is_on_its_way or sees(robot, position, following, SLACK)):
             road.give_back(position, partial(sees, robot))
             yield from wait(robot, LOOK)
@@ -225,6 +228,27 @@ def _wait_for(robot: Robot, lift: Lift) -> Generator[None, None, bool]:
         yield
         if robot.road is not road or road.next_place is None:
             return False
+
+
+def _wait_for_doors(robot: Robot, doors: list[AutomaticDoor]) -> Generator[None, None, bool]:
+    """Wait until the doors are open, which open for who was granted the way through them. Returns False if the robot cannot go on: before a
+    door that nobody may use, it gives its way back."""
+    road = robot.road
+    try:
+        for door in doors:
+            while not door.is_open:
+                robot.awaited_door = door
+                robot.need_drive()
+                if not (door.is_usable or road.is_on_its_way):
+                    road.give_back(robot.pose()[:2], partial(sees, robot))
+                    yield from wait(robot, LOOK)
+                    return False
+                yield
+                if robot.road is not road or road.next_place is None:
+                    return False
+    finally:
+        robot.awaited_door = None
+    return True
 
 
 def _ride(robot: Robot) -> Routine:

@@ -18,6 +18,7 @@ from somrs.devices.simulator.world.joints import Joints
 from somrs.devices.simulator.world.scene import Scene
 from somrs.protocol.messages.traffic import Mobility
 from somrs.space.dimensions import Dimensions, dimensions_of
+from somrs.space.doorways import doors_between
 from somrs.space.free_space import FreeSpace
 from somrs.space.solids import Point, Solid
 from somrs.space.squares import Squares, box_around
@@ -83,6 +84,8 @@ class Robot:
         self.arm_claim: Capsule | None = None
         self.weighed: dict[str, float] = {}
         """The weights that the arm has measured during the current command, kg, by the names of the things."""
+        self.awaited_door: AutomaticDoor | None = None
+        """The door in front of which it stands until it is open."""
         self.battery = Battery(solid.charge, scene.time)
         self.speed, self._turning, self.heading = 0.0, 0.0, (1.0, 0.0)
         self._moved = False
@@ -119,8 +122,8 @@ class Robot:
     @property
     def hindrance(self) -> str | None:
         """What keeps it from going on, and will pass without it: the lift in which it stands moves nobody now."""
-        lift = self.fleet.lifts.get(self.road.zone or "")
-        return lift.hindrance if lift is not None and self.activity is not None else None
+        passage = self.awaited_door or self.fleet.lifts.get(self.road.zone or "")
+        return passage.hindrance if passage is not None and self.activity is not None else None
 
     @property
     def stands(self) -> bool:
@@ -306,17 +309,41 @@ class Lift(Protocol):
         """The robot needs the lift no more."""
 
 
+class AutomaticDoor(Protocol):
+    """A door that opens for robots, as they use it."""
+
+    @property
+    def solid(self) -> Solid:
+        """The doorway."""
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether robots may drive through it: it works, and is not out of order."""
+
+    @property
+    def is_open(self) -> bool:
+        """Whether robots can drive through it now."""
+
+    @property
+    def hindrance(self) -> str | None:
+        """Why it does not open now; None if it does."""
+
+    def need(self, needed: bool) -> None:
+        """Whether a robot is to drive through it, or is in it."""
+
+
 class Fleet(dict[str, Robot]):
     """All robots by name, and which of them are near each other.
 
-    `sweeps`: the space through which a door moves, by the robot that opens or closes it. `lifts`: by name. `zones`:
-    those that operators have drawn.
+    `sweeps`: the space through which a door moves, by the robot that opens or closes it. `lifts` and `doors`, which are automatic: by name.
+    `zones`: those that operators have drawn.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.sweeps: dict[str, Capsule] = {}
         self.lifts: dict[str, Lift] = {}
+        self.doors: dict[str, AutomaticDoor] = {}
         self.zones = Zones()
         self.levels: set[float] = set()
         """The heights of the floors on which robots are, or to which they are on their way, as the roadmap has them."""
@@ -330,6 +357,11 @@ class Fleet(dict[str, Robot]):
         for robot in self.values():
             self._squares.add(robot, box_around(robot.pose()[:2], 0.0))
         self._reach = max((robot.longest_claim for robot in self.values()), default=0.0)
+
+    def doors_between(self, robot: Robot, start: Point, end: Point) -> list[AutomaticDoor]:
+        """The automatic doors through which a robot drives on a straight line."""
+        solids = (door.solid for door in self.doors.values())
+        return [self.doors[name] for name in doors_between(solids, robot.level, start, end, robot.size.radius)]
 
     def near(self, robot: Robot, distance: float, point: Point | None = None) -> Iterator[Robot]:
         """The other robots on this robot's floor that may claim something at most `distance` away from a point; by default, from it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -93,10 +93,11 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
     last_solid = solids.get(stops[-1]) if stops and isinstance(stops[-1], str) else None
     carries = last_solid is None or last_solid.role in CARRYING
     ways = simulation.ways()
-    doors = {name: solids[name] for name in ways.doors if name in solids}
-    unusable = frozenset(simulation.out_of_order & doors.keys())
+    open_for_all = {name for name, door in simulation.robots.doors.items() if door.is_usable}
+    doors = {name: solids[name] for name in ways.doors if name in solids and name not in open_for_all}
+    unusable = frozenset(name for name in doors if name in simulation.out_of_order or name in simulation.robots.doors)
     shut_doors = frozenset(name for name, door in doors.items() if name in unusable or not promised.doors.get(name, door.open))
-    planner = _LegPlanner(simulation, ways, simulation.robots[robot], promised)
+    planner = _LegPlanner(simulation, ways, simulation.robots[robot], promised, doors)
     lifts = frozenset(lift.name for lift in simulation.lifts if not lift.is_usable)
     zones = simulation.robots.zones
     closed = Closed(shut_doors, lifts, planner.standing(), zones.forbidden, zones.slow)
@@ -184,10 +185,10 @@ def _lengths(leg_ways: Sequence[Way | None]) -> tuple[float | None, ...]:
 class _LegPlanner:
     """Plans the legs of one robot in a promised situation."""
 
-    def __init__(self, simulation: Simulation, ways: Ways, robot: Robot, promised: _Promised) -> None:
+    def __init__(self, simulation: Simulation, ways: Ways, robot: Robot, promised: _Promised, doors: Collection[str]) -> None:
         self._simulation, self._ways, self._robot, self._promised = simulation, ways, robot, promised
-        self.doors = ways.doors
-        """The doors of the building."""
+        self.doors = doors
+        """The doors that do not open for robots."""
 
     def standing(self) -> tuple[tuple[float, Disc], ...]:
         """The other robots that cannot move, and the heights of their floors."""

@@ -10,6 +10,7 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.driving import sees, things_on_floor
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.devices.simulator.motion.robot import Fleet, Lift, Robot
+from somrs.devices.simulator.server.automatic_doors import AutomaticDoors
 from somrs.devices.simulator.server.foreign_rides import ForeignRides
 from somrs.devices.simulator.server.traffic_office import RENEWAL, Deliver, TrafficOffice
 from somrs.devices.simulator.world.scene import Scene
@@ -57,6 +58,7 @@ class SimulatedTraffic:
         traffic = Traffic(address, Roadmap(places=(), lanes=()), follower=MAP_FOLLOWER, edition=int(time.time()))
         self.office = TrafficOffice(traffic, self._send)
         self._rides = ForeignRides(robots.lifts, self._send)
+        self._doors = AutomaticDoors(robots.doors)
         self.layouter: Layouter | None = None
         """Makes roadmaps beside the simulation, which goes on meanwhile; without it, the simulation makes them itself."""
         self._under_way: Layout | None = None
@@ -208,6 +210,7 @@ class SimulatedTraffic:
         if now >= self._join_time + RENEWAL:
             self._join()
         self.office.advance(now, lambda name: _is_silent(self._robots[name]))
+        self._doors.advance(self.office.component)
         self._rides.advance(self.office.component, self.office.foreign)
 
     def note_mobility(self, robot: Robot, mobility: Mobility) -> None:
@@ -246,7 +249,9 @@ class SimulatedTraffic:
                 standing.setdefault(level, []).append(disc)
         occupied_lifts = {lift for robot in astray for lift in lifts_held(self.office.component, robot)}
         rounded = {level: [Disc(round(disc.x, 2), round(disc.y, 2), disc.radius) for disc in discs] for level, discs in standing.items()}
-        shut = tuple(sorted({*self._out_of_order, *(name for name, lift in self._robots.lifts.items() if not lift.is_usable)}))
+        broken_lifts = (name for name, lift in self._robots.lifts.items() if not lift.is_usable)
+        broken_doors = (name for name, door in self._robots.doors.items() if not door.is_usable)
+        shut = tuple(sorted({*self._out_of_order, *broken_lifts, *broken_doors}))
         if self.changed or (rounded, shut) != (self._standing, self._shut):
             self.changed, self._standing, self._shut = False, rounded, shut
             solids = self._scene.world.solids

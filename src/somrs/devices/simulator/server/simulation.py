@@ -197,6 +197,7 @@ class Simulation:
         device = self._linked(robot)
         device.faults.add(fault)
         self._last_motion = self.time
+        self._traffic.changed = True
         if isinstance(device, DoorDrive):
             device.fault(fault)
             self._note_leaves(robot)
@@ -209,6 +210,7 @@ class Simulation:
         """Repair a fault. Commands that were given up because of it are not resumed."""
         device = self._linked(robot)
         device.faults.discard(fault)
+        self._traffic.changed = True
         if isinstance(device, Robot):
             self._traffic.return_to_traffic(device)
 
@@ -243,6 +245,7 @@ class Simulation:
             self._traffic.leave(name)
         self.stationary.pop(name, None)
         self.robots.lifts.pop(name, None)
+        self.robots.doors.pop(name, None)
         self._to_shut.pop(name, None)
         if solid is not None:
             self.scene.remove(name)
@@ -306,6 +309,9 @@ class Simulation:
             self.remove(object.name)
             self.add(object)
             return
+        if renewed.automatic and isinstance(drive := self.stationary.get(object.name), DoorDrive):
+            drive.stays_open = renewed.open
+            return
         if not renewed.open and self._obstructs(leaves):
             self._to_shut[object.name] = leaves
             return
@@ -334,8 +340,8 @@ class Simulation:
 
     def set_paused(self, device: str, paused: bool) -> None:
         """Stop a device where it is, or let it go on. Its command waits meanwhile; other objects are ignored."""
-        if isinstance(lift := self.stationary.get(device), LiftDrive):
-            lift.is_paused = paused
+        if isinstance(drive := self.stationary.get(device), LiftDrive | DoorDrive):
+            drive.is_paused = paused
         if device in self.robots:
             self.robots[device].paused = paused
         elif device in self.stationary and paused:
@@ -354,8 +360,9 @@ class Simulation:
     def close_passages(self, names: tuple[str, ...]) -> None:
         """Let no robot use these doors and lifts, which are out of order, and only these."""
         self.out_of_order = frozenset(names)
-        for lift in self.lifts:
-            lift.is_out_of_order = lift.name in names
+        drives: list[DoorDrive | LiftDrive] = [*self._drives, *self.lifts]
+        for drive in drives:
+            drive.is_out_of_order = drive.solid.name in names
         self._traffic.close_passages(names)
 
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
@@ -391,7 +398,9 @@ class Simulation:
         if solid.role is Role.CAMERA:
             self.stationary[solid.name] = StationaryCamera(solid, self.scene)
         elif solid.powered and self._ontology.driver(solid.type) is not None:
-            self.stationary[solid.name] = DoorDrive(solid, self.scene, self.robots)
+            self.stationary[solid.name] = drive = DoorDrive(solid, self.scene, self.robots)
+            if solid.automatic and self.scene.leaves(solid.name):
+                self.robots.doors[solid.name] = drive
         elif solid.scale:
             self.stationary[solid.name] = WeighingScale(solid, self.scene)
         elif solid.role is Role.ROBOT:
