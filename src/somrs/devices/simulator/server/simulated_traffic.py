@@ -95,9 +95,9 @@ class SimulatedTraffic:
 
     def receive(self, message: Message) -> None:
         """A message from outside the simulation."""
-        foreign = self.office.foreign
+        foreign, astray = self.office.foreign, {*self.office.component.state.astray}
         self.office.receive(message, self._scene.time)
-        self.changed |= foreign != self.office.foreign
+        self.changed |= (foreign, astray) != (self.office.foreign, {*self.office.component.state.astray})
         self._rides.advance(self.office.component, self.office.foreign)
 
     @property
