@@ -478,6 +478,19 @@ def test_what_was_typed_at_once_outlives_a_reload(system: RunningSystem, window:
     expect(field(page)).to_have_value("Carton001 isOn Shelf001")
 
 
+def test_an_earlier_draft_does_not_replace_what_somebody_types(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    write(page, "Carton001 isOn Shelf001")
+    page.add_init_script(slow_network(1000))
+    page.reload()
+    field(page).click()  # once that is possible
+    page.keyboard.press("End")
+    page.keyboard.type(" AND")
+    expect(field(page)).to_have_value("Carton001 isOn Shelf001 AND")
+    expect(page.get_by_role("combobox", name="Related object")).to_have_value("Shelf001")
+    expect(field(page)).to_have_value("Carton001 isOn Shelf001 AND")
+
+
 def test_what_was_typed_outlives_the_server(system: RunningSystem, open_page: Callable[..., Page]) -> None:
     page = open_page(may_reload=True)
     write(page, "Carton001 isOn Shelf001")

@@ -11,15 +11,19 @@ from nicegui.events import GenericEventArguments
 
 
 class DraftStorage(Element, component="draft_storage.js"):
-    """An invisible element that stores drafts. After the page has loaded, `on_restore` receives the drafts stored under `storage_key`: JSON
-    objects whose `form` holds the values. `initial` drafts are stored first, by key, where the browser has none yet."""
+    """An invisible element that stores drafts. After the page has loaded, `on_restore` receives the drafts stored under `storage_key`, other
+    than the `initial` ones: JSON objects whose `form` holds the values. The initial drafts are stored first, by key, where the browser has
+    none yet."""
 
     def __init__(self, storage_key: str, on_restore: Callable[[list[Any]], None], initial: Mapping[str, Any] | None = None) -> None:
         super().__init__()
         self._props["shelf"], self._props["initial"] = storage_key, initial
 
         def handle(event: GenericEventArguments) -> None:
-            on_restore(event.args)
+            try:
+                on_restore(event.args)
+            finally:
+                self.run_method("restored")
 
         self.on("found", handle)
 
