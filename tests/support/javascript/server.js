@@ -46,9 +46,15 @@ globalThis.WebSocket = class {
     this.onclose?.();
   }
 
-  // Actions of the server.
-  open() {
+  // Actions of the server. It confirms what is to be followed when the connection opens, unless it is `slow`.
+  open({ slow = false } = {}) {
     this.onopen?.();
+    if (!slow) this.confirm();
+  }
+
+  confirm() {
+    const { confirm } = this.sent.at(-1) ?? {};
+    if (confirm !== undefined) this.say({ confirmed: confirm });
   }
 
   say(news) {

@@ -2,7 +2,7 @@
 
 const PAUSES = [300, 600, 1200, 2500]; // milliseconds before each attempt to reconnect; the last one repeats
 
-// Subscribe to topics. `open` is called whenever the connection opens, also after a loss: news may have been missed.
+// Subscribe to topics. `open` is called whenever they are followed, also after a loss: what is read then is not older than the first news.
 export function follow(topics, { news, open, lost }) {
   let socket = null;
   let timer = null;
@@ -10,12 +10,13 @@ export function follow(topics, { news, open, lost }) {
   let closed = false;
   const connect = () => {
     socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/api/live`);
-    socket.onopen = () => {
+    socket.onopen = () => socket.send(JSON.stringify({ follow: topics, confirm: 1 }));
+    socket.onmessage = (event) => {
+      const message = JSON.parse(event.data);
+      if (message.confirmed === undefined) return news(message);
       attempt = 0;
-      socket.send(JSON.stringify({ follow: topics }));
       open?.();
     };
-    socket.onmessage = (event) => news(JSON.parse(event.data));
     socket.onclose = () => {
       if (closed) return;
       lost?.();

@@ -7,6 +7,7 @@ let one;
 
 beforeEach(async () => {
   sessionStorage.clear();
+  document.body.innerHTML = '<div class="somrs-main"></div>';
   one = await mounted(storage, { shelf: "define" });
 });
 
@@ -23,6 +24,26 @@ test("what was kept is found again, and nothing of other forms", async () => {
   one.shown.forget("task");
   assert.equal(kept("task"), null);
   assert.deepEqual(one.told, [], "at first there was nothing");
+});
+
+test("an initial draft is kept from the start, and not found again until something is written", async () => {
+  const initial = { task: { form: { formula: "" } } };
+  const first = await mounted(storage, { shelf: "define", initial });
+  first.shown.put("task", "formula", "J");
+  assert.deepEqual([kept("task"), first.told], [{ form: { formula: "J" } }, []]);
+  first.leave();
+  const second = await mounted(storage, { shelf: "define", initial });
+  assert.deepEqual(second.told, [["found", [{ form: { formula: "J" } }]]]);
+  second.leave();
+});
+
+test("nothing can be typed before what was found is in the forms", async () => {
+  one.shown.keep("task", { form: { formula: "Jar" } });
+  const again = await mounted(storage, { shelf: "define" });
+  assert.equal(again.shown.page().inert, true);
+  again.shown.restored();
+  assert.equal(again.shown.page().inert, false);
+  again.leave();
 });
 
 test("a field is put where it is in the form", () => {

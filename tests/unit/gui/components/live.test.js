@@ -17,8 +17,17 @@ test("one says what one wants to hear of, and hears it", () => {
   assert.equal(socket.url, "ws://somrs.test/api/live");
   socket.open();
   socket.say({ topic: "map" });
-  assert.deepEqual(socket.sent, [{ follow: ["map"] }]);
+  assert.deepEqual(socket.sent, [{ follow: ["map"], confirm: 1 }]);
   assert.deepEqual(heard, ["open", { topic: "map" }]);
+  stop();
+});
+
+test("nothing is read before it is followed, since changes in between would be missed", () => {
+  const socket = server.socket("/api/live");
+  socket.open({ slow: true });
+  assert.deepEqual(heard, []);
+  socket.confirm();
+  assert.deepEqual(heard, ["open"]);
   stop();
 });
 

@@ -14,6 +14,8 @@ import nicegui
 from nicegui.element import Element
 from nicegui.events import GenericEventArguments
 
+from somrs.gui.components import LIVE
+
 THREE = Path(nicegui.__file__).parent / "elements" / "scene" / "dist"
 """The three.js that NiceGUI bundles."""
 MODULES = Path(__file__).parent / "modules"
@@ -22,7 +24,7 @@ MODULES = Path(__file__).parent / "modules"
 EventHandler = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 
-class Scene3D(Element, component="scene3d.js", esm={"nicegui-scene": str(THREE), "somrs-scene": str(MODULES)}):
+class Scene3D(Element, component="scene3d.js", dependencies=[LIVE], esm={"nicegui-scene": str(THREE), "somrs-scene": str(MODULES)}):
     """`height`: as in CSS. `follow`: the object that the camera follows. `version`: show this version of the map, without updates; None:
     the current one.
 

@@ -344,7 +344,7 @@ async function showTraffic() {
 test("traffic is read only while it is shown", async () => {
   assert.ok(!server.asked.some((address) => address.startsWith("/api/traffic")));
   await showTraffic();
-  assert.deepEqual(server.socket("/api/live").sent, [{ follow: ["traffic"] }]);
+  assert.deepEqual(server.socket("/api/live").sent, [{ follow: ["traffic"], confirm: 1 }]);
   const panel = () => text(one.element.querySelector(".fp-traffic"));
   assert.match(panel(), /Robot1 waits for Jar001, which has to go first/);
   server.socket("/api/live").say({ topic: "traffic", value: { ...TRAFFIC, hold: "fire alarm in B1", robots: [] } });

@@ -27,9 +27,19 @@ afterEach(() => feed.stop());
 
 test("what there is is read once one is told what changes", async () => {
   await begun();
-  assert.deepEqual(server.socket("/api/live").sent, [{ follow: ["map", "ontology"] }]);
+  assert.deepEqual(server.socket("/api/live").sent, [{ follow: ["map", "ontology"], confirm: 1 }]);
   assert.deepEqual(server.asked, ["/api/scene"]);
   assert.equal(calls("scene").length, 1);
+});
+
+test("what changes before one is told what changes is not missed", async () => {
+  feed = new Feed(hears, null);
+  server.socket("/api/live").open({ slow: true });
+  await clock.pass(500);
+  assert.deepEqual(server.asked, []);
+  server.socket("/api/live").confirm();
+  await clock.pass(50);
+  assert.deepEqual(server.asked, ["/api/scene"]);
 });
 
 test("changes are gathered, and only what can be seen is asked for", async () => {

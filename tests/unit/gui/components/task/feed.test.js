@@ -37,7 +37,7 @@ const news = (value, more = {}) => server.socket("/api/live").say({ topic: "task
 
 test("all of the task is read, page by page", async () => {
   await opened();
-  assert.deepEqual(server.socket("/api/live").sent, [{ follow: ["task t1"] }]);
+  assert.deepEqual(server.socket("/api/live").sent, [{ follow: ["task t1"], confirm: 1 }]);
   assert.deepEqual(seen.messages.map((one) => one.id), ["m1", "m2", "m3"]);
   const { service, step, asked, body } = seen.messages[0];
   assert.deepEqual({ service, step, asked, body }, { service: "Robot1.Move", step: "undo1.step1", asked: true, body: { precondition: "p" } });

@@ -1,19 +1,16 @@
 // Data from the server: the scene (GET /api/scene), its changes (/api/live), and poses (/api/poses). Lost connections are restored, and the
 // scene is read again.
 
+import { follow } from "live";
+
 const PAUSES = [300, 700, 1500, 3000];
 const GATHERING = 150; // ms for which changes are gathered before they are requested
 const POSITIONS = new Set(["PositionX", "PositionY", "PositionZ", "RotationX", "RotationY", "RotationZ"]);
 const UNSEEN = new Set(["Charge", "Price", "Speed", "Working", "Weight", "Payload", "OperationRange", "Texture"]);
 
-function socketUrl(path) {
-  return `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${path}`;
-}
-
-class Line {
-  // A WebSocket that reconnects until it is closed here.
-  constructor(path, hears) {
-    this.path = path;
+class Poses {
+  // The connection to /api/poses, which is made again until it is closed here.
+  constructor(hears) {
     this.hears = hears;
     this.tries = 0;
     this.closed = false;
@@ -21,18 +18,15 @@ class Line {
   }
 
   connect() {
-    const socket = (this.socket = new WebSocket(socketUrl(this.path)));
+    const socket = (this.socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/api/poses`));
     socket.binaryType = "arraybuffer";
-    socket.onopen = () => {
-      this.hears.opened?.(socket);
-    };
     socket.onmessage = (event) => {
       this.tries = 0;
       this.hears.message(event.data);
     };
     socket.onclose = () => {
       if (this.closed) return;
-      this.hears.lost?.();
+      this.hears.lost();
       this.timer = setTimeout(() => this.connect(), PAUSES[Math.min(this.tries++, PAUSES.length - 1)]);
     };
   }
@@ -59,20 +53,16 @@ export class Feed {
       this.read();
       return;
     }
-    this.live = new Line("/api/live", {
-      opened: (socket) => {
-        socket.send(JSON.stringify({ follow: ["map", "ontology"] }));
-        // Read after subscribing, so that no change is missed.
-        this.again = setTimeout(() => this.read(), 30);
-      },
-      message: (data) => this.news(JSON.parse(data)),
+    this.leave = follow(["map", "ontology"], {
+      open: () => this.read(),
+      news: (news) => this.news(news),
       lost: () => this.hears.trouble("The connection to the server is lost. Reconnecting…"),
     });
     this.follow();
   }
 
   follow() {
-    this.poses ??= new Line("/api/poses", {
+    this.poses ??= new Poses({
       message: (data) => (typeof data === "string" ? this.told(JSON.parse(data)) : this.frame(data)),
       lost: () => (this.table = -1),
     });
@@ -89,7 +79,7 @@ export class Feed {
     this.stopped = true;
     clearTimeout(this.timer);
     clearTimeout(this.again);
-    this.live?.close();
+    this.leave?.();
     this.rest();
   }
 
