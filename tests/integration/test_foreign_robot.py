@@ -14,6 +14,8 @@ from urllib.parse import urlsplit
 import pytest
 import zeep.exceptions
 
+from somrs.api.traffic import view_of
+from somrs.api.traffic_reader import TrafficReader
 from somrs.client.client import Addresses, Client
 from somrs.deployment.traffic import add_traffic
 from somrs.deployment.traffic_entrance import FOREIGN_FILE, serve_simulated_traffic
@@ -33,7 +35,7 @@ from somrs.traffic.component import SCHEMA
 from tests.support.foreign_robot import ForeignRobot
 from tests.support.hang import HANG_TIME
 from tests.support.simulated_tower import CABIN, HEIGHT, storey, tower
-from tests.support.simulator_room import ONTOLOGY, box, robot
+from tests.support.simulator_room import ONTOLOGY, box, robot, thing
 
 LONG_LEASE = 3600.0
 """A lease that does not end, however slow this machine is."""
@@ -511,3 +513,49 @@ def test_without_a_simulator_others_keep_away_from_a_robot_that_has_not_entered_
         second.close()
 
     in_building(Map([*corridor_with_bay(), real("Cart1", 0.6, 0), real("Cart2", 7.4, 0)]), tmp_path, work)
+
+
+def test_without_a_simulator_operators_see_the_ways_of_robots_and_what_is_closed(tmp_path: Path) -> None:
+    async def work(client: Client, traffic: str) -> None:
+        reader = TrafficReader(client, traffic)
+        cart, rival = await asyncio.gather(*(asyncio.to_thread(ForeignRobot, name, traffic, HANG_TIME) for name in ("Cart1", "Cart2")))
+        await asyncio.to_thread(read_roadmap, cart)
+        start, goal = cart.nearest(0.6, 0), cart.nearest(7.4, 0)
+        await asyncio.to_thread(cart.enter, start, LONG_LEASE)
+        await asyncio.to_thread(rival.enter, cart.nearest(2.5, 0), LONG_LEASE, Mobility="busy")
+        while True:  # until the survey knows that both take part
+            with contextlib.suppress(zeep.exceptions.Fault):
+                await asyncio.to_thread(cart.request, "there", goal)
+                break
+        ended: list[bool] = []
+        driving = asyncio.create_task(asyncio.to_thread(cart.drive_until, lambda: bool(ended)))
+        while not (seen := view_of(await reader.traffic())).robots[0].waiting:
+            await asyncio.sleep(0.02)
+        ended.append(True)
+        await driving
+        assert [robot.robot for robot in seen.robots] == ["Cart1", "Cart2"]
+        assert seen.robots[0].granted[0] in {point(cart, name) for name in (start, *cart.driven)}
+        assert seen.robots[0].destination == point(cart, goal)
+        assert seen.robots[0].waiting == "waits for Cart2, which works there"
+        roadmap = await reader.roadmap()
+        assert roadmap.number == (await reader.traffic()).roadmap
+        assert {*roadmap.places} == {point(cart, name) for name in cart.places}
+        await client.update(UpdateMap(changes=(ObjectAdded(thing("Jar1", "Jar", 5.5, 0.0, 0.0)),)))
+        while (await reader.traffic()).roadmap == roadmap.number:
+            await asyncio.sleep(0.02)
+        blocked = await reader.roadmap()
+        assert (blocked.places, blocked.lanes) == (roadmap.places, roadmap.lanes)
+        new_places = {blocked.places[place] for place in {*blocked.closed_places} - {*roadmap.closed_places}}
+        new_lanes = {*blocked.closed_lanes} - {*roadmap.closed_lanes}
+        assert new_places or new_lanes
+        assert all(math.dist(place[:2], (5.5, 0)) < 1 for place in new_places)
+        cart.close()
+        rival.close()
+
+    in_building(Map([*corridor_with_bay(), real("Cart1", 0.6, 0), real("Cart2", 2.5, 0)]), tmp_path, work)
+
+
+def point(robot: ForeignRobot, name: str) -> tuple[float, float, float]:
+    """Where a place is, as operators see it."""
+    place = robot.places[name]
+    return round(place.x, 2), round(place.y, 2), round(place.level, 2)

@@ -6,6 +6,7 @@ import asyncio
 import json
 import urllib.request
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,11 +31,15 @@ LONGEST = 300.0
 """Seconds after which a test gives up. It takes ten on an idle machine."""
 
 
+def get(addresses: Addresses, path: str) -> Any:
+    with urllib.request.urlopen(f"{addresses.api}/{path}", timeout=LONGEST) as response:
+        return json.load(response)
+
+
 def travel(addresses: Addresses) -> None:
     """A robot of another make makes a trip on the lowest floor, between the robots that stand there."""
     assert addresses.traffic is not None
-    with urllib.request.urlopen(f"{addresses.api}/system", timeout=LONGEST) as response:
-        parts = {part["name"]: part for part in json.load(response)["parts"]}
+    parts = {part["name"]: part for part in get(addresses, "system")["parts"]}
     assert parts["Traffic"]["address"] == addresses.traffic
     assert parts["Traffic"]["milliseconds"] is not None
     foreigner = ForeignRobot("Foreigner", addresses.traffic, LONGEST)
@@ -50,6 +55,10 @@ def travel(addresses: Addresses) -> None:
     foreigner.request("there", goal)
     foreigner.drive_until(lambda: "there" in foreigner.ended)
     assert foreigner.ended["there"] == ("arrived", [])
+    seen, place = get(addresses, "traffic"), foreigner.places[foreigner.place]
+    granted = {robot["robot"]: robot["granted"] for robot in seen["robots"]}["Foreigner"]
+    assert granted == [[round(place.x, 2), round(place.y, 2), round(place.level, 2)]]
+    assert granted[0] in get(addresses, "traffic/roadmap")["places"]
     foreigner.service.LeaveTraffic(Robot="Foreigner")
     foreigner.close()
 

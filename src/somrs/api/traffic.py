@@ -1,16 +1,20 @@
-"""The traffic of the simulated robots: the roadmap, the ways that they were granted, and who waits for whom and why."""
+"""The traffic of the robots: the roadmap, the ways that they were granted, and who waits for whom and why."""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
+from contextlib import AbstractAsyncContextManager, nullcontext
 
 import msgspec
 
 from somrs.api.context import Context
 from somrs.api.simulator_gateway import answering, link
+from somrs.api.traffic_reader import TrafficReader
 from somrs.api.waiting import waiting_text, waits_for
 from somrs.client.operations import operation
 from somrs.client.refusals import ErrorReport, NotFound, error_report
+from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.link.roads import Roadmap, RoadPoint, RobotInTraffic, TrafficState
 from somrs.errors import SomrsError
 
@@ -47,44 +51,46 @@ class Traffic(msgspec.Struct, frozen=True, kw_only=True):
 class TrafficService:
     def __init__(self, context: Context) -> None:
         self._context = context
+        traffic, self._simulator = context.addresses.traffic, context.addresses.simulator
+        self._reader = TrafficReader(context.client, traffic) if traffic is not None and self._simulator is None else None
         context.hub.feed("traffic", self._feed)
 
     @operation("GET", "/traffic")
     async def read(self) -> Traffic:
-        """Where the simulated robots may drive, and who waits for whom and why. Without a simulator, there are none.
+        """Where the robots may drive, and who waits for whom and why. In a symbolic world, there are none.
 
         The topic `traffic` publishes the same whenever it changes, at most once a second.
         """
-        address = self._context.addresses.simulator
-        if address is None:
-            return Traffic()
-        async with answering(address) as operator:
-            return view_of(await operator.traffic())
+        async with self._source(answering) as source:
+            return view_of(await source.traffic()) if source is not None else Traffic()
 
     @operation("GET", "/traffic/roadmap")
     async def roadmap(self) -> Roadmap:
-        """The places and lanes on which the simulated robots drive, and which of them are closed now."""
-        address = self._context.addresses.simulator
-        if address is None:
-            raise NotFound("this system has no simulator, and so no roadmap of simulated robots")
-        async with answering(address) as operator:
-            return await operator.roadmap()
+        """The places and lanes on which the robots drive, and which of them are closed now."""
+        async with self._source(answering) as source:
+            if source is None:
+                raise NotFound("this system has a symbolic world, and so no roadmap of robots")
+            return await source.roadmap()
+
+    def _source(
+        self, connect: Callable[[str], AbstractAsyncContextManager[OperatorLink]]
+    ) -> AbstractAsyncContextManager[OperatorLink | TrafficReader | None]:
+        """Who is asked about traffic: the simulator, to which `connect` makes a link, or the program of its own; None without both."""
+        return connect(self._simulator) if self._simulator is not None else nullcontext(self._reader)
 
     async def _feed(self, topic: str) -> None:
         """Publish traffic whenever it changes, or an error report while it cannot be read."""
-        address = self._context.addresses.simulator
-        if address is None:
-            return
         published: Traffic | ErrorReport | None = None
         while True:
             try:
-                async with link(address) as operator:
-                    while True:
-                        traffic = view_of(await operator.traffic())
+                async with self._source(link) as source:
+                    while source is not None:
+                        traffic = view_of(await source.traffic())
                         if traffic != published:
                             published = traffic
                             self._context.hub.publish(topic, traffic)
                         await asyncio.sleep(TICK)
+                    return
             except SomrsError as error:
                 if not isinstance(published, ErrorReport):
                     published = error_report(error)
@@ -93,7 +99,7 @@ class TrafficService:
 
 
 def view_of(state: TrafficState) -> Traffic:
-    """What the simulator says of traffic, for users."""
+    """What is known of traffic, for users."""
     robots = tuple(_robot_view(name, robot, state) for name, robot in sorted(state.robots.items()))
     return Traffic(roadmap=state.roadmap, hold=state.hold, robots=robots)
 

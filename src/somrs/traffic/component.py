@@ -210,7 +210,13 @@ class Traffic:
         if isinstance(body, ReadRoadmap):
             return roadmap_page(self.state, self._berths.roadmap.graph, body.after)
         robots = tuple(view(self.state, self._schedule, self._berths))
-        return TrafficView(robots=robots, berths=tuple(entry.berth for entry in self.state.berths if entry), hold=self.state.hold)
+        return TrafficView(
+            robots=robots,
+            berths=tuple(entry.berth for entry in self.state.berths if entry),
+            hold=self.state.hold,
+            edition=self.state.edition,
+            roadmap=self.state.roadmap_number,
+        )
 
     def _answer(self, request: Message, body: Body) -> Send:
         return Send(reply(request, body, self.state.address))
@@ -329,6 +335,7 @@ class Traffic:
         passages = tuple(
             OutOfOrder(passage.name, tuple(map(number, passage.places)), lanes(passage.lanes), passage.zone) for passage in body.passages
         )
+        self.state.closings += 1
         self.state.closed = Closed(tuple(map(number, body.places)), lanes(body.lanes), passages)
         self._berths.close(self.state.closed)
         self._schedule.graph = self._berths.graph

@@ -13,6 +13,10 @@ MAP_FOLLOWER = "map"
 """The sender of what follows from the map, which is a part of the program that has traffic."""
 
 
+MOST_CLOSINGS = 2**20
+"""With editions that are seconds, numbers of roadmaps stay smaller than 2**53, which other programs read exactly."""
+
+
 class LeasesDue(Struct, frozen=True, tag=True):
     """The next lease expires."""
 
@@ -171,10 +175,10 @@ class TrafficState(Struct, kw_only=True):
     its answer is awaited. `changed`: robots, their trips or their mobility are others than in the last plan that was asked for. `whole`:
     what is planned is to be followed to its end. `hold`: why nobody is granted a way, if that is so; `held_by`: the number of the message
     that said so. `follower`: the sender that follows the map; if there is one, nobody else closes ways and holds traffic. `edition`:
-    that of the roadmap; `is_roadmap_expected`: another one is about to come. `astray`: the robots that took part on the roadmap before and
-    not on this one yet, with the points of the places that they held, in the order of their ways. `planned_at`: when the last plan was
-    asked for. `failures`: how many of the last plans moved nobody. `searched_at`: when ways were searched for last because a robot had not
-    come nearer to its goal.
+    that of the roadmap; `closings`: how often other places and lanes were closed on it; `is_roadmap_expected`: another one is about to
+    come. `astray`: the robots that took part on the roadmap before and not on this one yet, with the points of the places that they held,
+    in the order of their ways. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans moved nobody.
+    `searched_at`: when ways were searched for last because a robot had not come nearer to its goal.
     """
 
     address: str
@@ -196,8 +200,14 @@ class TrafficState(Struct, kw_only=True):
     held_by: int = 0
     follower: str = ""
     edition: int = 0
+    closings: int = 0
     is_roadmap_expected: bool = False
     astray: dict[str, tuple[Position, ...]] = field(default_factory=dict)
     planned_at: float = 0.0
     failures: int = 0
     searched_at: float = 0.0
+
+    @property
+    def roadmap_number(self) -> int:
+        """Another number after each change of the roadmap, and of what of it is closed."""
+        return self.edition * MOST_CLOSINGS + self.closings % MOST_CLOSINGS

@@ -41,6 +41,7 @@ def _waits_for(name: str, record: RobotRecord, schedule: Schedule) -> tuple[str,
 def roadmap_page(state: TrafficState, graph: Graph, offset: int) -> RoadmapPage:
     """The places of the roadmap from this number on, as many as fit on a page. `graph`: that of the whole roadmap."""
     places, offset = state.roadmap.places, max(offset, 0)
+    closed_places, closed_lanes = state.closed.all_places, state.closed.all_lanes
     items = (
         RoadmapPlace(
             name=place.name,
@@ -49,7 +50,11 @@ def roadmap_page(state: TrafficState, graph: Graph, offset: int) -> RoadmapPage:
             level=place.level,
             radius=place.radius,
             zone=place.zone,
-            lanes=tuple(RoadmapLane(end=places[end].name, seconds=graph.length(number, end)) for end in graph.successors[number]),
+            lanes=tuple(
+                RoadmapLane(end=places[end].name, seconds=graph.length(number, end), closed=(number, end) in closed_lanes)
+                for end in graph.successors[number]
+            ),
+            closed=number in closed_places,
         )
         for number, place in enumerate(places[offset:], offset)
     )

@@ -222,17 +222,18 @@ class ReadRoadmap(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class RoadmapLane(Struct, frozen=True, kw_only=True):
-    """A lane to the place `end`. `seconds`: how long a robot is taken to need."""
+    """A lane to the place `end`. `seconds`: how long a robot is taken to need. `closed`: nobody is sent there now."""
 
     end: str
     seconds: float
+    closed: bool = False
 
 
 class RoadmapPlace(Struct, frozen=True, kw_only=True):
     """A place, with its coordinates on the map in metres, and the lanes that begin there.
 
     `level`: the height of its floor. `radius`: of the largest robots for which it is. `zone`: the lift, or other area for one robot at a
-    time, of which it is a part. A lane to a place on another level is a ride in that lift.
+    time, of which it is a part. A lane to a place on another level is a ride in that lift. `closed`: nobody is sent there now.
     """
 
     name: str
@@ -242,6 +243,7 @@ class RoadmapPlace(Struct, frozen=True, kw_only=True):
     radius: float = 0.0
     zone: str | None = None
     lanes: tuple[RoadmapLane, ...] = ()
+    closed: bool = False
 
 
 class RoadmapPage(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -289,3 +291,7 @@ class TrafficView(MessageBody, frozen=True, kw_only=True, tag=True):
     """The points beside the roadmap that have names in it."""
     hold: str = ""
     """Why nobody is granted a way; empty if traffic is not held."""
+    edition: int = 0
+    """That of the roadmap."""
+    roadmap: int = 0
+    """Another number after each change of the roadmap, and of what of it is closed."""

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from msgspec import Struct
 
 from somrs.protocol.messages.traffic import Mobility
+from somrs.protocol.messages.traffic import RobotInTraffic as RobotView
+
+DIGITS = 2
+"""Decimal digits of points: a way is drawn to a centimetre."""
 
 RoadPoint = tuple[float, float, float]
 """x, y, and the height of the floor, m."""
+
+PointOf = Callable[[str], RoadPoint]
+"""Where the place or berth of a name is."""
 
 
 class Roadmap(Struct, frozen=True, kw_only=True):
@@ -57,3 +66,20 @@ class TrafficState(Struct, frozen=True, kw_only=True):
     robots: dict[str, RobotInTraffic]
     hold: str = ""
     closed_lifts: tuple[str, ...] = ()
+
+
+def road_point(x: float, y: float, level: float) -> RoadPoint:
+    """A point, for people."""
+    return round(x, DIGITS), round(y, DIGITS), round(level, DIGITS)
+
+
+def driving(view: RobotView, point: PointOf) -> RobotInTraffic:
+    """What traffic knows of a robot."""
+    return RobotInTraffic(
+        granted=tuple(map(point, view.held)),
+        planned=tuple(map(point, view.planned)),
+        destination=point(view.destination) if view.destination is not None else None,
+        waits_for=view.waits_for if len(view.held) == 1 else (),
+        mobility=view.mobility,
+        silent=view.silent,
+    )

@@ -48,8 +48,6 @@ class TrafficOffice:
         self.component, self._deliver = component, deliver
         self._random = Random()
         self._planner = TrafficPlanner(roadmap, self._random)
-        self.roadmap_number = self._random.getrandbits(32)
-        """Another one with each change of the roadmap, and of what is closed on it."""
         self._users: dict[str, RoadUser] = {}
         self._timers: dict[Hashable, float] = {}
         self._problems: dict[Hashable, PlanTraffic] = {}
@@ -197,7 +195,7 @@ class TrafficOffice:
         and lifts that are out of order; the ways into no-go zones; and those into lifts in which robots may be that take no part."""
         closing = self._obstructions.closing(free_spaces, things, out_of_order, forbidden, occupied_lifts)
         if closing != self._closed:
-            self._closed, self.roadmap_number = closing, self._random.getrandbits(32)
+            self._closed = closing
             self.tell(MAP_FOLLOWER, closing)
 
     @property

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from msgspec import structs
 
-from somrs.devices.simulator.link.roads import Roadmap, RoadPoint, RobotInTraffic, TrafficState
+from somrs.devices.simulator.link.roads import PointOf, Roadmap, RoadPoint, RobotInTraffic, TrafficState, driving, road_point
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.robot_work import RobotWork
 from somrs.devices.simulator.server.simulated_traffic import SimulatedTraffic
 from somrs.protocol.messages.traffic import ReadTraffic, TrafficView
 from somrs.protocol.messages.traffic import RobotInTraffic as RobotView
-
-DIGITS = 2
-"""Decimal digits of points: a way is drawn to a centimetre."""
-
-
-PointOf = Callable[[str], RoadPoint]
 
 
 def roadmap_view(traffic: SimulatedTraffic) -> Roadmap:
@@ -28,8 +22,8 @@ def roadmap_view(traffic: SimulatedTraffic) -> Roadmap:
     positions = {lane: position for position, lane in enumerate(lanes)}
     closed_lanes = ((numbers[lane.start], numbers[lane.end]) for lane in office.closed_lanes)
     return Roadmap(
-        number=office.roadmap_number,
-        places=tuple(_point(place.x, place.y, place.level) for place in office.roadmap.roadmap.places),
+        number=office.component.state.roadmap_number,
+        places=tuple(road_point(place.x, place.y, place.level) for place in office.roadmap.roadmap.places),
         lanes=tuple(lanes),
         closed_places=tuple(sorted(numbers[place] for place in office.closed_places)),
         closed_lanes=tuple(sorted({positions[min(lane), max(lane)] for lane in closed_lanes})),
@@ -47,27 +41,15 @@ def traffic_view(traffic: SimulatedTraffic, robots: Mapping[str, Robot], work: R
     def point(name: str) -> RoadPoint:
         berth = berths.get(name)
         place = office.roadmap.roadmap.places[office.roadmap.numbers[name if berth is None else berth.places[0]]]
-        return _point(place.x, place.y, place.level) if berth is None else _point(berth.x, berth.y, place.level)
+        return road_point(place.x, place.y, place.level) if berth is None else road_point(berth.x, berth.y, place.level)
 
-    foreign = {name: _driving(robot, point) for name, robot in in_traffic.items() if name not in robots}
+    foreign = {name: driving(robot, point) for name, robot in in_traffic.items() if name not in robots}
     simulated = {name: _robot_view(robot, in_traffic.get(name), point, work.object(name)) for name, robot in robots.items()}
     return TrafficState(
-        roadmap=office.roadmap_number,
+        roadmap=view.roadmap,
         robots={**foreign, **simulated},
         hold=view.hold,
         closed_lifts=tuple(sorted(name for name, lift in traffic.lifts.items() if not lift.is_usable)),
-    )
-
-
-def _driving(view: RobotView, point: PointOf) -> RobotInTraffic:
-    """What traffic knows of a robot."""
-    return RobotInTraffic(
-        granted=tuple(map(point, view.held)),
-        planned=tuple(map(point, view.planned)),
-        destination=point(view.destination) if view.destination is not None else None,
-        waits_for=view.waits_for if len(view.held) == 1 else (),
-        mobility=view.mobility,
-        silent=view.silent,
     )
 
 
@@ -76,7 +58,7 @@ def _robot_view(robot: Robot, view: RobotView | None, point: PointOf, object: st
     if view is None:
         return RobotInTraffic(command=robot.activity, object=object, paused=robot.paused, refusal=robot.road.refusal)
     lift, is_riding = _lift_of(robot)
-    return structs.replace(_driving(view, point), lift=lift, riding=is_riding, paused=robot.paused, command=robot.activity, object=object)
+    return structs.replace(driving(view, point), lift=lift, riding=is_riding, paused=robot.paused, command=robot.activity, object=object)
 
 
 def _lift_of(robot: Robot) -> tuple[str | None, bool]:
@@ -86,7 +68,3 @@ def _lift_of(robot: Robot) -> tuple[str | None, bool]:
         return road.zone, True
     waits = road.next_zone in lifts and not road.is_on_its_way and robot.stands
     return (road.next_zone if waits else None), False
-
-
-def _point(x: float, y: float, level: float) -> RoadPoint:
-    return round(x, DIGITS), round(y, DIGITS), round(level, DIGITS)

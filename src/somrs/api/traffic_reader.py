@@ -1,0 +1,79 @@
+"""Reads the traffic of a building that is not simulated, by messages, as the simulator tells that of its building."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from somrs.client.client import Client
+from somrs.devices.simulator.link.roads import Roadmap, RoadPoint, TrafficState, driving, road_point
+from somrs.protocol.messages.traffic import ReadRoadmap, ReadTraffic, RoadmapPage, RoadmapPlace, TrafficView
+
+
+class TrafficReader:
+    """Asks the program at an address."""
+
+    def __init__(self, client: Client, address: str) -> None:
+        self._client, self._address = client, address
+        self._edition: int | None = None
+        self._points: Mapping[str, RoadPoint] = {}
+        """Where the places of the roadmap of this edition are."""
+
+    async def traffic(self) -> TrafficState:
+        """Where robots may drive, and whom they wait for. Raises RemoteError."""
+        while True:
+            view = await self._view()
+            if view.edition == self._edition:
+                return self._state(view)
+            edition, places = await self._places()
+            self._edition, self._points = edition, {place.name: road_point(place.x, place.y, place.level) for place in places}
+
+    def _state(self, view: TrafficView) -> TrafficState:
+        berths = {berth.name: road_point(berth.x, berth.y, self._points[berth.places[0]][2]) for berth in view.berths}
+        points = {**self._points, **berths}
+        robots = {robot.robot: driving(robot, points.__getitem__) for robot in view.robots}
+        return TrafficState(roadmap=view.roadmap, robots=robots, hold=view.hold)
+
+    async def roadmap(self) -> Roadmap:
+        """The roadmap, and what of it is closed, which may be newer than its number says. Raises RemoteError."""
+        while True:
+            view = await self._view()
+            edition, places = await self._places()
+            if view.edition == edition:
+                return _roadmap(view.roadmap, places)
+
+    async def _view(self) -> TrafficView:
+        return await self._client.ask(self._address, ReadTraffic(), TrafficView)
+
+    async def _places(self) -> tuple[int, Sequence[RoadmapPlace]]:
+        """The edition of the roadmap, and all its places."""
+        places: list[RoadmapPlace] = []
+        page = await self._page(0)
+        edition = page.edition
+        while True:
+            places += page.places
+            if not page.more:
+                return edition, places
+            page = await self._page(page.next)
+            if page.edition != edition:
+                places, edition, page = [], page.edition, await self._page(0)
+
+    async def _page(self, offset: int) -> RoadmapPage:
+        return await self._client.ask(self._address, ReadRoadmap(after=offset), RoadmapPage)
+
+
+def _roadmap(number: int, places: Sequence[RoadmapPlace]) -> Roadmap:
+    positions = {place.name: position for position, place in enumerate(places)}
+    lanes: dict[tuple[int, int], bool] = {}
+    """By their ends: whether they are closed, in one direction at least."""
+    for start, place in enumerate(places):
+        for lane in place.lanes:
+            ends = min(start, positions[lane.end]), max(start, positions[lane.end])
+            lanes[ends] = lanes.get(ends, False) or lane.closed
+    all_lanes = sorted(lanes)
+    return Roadmap(
+        number=number,
+        places=tuple(road_point(place.x, place.y, place.level) for place in places),
+        lanes=tuple(all_lanes),
+        closed_places=tuple(position for position, place in enumerate(places) if place.closed),
+        closed_lanes=tuple(position for position, lane in enumerate(all_lanes) if lanes[lane]),
+    )
