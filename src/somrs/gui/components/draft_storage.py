@@ -11,9 +11,8 @@ from nicegui.events import GenericEventArguments
 
 
 class DraftStorage(Element, component="draft_storage.js"):
-    """An invisible element that stores drafts. After the page has loaded, `on_restore` receives the drafts stored under `storage_key`, other
-    than the `initial` ones: JSON objects whose `form` holds the values. The initial drafts are stored first, by key, where the browser has
-    none yet."""
+    """An invisible element that stores drafts: JSON objects whose `form` holds the values. The `initial` ones are stored first, by key,
+    where the browser has none yet. After the page has loaded, `on_restore` receives the others under `storage_key`."""
 
     def __init__(self, storage_key: str, on_restore: Callable[[list[Any]], None], initial: Mapping[str, Any] | None = None) -> None:
         super().__init__()
