@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import math
+from contextlib import AsyncExitStack
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from somrs.devices.simulator.link.commands import CommandGivenUp, DriveTo, Fault, Grip
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import RemoteError, UsageError
+from tests.support.command import CommandResult, somrs
 from tests.support.robot_lab import run as run_in_room
 from tests.support.robot_lab import simulator
 from tests.support.simulated_tower import HEIGHT, tower
 from tests.support.simulator_room import Run, room
-from tests.support.small_system import running
+from tests.support.small_system import SmallSystem, live_api_at, running
 
 
 def test_a_robot_that_is_put_elsewhere_gives_up_what_it_does_and_works_from_there(world: WorldKind) -> None:
@@ -83,3 +86,29 @@ def test_robots_that_are_not_simulated_are_not_put_elsewhere(tmp_path: Path) -> 
                 await api.fleet.put("Robot1", x=1.0, y=1.0)
 
     asyncio.run(run())
+
+
+def test_the_command_puts_a_robot_elsewhere_and_says_why_it_does_not_fit(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with AsyncExitStack() as stack:
+            server = await stack.enter_async_context(simulator())
+            system = SmallSystem(tmp_path, ())
+            stack.push_async_callback(system.stop)
+            await system.start()
+            system.addresses = replace(system.addresses, simulator=f"{server.host}:{server.port}")
+            api = await stack.enter_async_context(live_api_at(system))
+            replace(system.addresses, api=api.client.url).write(system.data)
+
+            async def put(*arguments: str) -> CommandResult:
+                return await asyncio.to_thread(somrs, "put", *arguments, "--data", str(system.data))
+
+            done = await put("Robot1", "2.6", "1.5")
+            assert (done.returncode, done.stdout) == (0, "Robot1 was put at x 2.60 m, y 1.50 m\n")
+            assert math.dist(server.simulation.robots["Robot1"].pose()[:2], (2.6, 1.5)) < 0.01
+            off_the_floor = await put("Robot1", "-20", "1.5")
+            assert off_the_floor.returncode != 0
+            assert "Robot1 cannot be put at (-20.00, 1.50): there is no floor" in off_the_floor.stderr
+            assert "there is no storey Attic" in (await put("Robot1", "2", "1.5", "--storey", "Attic")).stderr
+            assert (await put("Robot1", "2", "1.5", "--stroey", "Attic")).returncode == 2
+
+    run_in_room(scenario())

@@ -1,5 +1,5 @@
-"""The commands by which an operator tells devices directly: stop and go on, out of service and back, go there, charge; and the modes of a
-building."""
+"""The commands by which an operator tells devices directly: stop and go on, out of service and back, go there, charge, be elsewhere; and the
+modes of a building."""
 
 from __future__ import annotations
 
@@ -83,6 +83,24 @@ def go(
 def charge(device: DeviceName, data: Data = DEFAULT_FOLDER) -> None:
     """Let a device charge its battery, as a task."""
     print(awaited(with_api(data, lambda api: api.control.charge(device))).task)
+
+
+@control_app.command(context_settings={"ignore_unknown_options": True})  # numbers may be negative
+def put(
+    robot: Annotated[str, typer.Argument(help="The simulated robot.")],
+    x: Annotated[float, typer.Argument(help="Where to, on the map, in metres.")],
+    y: Annotated[float, typer.Argument()],
+    storey: Annotated[str | None, typer.Option(help="The storey; by default, the one on which it is.", show_default=False)] = None,
+    turned: Annotated[float, typer.Option(help="Its heading, in radians.")] = 0.0,
+    author: Author = DEFAULT_AUTHOR,
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Put a simulated robot elsewhere at once, as somebody would carry it.
+
+    It gives up what it does, and its task goes on from there. It must fit there, and hold nothing.
+    """
+    awaited(with_api(data, lambda api: api.fleet.put(robot, x=x, y=y, storey=storey, turned=turned, by=author)))
+    print(f"{robot} was put at x {x:.2f} m, y {y:.2f} m{f' on {storey}' if storey is not None else ''}")
 
 
 @control_app.command()
