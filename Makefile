@@ -12,7 +12,7 @@ JOBS ?= auto
 MORE_JOBS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution clean kill-runs upgrade-runs mutants
+.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution clean kill-runs upgrade-runs mutants slow
 
 setup: .venv/.ready
 
@@ -67,6 +67,13 @@ browser: setup
 	@SOMRS_BROWSER_LATENCY=$(or $(LATENCY),0) $(BIN)/pytest tests/browser --numprocesses $(JOBS) --dist loadscope --no-loadscope-reorder
 
 # Slow suites: each prints `N passed, N failed`.
+
+# The tests that take too long for `make test`: the package as it is installed elsewhere, programs of the tutorials, changes to the program that
+# tests have to notice, and every page in every look.
+slow: setup
+	@scripts/javascript setup
+	@ALL_LOOKS=1 $(BIN)/pytest tests -m "slow or looks" $(AT_ONCE)
+
 scenarios: setup
 	@$(BIN)/python -m verification.scenarios --runs $(RUNS)
 
@@ -119,7 +126,7 @@ docs: setup
 # The wheel and the source distribution, in dist/; then the wheel in an environment of its own, outside, with all it needs installed anew.
 distribution: setup
 	@$(BIN)/python -m build --no-isolation
-	@WITH_DEPENDENCIES=1 $(BIN)/pytest tests/system/test_distribution.py
+	@WITH_DEPENDENCIES=1 $(BIN)/pytest tests/system/test_distribution.py -m slow
 
 # The documentation as a site, in out/site; a broken link is an error. Neither building nor reading it needs a network.
 docs-site: setup

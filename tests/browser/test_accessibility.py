@@ -3,6 +3,7 @@ window, and no column of a table is a few letters wide. And where the keyboard b
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -20,7 +21,11 @@ OpenPage = Callable[..., Page]
 AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"
 NOT_INSTALLED = "accessibility by axe-core, because it is not in node_modules; `make browser` installs it, where there are node and npm"
 
-LOOKS = [(size, scheme) for size in ("1280", "390") for scheme in SCHEMES]
+pytestmark = pytest.mark.looks
+
+ALL_LOOKS = [(size, scheme) for size in ("1280", "390") for scheme in SCHEMES]
+LOOKS = ALL_LOOKS if "ALL_LOOKS" in os.environ else [("1280", SCHEMES[0]), ("390", SCHEMES[1])]
+"""The looks that are checked: by default, each size and each color scheme once, as each look takes seconds for each page."""
 
 GOAL, IMPOSSIBLE_GOAL = "Jar002 isOn Platform001", "Shelf001 isOn Platform001"
 

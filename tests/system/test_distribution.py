@@ -25,6 +25,8 @@ from somrs.version import __version__
 from tests.support.hang import HANG_TIME
 from tests.support.paths import ROOT
 
+pytestmark = pytest.mark.slow
+
 SOURCES = ("src", "pyproject.toml", "README.md", "LICENSE")
 """What a distribution is made of."""
 

@@ -94,6 +94,7 @@ def test_what_nobody_could_tell_is_left_alone(source: str) -> None:
     assert changes(source) == []
 
 
+@pytest.mark.slow
 def test_every_mutant_of_the_core_is_python_and_another_program() -> None:
     found_mutants = all_mutants(ROOT, CORE)
     assert len({mutant.name for mutant in found_mutants}) == len(found_mutants) > 10_000
@@ -172,6 +173,7 @@ def mutants_of(project: Path, *options: str) -> tuple[int, str, dict[str, str]]:
     return result.returncode, result.stdout, {row["diff"]: row["caught by"] for row in rows}
 
 
+@pytest.mark.slow
 def test_what_tests_notice_is_caught_and_the_rest_survives(project: Path) -> None:
     status, output, caught_by = mutants_of(project, "--seed", "3")
     raised, low, nine, halved = (f"tests/unit/test_sums.py::test_{name}" for name in ("what_is_less_is_raised", "low", "nine", "halved"))

@@ -30,9 +30,11 @@ def data(tmp_path: Path) -> Iterator[Path]:
         system = subprocess.Popen(command, env=environment, stdout=log, stderr=log)
     try:
         deadline = time.monotonic() + HANG_TIME
-        while not all(name in program("services", "--json", "--data", folder).stdout for name in SERVICES):
+        while "Running." not in (tmp_path / "up.log").read_text():
             assert system.poll() is None, (tmp_path / "up.log").read_text()
             assert time.monotonic() < deadline, (tmp_path / "up.log").read_text()
+            time.sleep(0.1)
+        assert all(name in program("services", "--json", "--data", folder).stdout for name in SERVICES)
         yield folder
     finally:
         system.send_signal(signal.SIGINT)
