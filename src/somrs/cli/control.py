@@ -1,5 +1,5 @@
-"""The commands by which an operator tells devices directly: stop and go on, out of service and back, go there, charge, be elsewhere; and the
-modes of a building."""
+"""The commands by which an operator tells devices directly: stop and go on, out of service and back, go there, charge, be put there; and
+the modes of a building."""
 
 from __future__ import annotations
 

@@ -191,10 +191,12 @@ class _LegPlanner:
         """The doors that do not open for robots."""
 
     def standing(self) -> tuple[tuple[float, Disc], ...]:
-        """The other robots that cannot move, and the heights of their floors."""
+        """The other robots that cannot move, of any make, and the heights of their floors."""
         broken = (robot for robot in self._simulation.robots.values() if robot is not self._robot and not robot.mobile)
         poses = ((robot, robot.pose()) for robot in broken)
-        return tuple((round(robot.level, 1), Disc(round(x, 2), round(y, 2), robot.size.radius)) for robot, (x, y, _) in poses)
+        discs = ((robot.level, Disc(x, y, robot.size.radius)) for robot, (x, y, _) in poses)
+        all_discs = (*discs, *self._simulation.shared_traffic.fixed_foreigners())
+        return tuple((round(level, 1), Disc(round(disc.x, 2), round(disc.y, 2), disc.radius)) for level, disc in all_discs)
 
     def ways(self, stops: Stops, closed: Closed) -> list[Way | None]:
         """The way of each leg; None from the first leg without a way on."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 from somrs.devices.simulator.link.commands import Fault
@@ -99,6 +99,20 @@ class SimulatedTraffic:
         self.office.receive(message, self._scene.time)
         self.changed |= (foreign, astray) != (self.office.foreign, {*self.office.component.state.astray})
         self._rides.advance(self.office.component, self.office.foreign)
+
+    def fixed_foreigners(self) -> Iterator[tuple[float, Disc]]:
+        """Where robots that are not simulated stand, or may be, which cannot move, are silent, or have not entered anew; with the heights
+        of their floors."""
+        traffic = self.office.component
+        for name in self.office.foreign:
+            record = traffic.state.robots[name]
+            if record.silent or record.mobility is Mobility.IMMOBILE:
+                yield from discs_along(traffic.positions(name))
+        yield from self._astray_discs()
+
+    def _astray_discs(self) -> Iterator[tuple[float, Disc]]:
+        for positions in self.office.component.state.astray.values():
+            yield from discs_along(positions)
 
     @property
     def lifts(self) -> Mapping[str, Lift]:
@@ -244,9 +258,8 @@ class SimulatedTraffic:
                 x, y, _ = robot.pose()
                 standing[_level(robot)].append(Disc(x, y, robot.size.radius))
         astray = self.office.component.state.astray
-        for positions in astray.values():
-            for level, disc in discs_along(positions):
-                standing.setdefault(level, []).append(disc)
+        for level, disc in self._astray_discs():
+            standing.setdefault(level, []).append(disc)
         occupied_lifts = {lift for robot in astray for lift in lifts_held(self.office.component, robot)}
         rounded = {level: [Disc(round(disc.x, 2), round(disc.y, 2), disc.radius) for disc in discs] for level, discs in standing.items()}
         broken_lifts = (name for name, lift in self._robots.lifts.items() if not lift.is_usable)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from somrs.devices.simulator.link.commands import Approach, CommandDone
@@ -11,6 +13,7 @@ from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
 from somrs.ontology.objects import Map, Object
+from somrs.protocol.messages.traffic import EnterTraffic, LeaveTraffic, Mobility, TrafficEntered
 from tests.support.simulator_room import ONTOLOGY, Run, box, robot, shell, thing
 
 
@@ -50,6 +53,29 @@ def test_a_door_that_will_be_open_is_driven_through() -> None:
     assert far is not None
     assert near < far - 1
     assert legs(simulation, None).shut == ("Door1",), "nothing has changed in the world"
+
+
+def test_a_robot_of_another_make_is_in_the_way_if_it_does_not_move() -> None:
+    simulation = two_rooms(door("Door1", 1.5, is_open=True), door("Door2", 4.5, is_open=True))
+    office = simulation.shared_traffic.office
+    (near,), (far,) = legs(simulation, None).lengths, legs(simulation, "Door1.Open = FALSE").lengths
+    place = min(office.roadmap.roadmap.places, key=lambda place: math.dist((place.x, place.y), (4, 1.5)))
+
+    def enter(lease: float, mobility: Mobility = Mobility.FREE) -> None:
+        answer = office.tell("Foreigner", EnterTraffic(robot="Foreigner", place=place.name, lease=lease, mobility=mobility))
+        assert isinstance(answer, TrafficEntered), answer
+
+    enter(1000.0)
+    assert legs(simulation, None).lengths == (near,), "it makes room"
+    enter(1000.0, Mobility.IMMOBILE)
+    assert legs(simulation, None).lengths == (far,)
+    enter(1.0)
+    assert legs(simulation, None).lengths == (near,)
+    while not office.component.state.robots["Foreigner"].silent:
+        simulation.step()
+    assert legs(simulation, None).lengths == (far,), "nobody knows whether it moves"
+    office.tell("Foreigner", LeaveTraffic(robot="Foreigner"))
+    assert legs(simulation, None).lengths == (near,)
 
 
 def test_a_door_that_will_be_shut_is_in_the_way() -> None:
