@@ -2,7 +2,8 @@
 
 A hall with tables has N robots and a jar for each. The system is started with `somrs up`, in the kinematic world, in real time, and without
 windows. "burst": N deliveries are submitted at once, and the run ends when all have ended. "steady": N deliveries are open for minutes,
-the next one is submitted when one has ended.
+the next one is submitted when one has ended. Each goes to the robot that is done soonest: by price, the nearest ones would have more to do
+than they can, while others stand idle.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from start import cpu, descendants, memory
 from somrs.client.client import Addresses, Client
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.protocol.messages.frp import Outcome
-from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.submission import Policy, Submit
 from somrs.protocol.messages.task_news import WatchTasks
 
 NUMBERS = (10, 25, 50, 100, 200)
@@ -122,7 +123,7 @@ class Deliveries:
     async def submit(self, jar: int) -> str:
         table = self._chance.choice([table for table in range(self._tables) if table != self._places[jar]])
         self._places[jar] = table
-        return await self._client.submit(Submit(effect=f"Jar{jar + 1:03} isOn Table{table + 1:03}"))
+        return await self._client.submit(Submit(effect=f"Jar{jar + 1:03} isOn Table{table + 1:03}", policy=Policy.TIME))
 
 
 async def play(robots: int, addresses: Addresses, *, steady: bool) -> Run:
