@@ -62,9 +62,9 @@ class WorkerProcess(Generic[S]):
 
     def _ask(self, pack: Callable[[S], bytes]) -> bytes:
         for _ in range(MOST_STARTS):
-            if self._closed:
-                raise RemoteError(f"the {self.name} was stopped before it had an answer")
+            self._check_open()
             _, connection, session = self._running or self._start()
+            self._check_open()  # who closed this meanwhile did not see the process that was starting
             try:
                 connection.send_bytes(pack(session))
                 return connection.recv_bytes()
@@ -75,6 +75,10 @@ class WorkerProcess(Generic[S]):
                 self._end()
                 raise
         raise RemoteError(f"the {self.name}'s process ended {MOST_STARTS} times without an answer")
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise RemoteError(f"the {self.name} was stopped before it had an answer")
 
     def _start(self) -> tuple[SpawnProcess, Connection, S]:
         # Spawned, not forked: a forked process would keep the sockets of this process open when this process is killed.
