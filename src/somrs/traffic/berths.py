@@ -114,7 +114,7 @@ class Berths:
             raise UsageError(f"the berth {berth.name} is not one of {robot}: its name has to begin with {robot}/")
         if berth.name in self.roadmap.numbers:
             raise UsageError(f"the berth {berth.name} has the name of a place of the roadmap: give it another one")
-        if not (math.isfinite(berth.x) and math.isfinite(berth.y) and berth.radius > 0):
+        if not (all(map(math.isfinite, (berth.x, berth.y, berth.radius))) and berth.radius > 0):
             raise UsageError(
                 f"{berth.name} is at ({berth.x}, {berth.y}), for a robot of radius {berth.radius}: numbers in metres are needed"
             )

@@ -470,6 +470,9 @@ def test_what_cannot_be_is_refused() -> None:
     harness.enter("R1", "B")
     assert text_of(harness.trip("R1", "A")[0]) == "no lanes lead from B to A"
     assert "state it in wsa:From" in text_of(harness.send(ANONYMOUS, EnterTraffic(robot="R2", place="A", lease=LEASE))[0])
+    for x, radius in ((float("nan"), 0.3), (1.0, 0.0), (1.0, float("inf"))):
+        berth = Berth(name="R1/1", x=x, y=0.0, radius=radius, places=("B",))
+        assert "numbers in metres are needed" in text_of(harness.trip("R1", "R1/1", berth)[0])
     assert harness.send("R9", LeaveTraffic(robot="R9"))[0] == TrafficLeft(robot="R9")
     fault = harness.send("R1", TrafficLeft(robot="R1"))[0]
     assert isinstance(fault, Fault)
