@@ -8,6 +8,7 @@ from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, D
 from somrs.devices.simulator.link.lines import Break
 from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.faults import Schedule
+from somrs.devices.simulator.server.poses import Table
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map
 from tests.support.simulated_tower import CABIN, HEIGHT, tower
@@ -212,6 +213,24 @@ def test_a_promised_robot_starts_from_another_storey() -> None:
     (length,) = find_legs(run.simulation, "Robot1", ("Table2",), promise).lengths
     assert length is not None
     assert length < 4
+
+
+def test_the_cabin_is_among_what_moves(world: WorldKind) -> None:
+    run = Run(tower((7, 3, 0)), world)
+    table = Table(run.simulation)
+    (lift,) = (number for number, mover in enumerate(table.movers) if mover.name == "Lift1")
+    assert table.movers[lift].numbers == 4
+
+    def cabin() -> list[float]:
+        values: list[float] = table.row()[table.owners == lift].tolist()
+        return values
+
+    assert cabin() == [*CABIN, 0, 0]
+    end = run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    run.run_until(lambda: height(run, "Robot1") > 1)
+    assert cabin() == [*CABIN, height(run, "Robot1"), 0]
+    run.run_until(lambda: end)
+    assert cabin() == [*CABIN, HEIGHT, 0]
 
 
 def test_a_lift_that_is_put_on_the_map_is_used() -> None:

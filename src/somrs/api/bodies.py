@@ -47,7 +47,7 @@ class Placement(msgspec.Struct, frozen=True, kw_only=True):
 class Body(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """An object that occupies space: an upright prism with the centre of its underside at x, y, z, rotated by yaw. Metres and radians.
 
-    `kind`: floor, wall, door, furniture, thing, robot, camera or place.
+    `kind`: floor, wall, door, furniture, thing, robot, lift, camera or place.
     """
 
     name: str
@@ -188,10 +188,10 @@ def _place_solid(solid: Solid, map: Map, ontology: Ontology) -> Solid:
 
 
 def movers(map: Map, ontology: Ontology) -> Iterator[Object]:
-    """The objects that can move by themselves or be moved."""
+    """The objects that can move by themselves or be moved, and the lifts, whose cabins move."""
     for type in ontology.types:
         names = map.of_type(type)
-        if names and role_of(Object(name="", type=type), ontology) in (Role.ROBOT, Role.THING):
+        if names and role_of(Object(name="", type=type), ontology) in (Role.ROBOT, Role.THING, Role.LIFT):
             yield from (map.objects[name] for name in names)
 
 

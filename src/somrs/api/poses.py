@@ -120,7 +120,7 @@ class PoseFeed:
         map, ontology = self._context.map, self._context.ontology
         scene = scene_of(map, self._context.version, ontology, movers(map, ontology))
         bodies = sorted(scene.bodies, key=lambda body: body.name)
-        table = tuple(Mover(name=body.name, numbers=4 if body.kind == "robot" else 6) for body in bodies)
+        table = tuple(Mover(name=body.name, numbers=4 if body.kind in ("robot", "lift") else 6) for body in bodies)
         rows = [(body.x, body.y, body.z, body.yaw, 0.0, 0.0)[: mover.numbers] for body, mover in zip(bodies, table, strict=True)]
         works = {body.name: RobotStatus() for body in bodies if body.kind == "robot"}
         held = {body.placement.object: body.name for body in bodies if body.placement is not None and body.placement.relation == "isHeldBy"}

@@ -40,14 +40,22 @@ class Table:
         owners = [(solid.name, owned) for solid in scene.world.solids.values() if (owned := scene.leaves(solid.name))]
         leaves = [leaf for _, owned in owners for leaf in owned]
         armed, swinging = ((name, 4 + len(ARM_SEEN)) for name in arms), ((name, len(owned)) for name, owned in owners)
-        movers = [*armed, *((name, 4) for name in bases), *((thing, 6) for thing in scene.things()), *swinging]
+        cabins = [solid.name for solid in scene.world.by_role(Role.LIFT)]
+        things = ((thing, 6) for thing in scene.things())
+        movers = [*armed, *((name, 4) for name in bases), *things, *swinging, *((lift, 4) for lift in cabins)]
         self.movers = tuple(Mover(name=name, numbers=numbers) for name, numbers in movers)
         counts = [mover.numbers for mover in self.movers]
         self.owners = np.repeat(np.arange(len(counts)), counts)
         """For each number of the row, the index of its mover."""
         self._starts = np.cumsum([0, *counts])[:-1]
-        self.row = scene.row_reader(arms, bases, leaves)
-        """Reads the numbers of all movers, in the order of `movers`."""
+        self._scene, self._cabins = scene, cabins
+        self._read_scene = scene.row_reader(arms, bases, leaves)
+
+    def row(self) -> Array:
+        """The numbers of all movers, in the order of `movers`."""
+        solids = self._scene.world.solids
+        cabins = [(solid.x, solid.y, solid.z, solid.yaw) for solid in (solids[name] for name in self._cabins)]
+        return np.concatenate([self._read_scene(), np.array(cabins, dtype=float).ravel()])
 
     def flag_movers(self, numbers: Flags) -> Flags:
         """For each mover, whether the flag of any of its numbers is set."""

@@ -5,6 +5,7 @@ import { kindOf } from "./kinds.js";
 const PLACED_BY = ["isOn", "isIn", "isHeldBy"];
 const PART_OF = "isPartOf";
 const FURNITURE = 3; // as `carries` of a kind
+const RISING = new Set(["robot", "lift"]); // the kinds of objects that go to other storeys
 const RISE = 0.05; // m that a robot has to rise or sink before its storey is found out again
 const SOMEWHERE = 0.3; // m below a storey's floor at which an object still belongs to it
 
@@ -180,9 +181,9 @@ export class Model {
     return (storeys.findLast((storey) => storey.elevation <= height + SOMEWHERE) ?? storeys[0])?.name ?? "";
   }
 
-  // A robot is at this height now, such as in a lift. Returns whether it has come to another storey.
+  // A robot or the cabin of a lift is at this height now. Returns whether it has come to another storey.
   rise(name, height) {
-    if (this.kind(name)?.id !== "robot") return false;
+    if (!RISING.has(this.kind(name)?.id)) return false;
     const known = this._heights.get(name) ?? this.solid(name)?.z ?? 0;
     if (Math.abs(height - known) < RISE) return false;
     const before = this.storeyOf(name);
@@ -192,7 +193,7 @@ export class Model {
     return this.storeyOf(name) !== before;
   }
 
-  // All robots are where the map says.
+  // All robots and cabins are where the map says.
   settle() {
     this._heights.clear();
     this._forget();

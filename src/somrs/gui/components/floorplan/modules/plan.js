@@ -164,7 +164,7 @@ export class Plan {
     const risen = [...poses].filter(([name, at]) => this.model.rise(name, at.z)).map(([name]) => name);
     if (risen.length) this.refresh(new Set(risen.flatMap((name) => this._group(name))));
     for (const [name, at] of poses) {
-      if (!this._layers.has(name) || this._held.has(name)) continue;
+      if (!this._layers.has(name) || this._held.has(name) || this.model.kind(name)?.id === "lift") continue; // a cabin only rises and sinks
       if (!this._moving.has(name)) this._moving.set(name, pose(this.model.solid(name)));
       this._motion.stop(name);
       this._layers.move(name, at);

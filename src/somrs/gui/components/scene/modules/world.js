@@ -8,7 +8,7 @@ import { ownerOf, Pieces } from "./pieces.js";
 import { RobotBody } from "./robots.js";
 
 const BUILDING = new Set(["floor", "wall", "door"]);
-const MOVING = new Set(["robot", "thing"]);
+const MOVING = new Set(["robot", "thing", "lift"]);
 const LEAVES = 2; // numbers of a pose up to which it is that of leaves
 
 function gridded(material) {
@@ -139,11 +139,10 @@ export class World {
     const made = shell(bodies.filter((body) => BUILDING.has(body.kind)), this.low, this.colors);
     const around = new Pieces();
     const marks = new Pieces();
-    const cabins = new Pieces();
     for (const body of bodies) {
       this.hang(body);
       if (BUILDING.has(body.kind)) continue;
-      const into = body.kind === "place" ? marks : this.isA(body, "Lift") ? cabins : around;
+      const into = body.kind === "place" ? marks : around;
       into.owner(body.name).frame(body.x, body.y, body.z, body.yaw);
       form(into, body, this.types[body.type] ?? []);
     }
@@ -151,7 +150,6 @@ export class World {
     this.mesh(made.walls, this.materials.solid);
     this.mesh(around, this.materials.solid);
     this.mesh(marks, this.materials.mark, { cast: false });
-    this.mesh(cabins, this.materials.glass, { cast: false }); // so that robots are seen in lifts
     this.mesh(made.glass, this.materials.glass, { cast: false });
     for (const name of this.drawn.keys()) this.hide(name);
   }
@@ -220,8 +218,9 @@ export class World {
     if (!this.crowds.has(key)) {
       const pieces = new Pieces();
       form(pieces, body, this.types[type] ?? []);
-      const material = unknown ? this.materials.ghost : this.materials.solid;
-      const crowd = new Crowd(this.group, pieces.geometry(), material, !unknown);
+      const clear = this.isA(body, "Lift"); // so that robots are seen in lifts
+      const material = unknown ? this.materials.ghost : clear ? this.materials.glass : this.materials.solid;
+      const crowd = new Crowd(this.group, pieces.geometry(), material, !unknown && !clear);
       crowd.key = key;
       this.crowds.set(key, crowd);
     }
