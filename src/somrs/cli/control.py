@@ -88,8 +88,8 @@ def charge(device: DeviceName, data: Data = DEFAULT_FOLDER) -> None:
 @control_app.command(context_settings={"ignore_unknown_options": True})  # numbers may be negative
 def put(
     robot: Annotated[str, typer.Argument(help="The simulated robot.")],
-    x: Annotated[float, typer.Argument(help="Where to, on the map, in metres.")],
-    y: Annotated[float, typer.Argument()],
+    x: Annotated[float, typer.Argument(help="Its place on the map, in metres: x.")],
+    y: Annotated[float, typer.Argument(help="The same: y.")],
     storey: Annotated[str | None, typer.Option(help="The storey; by default, the one on which it is.", show_default=False)] = None,
     turned: Annotated[float, typer.Option(help="Its heading, in radians.")] = 0.0,
     author: Author = DEFAULT_AUTHOR,
