@@ -17,7 +17,7 @@ from playwright.sync_api import Locator, Page, expect
 
 from tests.support.paths import SHARED
 
-from .conftest import PATIENCE, RunningSystem, every_look, fits, take_screenshot, wait_until_still
+from .conftest import PATIENCE, RunningSystem, every_look, fits, slow_network, take_screenshot, wait_until_still
 
 OFFICE = SHARED / "sites" / "office.building.yaml"
 OpenWindow = Callable[..., Page]
@@ -393,6 +393,22 @@ def test_two_people_who_write_the_same_attribute_lose_nothing(restored_system: R
     page.get_by_role("button", name="Save").click()
     wait_until(page, lambda: MapState(restored_system).objects["Table001"]["Label"] == "Mine", "the decision is saved")
     assert MapState(restored_system).objects["Table001"]["Texture"] == "Smooth"
+
+
+def test_what_is_typed_while_another_value_is_on_its_way_is_kept(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system)
+    page.add_init_script(slow_network(1000))
+    page.goto(f"{restored_system.url}/map?object=Table001")
+    page.get_by_text(re.compile(r"^\d+ objects$")).wait_for()
+    label = field(page, "Label")
+    label.fill("Mine")
+    change = [{"type": "ValueSet", "object": "Table001", "path": "Label", "value": "Theirs"}]
+    api(restored_system, "/map/changes", {"changes": change, "author": "Anna"})
+    news = page.get_by_role("alert").filter(has_text="Meanwhile Anna set Label to Theirs; you wrote Mine")
+    expect(news).to_be_visible()
+    expect(label).to_have_value("Mine")
+    news.get_by_role("button", name="Take theirs").click()
+    expect(label).to_have_value("Theirs")
 
 
 def test_a_drag_that_was_overtaken_goes_back(restored_system: RunningSystem, window: OpenWindow) -> None:

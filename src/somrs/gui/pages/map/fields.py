@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,8 @@ from somrs.gui.pages.map.value_input import in_limits, limits, read, text_of, un
 from somrs.gui.shell import focus
 from somrs.ontology.types import AttributeType, Kind, Ontology, Value
 
+_ANSWERED = 60.0
+"""Seconds within which a browser answers, or is gone."""
 Raw = str | bool | None
 """The content of a field: typed text, a switch's state, or None for the type's default."""
 
@@ -86,6 +89,15 @@ class Field:
         self._fill(self._raw)
         self.mark(is_edited)
         self.show_problem("")
+
+    async def retype(self, shown: Raw, typed: Raw) -> bool:
+        """Show typed text again if the browser shows `shown`, which replaced it on its way to the server. Returns whether it did."""
+        script = (
+            f"const field = getHtmlElement({self._input.id}), input = field?.querySelector('input') ?? field;"
+            f"if (input?.value !== {json.dumps(shown or '')}) return false;"
+            f"input.value = {json.dumps(typed or '')}; input.dispatchEvent(new Event('input')); return true;"
+        )
+        return bool(await self._input.client.run_javascript(f"(() => {{ {script} }})()", timeout=_ANSWERED))
 
     def mark(self, edited: bool) -> None:
         """Show whether the content differs from the map."""

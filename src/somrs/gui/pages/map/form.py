@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from nicegui import ui
+from nicegui import background_tasks, ui
 
 from somrs.api.remote import LiveApi
 from somrs.client.refusals import Refused
@@ -49,6 +49,8 @@ class ObjectForm:
         draft = drafts.draft_of(object.name)
         self.typed: dict[str, Raw] = draft.typed()
         self._conflicts: dict[str, _ValueConflict] = {}
+        self._news_values: dict[str, Value | None] = {}
+        """Values of other users that replaced what the field showed, until the user edits it."""
         self._fields: dict[str, Field] = {}
         self._is_removed = False
         self._news = ui.element("div").classes("somrs-map-news").props('role="alert"')
@@ -113,6 +115,8 @@ class ObjectForm:
         else:
             self.typed[path] = raw
         field.mark(path in self.typed)
+        if path in self._news_values:
+            background_tasks.create(self._settle_crossing(path, self._news_values.pop(path), raw), context=self._news)
         if path == _FORM:
             self._fit_form()
         self._mark()
@@ -239,6 +243,7 @@ class ObjectForm:
                 continue
             if path not in self.typed:
                 field.show_value(value)
+                self._news_values[path] = value
             elif (self.typed[path] or None) == (field.spot.raw(value) or None):
                 self.typed.pop(path)
                 field.show_value(value)
@@ -250,6 +255,14 @@ class ObjectForm:
             self._conflicts.update({path: _ValueConflict(object.values.get(path), author_name) for path in clashing})
         self._show_conflicts()
         self._mark()
+
+    async def _settle_crossing(self, path: str, value: Value | None, typed: Raw) -> None:
+        """Another user's value and what the user typed crossed on the way between server and browser: keep the typed text, and show the
+        conflict."""
+        field = self._fields[path]
+        if await field.retype(field.spot.raw(value), typed) and path in self.typed:
+            self._conflicts[path] = _ValueConflict(value, await self._last_author(self._version))
+            self._show_conflicts()
 
     async def _last_author(self, version: int) -> str:
         try:
