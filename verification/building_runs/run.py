@@ -64,6 +64,8 @@ async def play(site: Path, chosen: Sequence[Delivery], folder: Path, *, breaks: 
                 for watch in (*watches, *([breaker] if breaker is not None else [])):
                     watch.cancel()
                 await asyncio.wait(watches)
+            errors = {goal: watch.exception() for goal, watch in zip(ids, watches, strict=True) if not watch.cancelled()}
+            result.problems += [f"{goal} could not be followed: {error}" for goal, error in errors.items() if error is not None]
             if breaker is not None and breaker.done() and not breaker.cancelled():
                 result.broken = breaker.result()
             result.simulated = (await link.clock()).time
