@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from somrs.errors import RemoteError, UsageError
+from somrs.errors import RemoteError, SimulationError, UsageError
 from somrs.kernel.component import Effect, Input, Notified, Received, Send
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.host import Host
@@ -65,9 +65,16 @@ class ForeignPositions:
             ) from None
 
     def store(self, positions: Mapping[str, tuple[Position, ...]]) -> None:
+        """Raises SimulationError: robots must not be told what a simulator that is started again would not know."""
         new_file = self._file.with_suffix(".new")
-        new_file.write_bytes(msgspec.json.encode(positions))
-        new_file.replace(self._file)
+        try:
+            new_file.write_bytes(msgspec.json.encode(positions))
+            new_file.replace(self._file)
+        except OSError as error:
+            raise SimulationError(
+                f"{self._file}: the places of robots in traffic cannot be kept: {error.strerror or error}; make room on the disk, "
+                "and start the simulator again"
+            ) from None
 
 
 _POSITIONS: msgspec.json.Decoder[dict[str, tuple[Position, ...]]] = msgspec.json.Decoder(dict[str, tuple[Position, ...]])
