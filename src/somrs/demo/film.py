@@ -11,9 +11,10 @@ if TYPE_CHECKING:
     from PIL import Image
 
 WIDTH = 720
-"""Width of the film, and of the pictures that it is made of, pixels."""
-BAND = 0.23, 0.77
-"""The part of a picture's height that shows the building."""
+"""Width of pictures for a film, pixels."""
+View = tuple[float, float, float, float]
+BUILDING: View = (0.0, 0.23, 1.0, 0.77)
+"""The part of a picture that shows the building: left, top, right and bottom, as shares of its width and height."""
 ROW, MARGIN, STATE_COLUMN = 20, 12, 210
 """Height of a line of text, distance of texts from the edge, and where the states begin, pixels."""
 FRAME_TIME, CAPTION_TIME, LAST_TIME = 60, 1500, 3000
@@ -27,11 +28,12 @@ _INK, _ALERT, _FAINT, _PAPER = "#1c2733", "#b3261e", "#52616f", "#ffffff"
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """A frame. `pictures`: PNGs of the storeys by their names, the highest first; `caption`: what has just happened; `rows`: the
-    tasks and the state of each, the same number in all frames."""
+    tasks and the state of each, or other pairs of texts, the same number in all frames; `view`: the part of the pictures that is shown."""
 
     pictures: dict[str, bytes]
     caption: str
     rows: tuple[tuple[str, str], ...]
+    view: View = BUILDING
 
 
 @dataclass(slots=True)
@@ -64,9 +66,9 @@ def draw(frame: Frame) -> Image.Image:
     """The frame as an image."""
     from PIL import Image, ImageDraw, ImageFont
 
-    storeys = [_storey(png) for png in frame.pictures.values()]
-    top = sum(storey.height for storey in storeys)
-    image = Image.new("RGB", (WIDTH, top + (len(frame.rows) + 1) * ROW + 2 * MARGIN), _PAPER)
+    storeys = [_part(png, frame.view) for png in frame.pictures.values()]
+    width, height = max(storey.width for storey in storeys), sum(storey.height for storey in storeys)
+    image = Image.new("RGB", (width, height + (len(frame.rows) + 1) * ROW + 2 * MARGIN), _PAPER)
     ink, font, bold = ImageDraw.Draw(image), ImageFont.load_default(size=13), ImageFont.load_default(size=15)
     y = 0
     for name, storey in zip(frame.pictures, storeys, strict=True):
@@ -80,9 +82,12 @@ def draw(frame: Frame) -> Image.Image:
     return image
 
 
-def _storey(png: bytes) -> Image.Image:
-    """The part of a picture that shows the building."""
+def _part(png: bytes, view: View) -> Image.Image:
+    """The part of a picture that is shown."""
     from PIL import Image
 
     picture = Image.open(io.BytesIO(png)).convert("RGB")
-    return picture.crop((0, round(BAND[0] * picture.height), picture.width, round(BAND[1] * picture.height)))
+    left, top, right, bottom = view
+    return picture.crop(
+        (round(left * picture.width), round(top * picture.height), round(right * picture.width), round(bottom * picture.height))
+    )

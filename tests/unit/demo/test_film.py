@@ -38,6 +38,17 @@ def test_a_frame_has_the_storeys_one_above_the_other_and_text_below() -> None:
     assert texts[0] < 100, "there is ink on paper"
 
 
+def test_a_frame_shows_the_part_of_a_picture_that_is_to_be_seen() -> None:
+    picture = Image.new("RGB", (400, 300), "red")
+    picture.paste("blue", (200, 0, 400, 300))
+    buffer = io.BytesIO()
+    picture.save(buffer, format="PNG")
+    image = draw(Frame(pictures={"": buffer.getvalue()}, caption="", rows=(("Failed", "from Robot1"),), view=(0.5, 0.0, 1.0, 0.5)))
+    assert image.width == 200
+    red, _, blue = middle(image, 0.2)
+    assert blue > red
+
+
 def test_a_film_has_each_frame_once_and_shows_new_captions_longer(tmp_path: Path) -> None:
     film = Film()
     for picture in (
