@@ -194,7 +194,7 @@ def test_door_is_cut_out_of_the_wall_it_is_in() -> None:
     site = import_text(SMALL)
     south = sorted((box(site, wall) for wall in objects(site, "Wall").values() if spot(wall)[1] == 0), key=lambda wall: wall.x)
     assert [(round(wall.x - wall.width / 2, 2), round(wall.x + wall.width / 2, 2)) for wall in south] == [(-0.05, 4.05), (4.95, 10.05)]
-    assert site.map.objects["gate"].values["Open"] is True
+    assert site.map.objects["gate"].type == "AutomaticDoor"
 
 
 def test_what_could_not_be_brought_in_as_it_is_is_noted() -> None:

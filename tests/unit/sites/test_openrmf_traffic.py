@@ -169,9 +169,9 @@ def test_doors_have_their_kind_and_swing(site: Site) -> None:
     assert site.map.objects["Door002"].values["DoorKind"] == "Telescope"
 
 
-def test_doors_with_a_drive_stand_open_and_others_are_shut(site: Site) -> None:
+def test_doors_with_a_drive_open_by_themselves_and_all_are_shut(site: Site) -> None:
     doors = {name: (site.map.objects[name].type, site.map.objects[name].values["Open"]) for name in ("gate", "hatch", "Door002")}
-    assert doors == {"gate": ("PoweredDoor", True), "hatch": ("PoweredDoor", True), "Door002": ("Door", False)}
+    assert doors == {"gate": ("AutomaticDoor", False), "hatch": ("AutomaticDoor", False), "Door002": ("Door", False)}
 
 
 def test_lift_has_its_cabin_storeys_and_doors(site: Site) -> None:

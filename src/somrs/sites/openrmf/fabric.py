@@ -67,8 +67,8 @@ def _add_door(draft: Draft, level: Level, index: int, start: Point, end: Point, 
     stated_name = text_of(parameters, "name")
     name = identifier(stated_name if stated_name not in ("", "null") else f"Door{index + 1:03}")  # the editor's default is "null"
     has_drive = (text_of(parameters, "plugin") or "normal") != "none"  # "normal" is the editor's default
-    values: dict[str, Value] = {"Open": has_drive}
-    type_name = "PoweredDoor" if has_drive else "Door"
+    values: dict[str, Value] = {"Open": False}
+    type_name = "AutomaticDoor" if has_drive else "Door"
     kind = _DOOR_KINDS.get(text_of(parameters, "type"))
     if kind is not None:
         values["DoorKind"] = kind
