@@ -19,11 +19,8 @@ from somrs.planner.model.plan import Step
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.task_views import WorkView
-from somrs.task_manager.execution.member import Member
+from somrs.task_manager.execution.member import INTERRUPTED, Member
 from somrs.task_manager.execution.workflow import StepRun
-
-INTERRUPTED = (State.FAILED, State.STOPPED, State.UNREACHABLE)
-"""The states of work that was begun and not completed."""
 
 
 class Work(Struct, kw_only=True, eq=False):

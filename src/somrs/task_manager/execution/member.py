@@ -10,6 +10,9 @@ from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.execution.bids import Bid
 
+INTERRUPTED = (State.FAILED, State.STOPPED, State.UNREACHABLE)
+"""The states of work that was begun and not completed."""
+
 
 class Member(Struct, kw_only=True, eq=False):
     """A participant. `step` is the key of the step that it is asked for, `label` the name of that step for people."""

@@ -18,7 +18,7 @@ from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.device_queue import AtWork
-from somrs.task_manager.execution.member import Member
+from somrs.task_manager.execution.member import INTERRUPTED, Member
 from somrs.task_manager.timers import OverdueDue, SilenceDue
 
 SILENCE = 20.0
@@ -52,6 +52,11 @@ class Members(Struct, kw_only=True):
 
     def find_member(self, id: str | None) -> Member | None:
         return self.by_id.get(id or "")
+
+    def is_interrupted(self, id: str | None) -> bool:
+        """Whether the participant takes part, and was interrupted at work that it can undo."""
+        member = self.find_member(id)
+        return member is not None and member.state in INTERRUPTED and member.lost_version is None
 
     def find_known_member(self, id: str | None) -> Member | None:
         """The participant with this id, or the former participant of an ended task."""

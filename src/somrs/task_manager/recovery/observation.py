@@ -4,7 +4,7 @@ to recognise the situation). If no service can observe an object, the map marks 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 
 from msgspec import Struct, field, structs
 
@@ -26,6 +26,7 @@ from somrs.task_manager.context import TaskManagerContext, known_to_hold
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.participants import Members
 from somrs.task_manager.execution.reports import Report, ReportResult, Reports, UnobservedSubject
+from somrs.task_manager.execution.workflow import StepRun
 from somrs.task_manager.requests import ForLook
 
 
@@ -155,6 +156,17 @@ class Observation:
             self._reports.waiting.insert(1, report)
         if work.state is State.UNREACHABLE and member is not None:
             member.lost_version = self._context.replica.version  # a late report of its own is valid from here on
+
+    def completed(self, look: Look, labels: Container[str], runs: Iterable[StepRun], now: float) -> None:
+        """Record the result of an observation, which is on the map: that of the steps with these labels. The lost step, which is one of the
+        runs, continues from the observed situation."""
+        observed_situation = next((work.situation for work in reversed(self._log.works) if work.label in labels), None)
+        lost_work = self._log.work_by_number(look.work)
+        lost_work.situation = observed_situation or lost_work.situation
+        self._log_event(events.LookFound(situation=observed_situation), now, lost_work)
+        for run in runs:
+            if run.key == lost_work.key and run.failure is not None and observed_situation is not None:
+                run.reported = parse(observed_situation)
 
     def _was_seen_too_early(self, object: str, work: Work) -> bool:
         """Whether the object was seen where it was before the work, which may not have been over by then."""

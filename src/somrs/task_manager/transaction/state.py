@@ -195,6 +195,12 @@ class TaskState(Struct, kw_only=True, eq=False):
         yield from self.side_goals
 
     @property
+    def has_invariants(self) -> bool:
+        """Whether something has to hold while services of the task work, by their types or their terms."""
+        by_type = any(service_type.invariant is not None for service_type in self.services.types.values())
+        return by_type or any(member.session.invariant is not None for member in self.members.working)
+
+    @property
     def phase(self) -> Phase:
         """The current phase of the task."""
         if self.outcome is not None:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from collections.abc import Set as AbstractSet
 
-from somrs.entish.parse import parse
 from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.services import Occasion
 from somrs.planner.model.plan import Plan
@@ -22,7 +21,7 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.previews import Previewed
 from somrs.task_manager.context import TaskManagerContext
-from somrs.task_manager.execution.execution_log import INTERRUPTED, Work
+from somrs.task_manager.execution.execution_log import Work
 from somrs.task_manager.execution.reports import ReportResult, UnobservedSubject, settlement
 from somrs.task_manager.recovery.compensation import Compensation, RestorationGoal, Undoing
 from somrs.task_manager.recovery.handlers import fitting_handlers
@@ -154,15 +153,9 @@ class Transaction:
 
     def map_changed(self, now: float) -> Effects:
         """Handle a change of the map: services whose invariant it breaks are stopped."""
-        if self.state.ending is None and self._has_invariants:
+        if self.state.ending is None and self.state.has_invariants:
             for execution in self.state.executions:
                 yield from StepExecutor(execution, self._scope).stop_where_broken(now)
-
-    @property
-    def _has_invariants(self) -> bool:
-        """Whether something has to hold while services of the task work, by their types or their terms."""
-        by_type = any(service_type.invariant is not None for service_type in self.state.services.types.values())
-        return by_type or any(member.session.invariant is not None for member in self.state.members.working)
 
     def objects_changed(self, objects: AbstractSet[str], now: float) -> Effects:
         """Handle a change of the map: a task that waits for a device which changed tries again."""
@@ -258,8 +251,9 @@ class Transaction:
             yield from self._ending.conclude(Outcome.ACCOMPLISHED, now)
             return
         state.side_goals.remove(execution)
-        if execution.kind is GoalKind.LOOK:
-            self._look_completed(execution, now)
+        if execution.look is not None:
+            runs = (run for other_execution in state.executions for run in other_execution)
+            self._observation.completed(execution.look, {run.label for run in execution}, runs, now)
         elif execution.kind is GoalKind.UNDO and state.undoing is not None:
             self._compensation(state.undoing).goal_reached(now)
         yield from self.proceed(now)
@@ -302,7 +296,7 @@ class Transaction:
     ) -> EffectsReturning[bool]:
         """Have failed services compensate, so that there may be a plan again (FRP, third recovery step). Returns whether any can."""
         state = self.state
-        works = [work for work in state.log.interrupted() if self._can_undo(work)]
+        works = [work for work in state.log.interrupted() if state.members.is_interrupted(work.participant)]
         if execution is not state.goal or state.ending is not None or state.undoing is not None or not works:
             return False
         if state.goal.workflow is not None and state.goal.workflow.busy:
@@ -312,10 +306,6 @@ class Transaction:
         state.undoing = Undoing.from_works(works, by_other_services=False)
         yield from self.proceed(now)
         return True
-
-    def _can_undo(self, work: Work) -> bool:
-        member = self.state.members.find_member(work.participant)
-        return member is not None and member.state in INTERRUPTED and member.lost_version is None
 
     def _pursue(self, goal: str, kind: GoalKind, work: Work, now: float, plan: Plan | None = None, look: Look | None = None) -> Effects:
         state = self.state
@@ -350,20 +340,6 @@ class Transaction:
             return
         work = self.state.log.work_by_number(look_plan.look.work)
         yield from self._pursue(str(look_plan.plan.steps[0].effect), GoalKind.LOOK, work, now, look_plan.plan, look_plan.look)
-
-    def _look_completed(self, execution: GoalExecution, now: float) -> None:
-        """Record the result of an observation, which is on the map. The lost step continues from the observed situation."""
-        assert execution.look is not None, "an observation has an object"
-        state = self.state
-        labels = {run.label for run in execution}
-        observed_situation = next((work.situation for work in reversed(state.log.works) if work.label in labels), None)
-        lost = state.log.work_by_number(execution.look.work)
-        lost.situation = observed_situation or lost.situation
-        self._scope.log_event(events.LookFound(situation=observed_situation), now, lost)
-        for other_execution in state.executions:
-            for run in other_execution:
-                if run.key == lost.key and run.failure is not None and observed_situation is not None:
-                    run.reported = parse(observed_situation)
 
     # Ending
 
