@@ -20,6 +20,7 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 
 from start import cpu, descendants, memory
 
@@ -109,6 +110,10 @@ class Run:
     cpu: dict[str, float] = field(default_factory=dict)
     memory: float = 0.0
     explanations: Counter[str] = field(default_factory=Counter)
+    until_begun: list[float] = field(default_factory=list)
+    """The seconds from submission until a robot begins, of each delivery."""
+    at_work: list[float] = field(default_factory=list)
+    """The seconds from then on."""
 
 
 class Deliveries:
@@ -153,6 +158,10 @@ async def play(robots: int, addresses: Addresses, *, steady: bool) -> Run:
         run.ended, run.wall = (await operator.clock()).time, time.monotonic() - started_at
         watch.cancel()
         await asyncio.wait([watch])
+        for view in await client.tasks():
+            for work in view.work[:1] if view.outcome is Outcome.ACCOMPLISHED else ():
+                run.until_begun.append(work.began - view.submitted_at)
+                run.at_work.append((view.ended_at or 0.0) - work.began)
     run.accomplished = run.outcomes[Outcome.ACCOMPLISHED]
     return run
 
@@ -216,6 +225,9 @@ async def measure(robots: int, *, steady: bool) -> None:
     )
     dearest = sorted(run.cpu.items(), key=lambda entry: -entry[1])[:6]
     print("       CPU: " + ", ".join(f"{program} {seconds:.0f} s" for program, seconds in dearest))
+    if run.at_work:
+        medians = median(run.until_begun), median(run.at_work)
+        print(f"       a delivery, median: {medians[0]:.1f} s until a robot begins, {medians[1]:.1f} s from then on")
     for text, count in run.explanations.most_common(6):
         print(f"       {count} times: {text[:300]}")
 

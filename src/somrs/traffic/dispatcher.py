@@ -40,6 +40,8 @@ RENEWAL = 2.0
 EFFORT = 1_000
 """The steps that a search for ways takes at most. They double with each plan that moves nobody, up to `MOST_EFFORT`."""
 MOST_EFFORT = 16_000
+CROWD = 20
+"""Of so many robots; more robots get as many steps fewer, as each step takes longer: meanwhile, traffic stands still."""
 
 
 class Dispatcher:
@@ -170,7 +172,7 @@ class Dispatcher:
         searches = now > state.searched_at + STALL and any(self._is_stalled(name, record, now) for name, record in state.robots.items())
         if searches:
             state.searched_at = now
-        effort = min(EFFORT * 2**state.failures, MOST_EFFORT)
+        effort = min(EFFORT * 2**state.failures, MOST_EFFORT) * CROWD // max(CROWD, len(robots))
         problem = PlanTraffic(
             serial=state.serial,
             robots=robots,

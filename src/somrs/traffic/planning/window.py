@@ -64,7 +64,8 @@ class WindowPlanner:
         nobody nearer.
         """
         course = self._step_by_step(robots, steps)
-        if not searches and self._brings_nearer(course, robots):
+        is_useful = self._brings_nearer(course, robots)
+        if is_useful and not searches:
             return Course(steps=course)
         if effort == 0:
             return Course(steps=course[:1])
@@ -85,7 +86,9 @@ class WindowPlanner:
                 return Course(steps=ways, whole=True)
         open_aims = [aim for number, aim in aims.items() if number not in stuck]
         ways = self._on_detours(places, open_aims, effort // DETOUR, staying)
-        return Course(steps=ways, whole=True) if ways is not None else Course(steps=course[:1], stuck=tuple(stuck))
+        if ways is not None:
+            return Course(steps=ways, whole=True)
+        return Course(steps=course if is_useful else course[:1], stuck=tuple(stuck))
 
     def _is_stuck(self, places: Configuration, aim: Goals, effort: int, robots: Sequence[Traveller]) -> bool:
         """Whether there is no room even when all busy robots have come free, of a robot for which there are no ways now. Raises
