@@ -7,20 +7,9 @@ import pytest
 from somrs.devices.simulator.link.commands import Close, CommandDone, CommandGivenUp, DriveTo, Fault, Open
 from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.world.kinds import WorldKind
-from somrs.ontology.objects import Map, Object
-from somrs.ontology.types import Value
 from somrs.space.doorways import DOOR_ROOM
-from tests.support.simulator_room import Run, Start, box, robot, shell, thing
-
-DOOR = "Door1"
-
-
-def two_rooms(*starts: Start, type: str = "AutomaticDoor", extra: tuple[Object, ...] = (), **values: Value) -> Map:
-    """Two rooms with a door between them."""
-    walls = [box("WallA", "Wall", (4, 1.1, 0), (0.1, 2.2, 2.5)), box("WallB", "Wall", (4, 4.8, 0), (0.1, 2.4, 2.5))]
-    door = box(DOOR, type, (4, 2.9, 0), (0.1, 1.4, 2.1), **values)
-    robots = [robot(f"Robot{number}", start) for number, start in enumerate(starts, start=1)]
-    return Map([*shell(), *walls, door, *robots, *extra])
+from tests.support.rooms_with_door import DOOR, two_rooms
+from tests.support.simulator_room import Run, box, thing
 
 
 def is_open(run: Run) -> bool:

@@ -34,6 +34,7 @@ from somrs.storage.journal import Journal
 from somrs.traffic.component import SCHEMA
 from tests.support.foreign_robot import ForeignRobot
 from tests.support.hang import HANG_TIME
+from tests.support.rooms_with_door import two_rooms
 from tests.support.simulated_tower import CABIN, HEIGHT, storey, tower
 from tests.support.simulator_room import ONTOLOGY, box, robot, thing
 
@@ -162,6 +163,31 @@ def test_a_foreign_robot_and_a_simulated_one_pass_each_other_in_a_corridor(tmp_p
         foreigner.close()
 
     play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), tmp_path, work)
+
+
+def test_an_automatic_door_is_open_while_a_foreign_robot_is_to_drive_through_it_or_is_in_it(tmp_path: Path) -> None:
+    def work(building: Building) -> None:
+        def is_open() -> bool:
+            seen: list[bool] = []
+            building.call(lambda simulation: seen.append(simulation.observe("Door1").open is True))
+            return seen[0]
+
+        foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
+        foreigner.read_roadmap()
+        foreigner.enter(foreigner.nearest(2.9, 2.9), LONG_LEASE)
+        assert not is_open()
+        foreigner.request("through", foreigner.nearest(6.5, 2.9))
+        foreigner.wait_until(is_open)
+        foreigner.drive_until(lambda: "through" in foreigner.ended)
+        assert foreigner.ended["through"] == ("arrived", [])
+        foreigner.wait_until(lambda: not is_open())
+        foreigner.enter(foreigner.nearest(4.0, 2.9), LONG_LEASE)
+        foreigner.wait_until(is_open)
+        foreigner.service.LeaveTraffic(Robot="Foreigner")
+        foreigner.wait_until(lambda: not is_open())
+        foreigner.close()
+
+    play(two_rooms((1.0, 5.0, 0.0)), tmp_path, work)
 
 
 def test_a_silent_foreign_robot_keeps_its_place_until_it_is_taken_out(tmp_path: Path) -> None:

@@ -99,6 +99,7 @@ class SimulatedTraffic:
         self.office.receive(message, self._scene.time)
         self.changed |= (foreign, astray) != (self.office.foreign, {*self.office.component.state.astray})
         self._rides.advance(self.office.component, self.office.foreign)
+        self._doors.advance(self.office.component)  # the simulation rests until a door has to move
 
     def fixed_foreigners(self) -> Iterator[tuple[float, Disc]]:
         """Where robots that are not simulated stand, or may be, which cannot move, are silent, or have not entered anew; with the heights
