@@ -5,11 +5,12 @@ from __future__ import annotations
 from array import array
 from collections import defaultdict
 from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import zip_longest
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -26,8 +27,7 @@ Lane = tuple[int, int]
 """The places at which a lane begins and ends."""
 
 
-@dataclass(frozen=True, slots=True)
-class PrivatePlace:
+class PrivatePlace(Struct, frozen=True):
     """A place that only its owner enters, such as the point beside a table at which a robot works.
 
     `lanes`: the places from which a lane leads there, and back, with their lengths. `exclusions`: see `Graph`.
