@@ -6,7 +6,8 @@ after the other; where it brings nobody nearer to a goal, a search (LaCAM) looks
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from somrs.traffic.planning.exhaustive import search_all
@@ -18,6 +19,8 @@ EFFORT = 2_000
 """The most steps of PIBT that a search for ways takes, unless said otherwise."""
 ALL = 30
 """The configurations that a search among all of them looks at, for each step of PIBT that it takes the place of."""
+ASIDE = 200
+"""The most places among which a robot looks for one at which it is in nobody's way."""
 DETOUR = 200
 """The most steps of PIBT that a search for ways on a detour takes: many brief ones find more than a long one."""
 
@@ -134,7 +137,7 @@ class WindowPlanner:
         return sorted(range(len(robots)), key=lambda number: -robots[number].waiting)
 
     def _step_by_step(self, robots: Sequence[Traveller], steps: int) -> list[Configuration]:
-        targets = [robot.goal if robot.goal is not None else robot.place for robot in robots]
+        targets = self._targets(robots)
         estimates = [self.graph.distances(target) for target in targets]
         staying = _staying(robots)
         waiting, course = [robot.waiting for robot in robots], [tuple(robot.place for robot in robots)]
@@ -146,6 +149,37 @@ class WindowPlanner:
             course.append(following)
             waiting = [waited + 1 if there != target else 0.0 for waited, there, target in zip(waiting, following, targets, strict=True)]
         return course
+
+    def _targets(self, robots: Sequence[Traveller]) -> list[int]:
+        """Where the robots want to: to their goals. Who has none stays, or makes room in time if it is where another one wants to: in the
+        step in which that one comes, there may be no place to which it could go."""
+        wanted = {place for robot in robots if robot.goal not in (None, robot.place) for place in self._taken(robot.goal)}
+        targets = [robot.goal if robot.goal is not None else robot.place for robot in robots]
+        taken = {place for target in targets for place in self._taken(target)} | {robot.place for robot in robots}
+        for number, robot in enumerate(robots):
+            if robot.goal is None and robot.movable and robot.place in wanted:
+                aside = self._nearest(number, robot.place, wanted | taken)
+                targets[number] = aside if aside is not None else robot.place
+                taken.update(self._taken(targets[number]))
+        return targets
+
+    def _taken(self, place: int | None) -> Iterator[int]:
+        """The places at which no other robot can be while one is at this place."""
+        if place is not None:
+            yield place
+            yield from self.graph.exclusions[place]
+
+    def _nearest(self, robot: int, start: int, avoided: Collection[int]) -> int | None:
+        """The nearest place by the number of lanes that is for all robots, and not avoided; None if none is near."""
+        known, waiting = {start}, deque([start])
+        while waiting and len(known) < ASIDE:
+            for place in self.graph.options(waiting.popleft(), robot):
+                if place < self.graph.public_size and place not in avoided:
+                    return place
+                if place not in known:
+                    known.add(place)
+                    waiting.append(place)
+        return None
 
     def _brings_nearer(self, course: list[Configuration], robots: Sequence[Traveller]) -> bool:
         """Whether some robot comes nearer to its goal than it has been, or none has a way to go."""

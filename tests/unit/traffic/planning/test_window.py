@@ -8,7 +8,7 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.traffic.planning.graph import FAR, Graph
+from somrs.traffic.planning.graph import FAR, Graph, PrivatePlace
 from somrs.traffic.planning.pibt import Configuration, Goals
 from somrs.traffic.planning.window import Traveller, WindowPlanner
 from tests.support.examples import examples
@@ -66,3 +66,21 @@ def test_a_robot_that_stands_in_a_dead_end_is_passed_by() -> None:
     graph, at = grid("A.B.", "##C#")
     course = WindowPlanner(graph, Random(0).shuffle).plan(travellers((at["A"], at["C"]), (at["B"], None)), 4).steps
     assert course[-1] == (at["B"], at["C"])
+
+
+def test_who_stands_where_another_wants_to_makes_room_while_others_are_under_way() -> None:
+    """Two berths beside a place: from the one, a robot has to be out before another can come into the other. The others move all the time,
+    so that nothing is searched for."""
+    public, at = grid("ABCDEFGH", "........")
+    beside = tuple((at[name], 1.0) for name in "BC")
+    graph = public.with_private([PrivatePlace(0, beside, (at["B"], public.size + 1)), PrivatePlace(1, beside, (at["B"], public.size))])
+    parked, wanted = public.size, public.size + 1
+    places: Configuration = parked, at["C"], at["H"]
+    planner, oncoming = WindowPlanner(graph, Random(0).shuffle), at["G"]
+    for _ in range(20):
+        goals: Goals = [None, wanted, oncoming]
+        places = planner.plan(travellers(places, goals), 4, effort=0).steps[-1]
+        oncoming = at["H"] if places[2] == at["G"] else at["G"]
+        if places[1] == wanted:
+            return
+    raise AssertionError(f"it never came there: {places}")
