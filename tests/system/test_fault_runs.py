@@ -69,6 +69,12 @@ def test_whatever_goes_wrong_the_properties_hold(many_runs: Result) -> None:
     assert many_runs.runs == 150
 
 
+def test_work_is_not_undone_over_what_another_task_has_changed_while_this_one_waited() -> None:
+    """A robot was interrupted with a jar, and its task waited. Meanwhile, another task brought the jar to another table, and there the first
+    one takes it again, and fails: it belongs back on that table."""
+    assert not run(8_003_943).failed
+
+
 @pytest.mark.long
 def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many_runs: Result) -> None:
     assert sum(many_runs.troubled.values()) > 150

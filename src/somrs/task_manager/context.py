@@ -85,6 +85,7 @@ class TaskManagerContext:
         touched: dict[str, None],
         commitments: Callable[[], Commitments],
         still_at_work: Callable[[AtWork], bool],
+        overtake: Callable[[str, tuple[str, ...]], None],
     ) -> None:
         self.address = requests.address
         self.replica, self.requests, self.reservations, self.queues, self.quotes = replica, requests, reservations, queues, quotes
@@ -95,6 +96,8 @@ class TaskManagerContext:
         """The intervals in which providers are committed to this Task Manager, in any transaction."""
         self.still_at_work = still_at_work
         """Whether a participant's device still carries out its last order."""
+        self.overtake = overtake
+        """Tells all other tasks that a task has changed objects."""
         self.plans_to_quote: list[PlanToQuote] = []
         """The plans to quote, until the Task Manager begins with them in the same step."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from msgspec import Struct, field
 
@@ -56,6 +56,8 @@ class Work(Struct, kw_only=True, eq=False):
     """The kind of goal that the work serves. Work that compensates is not compensated itself."""
     superseded: bool = field(default=False, name="taken_over")
     """It was interrupted, and other work on the same objects replaced it. Compensating that work restores the situation before both."""
+    overtaken: bool = False
+    """Other tasks have changed its objects since, while this one waited: what it left is not there any more, and is not undone."""
     supersedes: int | None = field(default=None, name="took_over")
     """The number of the interrupted work that it replaced."""
 
@@ -152,9 +154,16 @@ class ExecutionLog(Struct, kw_only=True):
     def _supersede_interrupted(self, work: Work) -> None:
         for earlier in reversed(self.works):
             if earlier.concerned == work.concerned and earlier.prior_situation is not None:
-                if earlier.state in INTERRUPTED and GoalKind.UNDO not in (earlier.goal, work.goal):
+                if earlier.state in INTERRUPTED and not earlier.overtaken and GoalKind.UNDO not in (earlier.goal, work.goal):
                     work.prior_situation, earlier.superseded, work.supersedes = earlier.prior_situation, True, earlier.number
                 return
+
+    def overtake(self, objects: Iterable[str]) -> None:
+        """Record that another task has changed these objects."""
+        changed_objects = set(objects)
+        for work in self.works:
+            if work.state in (State.COMPLETED, *INTERRUPTED) and not changed_objects.isdisjoint(work.concerned):
+                work.overtaken = True
 
     def drop(self, work: Work) -> None:
         """Remove work that did not begin."""
@@ -176,6 +185,7 @@ class ExecutionLog(Struct, kw_only=True):
             if work.prior_situation is not None
             and work.goal is not GoalKind.UNDO
             and not work.superseded
+            and not work.overtaken
             and work.state in (State.COMPLETED, *INTERRUPTED)
         ]
 

@@ -188,6 +188,8 @@ class ParticipantEvents:
                 work.state = member.state
             work.situation = situation or work.situation
             work.note = trouble or work.note
+            if work.state is State.COMPLETED and work.service_type.kind is ServiceKind.PHYSICAL:
+                self._scope.context.overtake(self._state.id, work.concerned)
         for goal_execution in self._state.executions:
             yield from self._executor(goal_execution).invalidate_plan(f"{member.offer.service} reported during planning")
         if situation is None:

@@ -53,6 +53,7 @@ def context() -> TaskManagerContext:
         touched={},
         commitments=dict,
         still_at_work=lambda work: True,
+        overtake=lambda task, objects: None,
     )
 
 

@@ -55,6 +55,7 @@ class TransactionHarness:
             touched=self.touched,
             commitments=dict,
             still_at_work=lambda work: True,
+            overtake=lambda task, objects: None,
         )
         self.participants = Participants("task1", self.members, context, self._log_event, self._log_message)
         self._message_count = 0
