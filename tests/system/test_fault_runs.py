@@ -70,8 +70,8 @@ def test_whatever_goes_wrong_the_properties_hold(many_runs: Result) -> None:
 
 
 def test_work_is_not_undone_over_what_another_task_has_changed_while_this_one_waited() -> None:
-    """A robot was interrupted with a jar, and its task waited. Meanwhile, another task brought the jar to another table, and there the first
-    one takes it again, and fails: it belongs back on that table."""
+    """A robot was interrupted with a jar, and its task waited. Meanwhile, another task brought the jar elsewhere, and there the first one
+    takes it again, and fails: it belongs back there."""
     assert not run(8_003_943).failed
 
 
