@@ -137,9 +137,9 @@ def test_an_attribute_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> Non
 
 
 def test_a_relation_is_renamed_with_its_facts(keeper: Keeper) -> None:
-    keeper.ask(renaming(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
-    assert "?Tin standsAt ?Bench" in (keeper.contents.ontology.services["Refill"].precondition or "")
-    assert [*keeper.contents.map.facts("standsAt")] == [Fact("standsAt", ("Tin1", "Bench1"))]
+    keeper.ask(renaming(Section.RELATIONS, "belongsTo", "isLentTo"), Defined)
+    assert "?Tin isLentTo ?Bench" in (keeper.contents.ontology.services["Refill"].precondition or "")
+    assert [*keeper.contents.map.facts("isLentTo")] == [Fact("isLentTo", ("Tin1", "Bench1"))]
     assert [*keeper.contents.map.facts("belongsTo")] == []
 
 
@@ -154,7 +154,7 @@ def test_functions_and_services_are_renamed(keeper: Keeper) -> None:
 def test_what_a_formula_says_besides_is_left_as_it_was_written(keeper: Keeper) -> None:
     formula_before = keeper.contents.ontology.types["Tin"].constraints[1].formula
     keeper.ask(renaming(Section.ATTRIBUTES, "Color", "Colour"), Rejected)
-    keeper.ask(renaming(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
+    keeper.ask(renaming(Section.RELATIONS, "belongsTo", "isLentTo"), Defined)
     assert keeper.contents.ontology.types["Tin"].constraints[1].formula == formula_before
 
 
@@ -368,7 +368,7 @@ def test_the_history_of_the_ontology_tells_who_changed_what_from_what(keeper: Ke
     [
         renaming(Section.TYPES, "Tin", "PaintTin"),
         renaming(Section.ATTRIBUTES, "Package", "Packing"),
-        renaming(Section.RELATIONS, "belongsTo", "standsAt"),
+        renaming(Section.RELATIONS, "belongsTo", "isLentTo"),
         renaming(Section.FUNCTIONS, "way", "distanceOf"),
         remove(Section.SERVICES, "Refill", "RefillQuickly"),
         types(ObjectType(name="Vice", parent="Tin"), ObjectType(name="Drill", parent="Furniture")),
