@@ -85,7 +85,7 @@ class TaskManagerContext:
         touched: dict[str, None],
         commitments: Callable[[], Commitments],
         still_at_work: Callable[[AtWork], bool],
-        overtake: Callable[[str, tuple[str, ...]], None],
+        overtake: Callable[[str, Iterable[str]], None],
     ) -> None:
         self.address = requests.address
         self.replica, self.requests, self.reservations, self.queues, self.quotes = replica, requests, reservations, queues, quotes

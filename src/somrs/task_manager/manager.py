@@ -97,7 +97,7 @@ class TaskManager:
             touched=state.touched,
             commitments=self._commitments,
             still_at_work=self._still_at_work,
-            overtake=self._overtake,
+            overtake=state.overtake,
         )
         self._subscriptions = TaskSubscriptions(state.subscriptions, state.tasks)
         self._queries = TaskQueries(state)
@@ -360,11 +360,6 @@ class TaskManager:
     def _still_at_work(self, work: AtWork) -> bool:
         task: TaskState | None = self.state.tasks.get(work.transaction)
         return task is not None and task.members.at_work(work.participant)
-
-    def _overtake(self, task: str, objects: tuple[str, ...]) -> None:
-        for id in self.state.running:
-            if id != task:
-                self.state.tasks[id].log.overtake(objects)
 
     # Replies
 

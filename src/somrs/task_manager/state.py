@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from msgspec import Struct, field
 
 from somrs.kernel.replica import Replica
@@ -59,3 +61,9 @@ class TaskManagerState(Struct, kw_only=True):
     @classmethod
     def new(cls, address: str, repository: str, registry: str) -> TaskManagerState:
         return cls(replica=Replica(address, repository), requests=Requests(address=address, repository=repository, registry=registry))
+
+    def overtake(self, task: str, objects: Iterable[str]) -> None:
+        """Tell all other tasks that a task has changed objects."""
+        for id in self.running:
+            if id != task:
+                self.tasks[id].log.overtake(objects)
