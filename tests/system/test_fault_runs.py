@@ -69,10 +69,11 @@ def test_whatever_goes_wrong_the_properties_hold(many_runs: Result) -> None:
     assert many_runs.runs == 150
 
 
-def test_work_is_not_undone_over_what_another_task_has_changed_while_this_one_waited() -> None:
-    """A robot was interrupted with a jar, and its task waited. Meanwhile, another task brought the jar elsewhere, and there the first one
-    takes it again, and fails: it belongs back there."""
-    assert not run(8_003_943).failed
+@pytest.mark.parametrize("seed", [8_003_943, 4_152])
+def test_work_is_not_undone_over_what_another_task_has_changed_while_this_one_waited(seed: int) -> None:
+    """A robot was interrupted with a jar, or had put it down, and its task waited. Meanwhile, another task brought the jar elsewhere, and
+    there the first one takes it again, and fails: it belongs back there."""
+    assert not run(seed).failed
 
 
 @pytest.mark.long

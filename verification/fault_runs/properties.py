@@ -8,6 +8,7 @@ reports to the map), `promises.py` (what tasks and services promise) and `sighti
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from somrs.entish.parse import parse
@@ -224,14 +225,15 @@ class Witness:
 
     def _check_objects(self, task: TaskState, task_view: TaskView) -> None:
         """Check property 4 by the true state: each object that the task's devices moved is where it was before, or reported as stranded.
-        Later moves for other tasks are theirs to report. Doubtful objects are exempt."""
+        Where another task moved it while this one waited, it is where that task has left it. Later moves for other tasks are theirs to
+        report. Doubtful objects are exempt."""
         reality = self._scenario_run.reality
         if any(handler.on == "compensation" for handler in task.task.handlers):
             return  # a compensation handler allows another situation than the one before
         for object in dict.fromkeys(action.object for action in reality.actions if action.task == task.id):
             actions = [action for action in reality.actions if action.object == object]
-            first = next(action for action in actions if action.task == task.id)
-            if object in reality.doubtful or actions[-1].task != task.id or reality.state(object) == first.state_before:
+            own_last_actions = [*takewhile(lambda action: action.task == task.id, reversed(actions))]
+            if object in reality.doubtful or not own_last_actions or reality.state(object) == own_last_actions[-1].state_before:
                 continue
             if any(self._meanwhile(action, task) for action in actions):
                 continue  # other tasks or people moved it as well

@@ -107,6 +107,7 @@ class Work(Struct, kw_only=True, eq=False):
     def in_words(self) -> str:
         """The outcome of the work as a sentence, for the reasons of a task that was not accomplished."""
         action = f"{self.step.service_type} by {self.service}"
+        since = ", which another task has changed since" if self.overtaken else ""
         match self.state:
             case State.COMPENSATED:
                 return f"{action} was undone: {self.prior_situation}"
@@ -114,9 +115,9 @@ class Work(Struct, kw_only=True, eq=False):
                 leftover = f"it left {self.situation}" if self.situation else f"nothing is known of {', '.join(self.concerned)}"
                 return f"{action} could not be undone, and {leftover}"
             case State.COMPLETED:
-                return f"{action} was done: {self.situation}"
+                return f"{action} was done: {self.situation}{since}"
             case _:
-                return f"{action} was interrupted: {self.situation or self.note}"
+                return f"{action} was interrupted: {self.situation or self.note}{since}"
 
 
 class ExecutionLog(Struct, kw_only=True):

@@ -246,3 +246,13 @@ def test_what_became_of_work_in_words(state: State, situation: str | None, words
     work = begin(ExecutionLog())
     work.state, work.situation, work.note = state, situation, "stuck"
     assert work.in_words() == f"TransferObject by Robot1.Work {words}"
+
+
+def test_what_another_task_has_changed_since_is_not_undone_and_told() -> None:
+    log = ExecutionLog()
+    overtaken, of_another_thing, after = ended(log, State.COMPLETED), ended(log, State.COMPLETED, "Jar002 isOn Shelf2"), begin(log)
+    overtaken.situation = MOVED
+    log.overtake(["Jar001"])
+    after.state = State.COMPLETED
+    assert numbers(log.to_undo()) == numbers([after, of_another_thing])
+    assert overtaken.in_words() == "TransferObject by Robot1.Work was done: Jar001 isOn Shelf2, which another task has changed since"
