@@ -132,8 +132,12 @@ class Graph:
         return recall(self._lane_distances, lanes, lambda: self._find_lane_distances(lanes), self._most_goals)
 
     def _find_lane_distances(self, lanes: tuple[tuple[int, float], ...]) -> array[float]:
-        ways = [np.frombuffer(self.distances(start)) + length for start, length in lanes]
-        return array("d", (np.min(ways, axis=0) if ways else np.full(self.size, FAR)).tobytes())
+        """Dijkstra, backwards, from one more place to which these lanes lead."""
+        starts, lengths = [start for start, _ in lanes], [length for _, length in lanes]
+        public = self._backwards
+        numbers = np.append(public.indices, starts), np.append(public.indptr, public.nnz + len(lanes))
+        backwards = csr_array((np.append(public.data, lengths), *numbers), shape=(self.size + 1, self.size + 1))
+        return array("d", dijkstra(backwards, indices=self.size)[:-1])
 
     def way(self, start: int, goal: int, robot: Hashable) -> Iterator[int]:
         """The places after the start on a shortest way of the robot to the goal; none without a way."""
