@@ -3,7 +3,7 @@
 globalThis.location = new URL("http://somrs.test/");
 
 export const server = {
-  answers: {}, // by path without the query: the answer, or a function of { query, body } that returns it
+  answers: {}, // by path without the query: the answer, or a function of { query, body } that returns it, or a promise of it
   asked: [], // the addresses of requests, in order
   sockets: [],
   away: false,
@@ -23,7 +23,7 @@ globalThis.fetch = async (address, options) => {
   if (server.away) throw new TypeError("no answer");
   const url = new URL(address, location.href);
   const found = server.answers[url.pathname];
-  const body = typeof found === "function" ? found({ query: url.searchParams, body: options?.body && JSON.parse(options.body) }) : found;
+  const body = await (typeof found === "function" ? found({ query: url.searchParams, body: options?.body && JSON.parse(options.body) }) : found);
   const status = body === undefined ? 404 : (body.status ?? 200);
   const text = JSON.stringify(body ?? { problem: "There is no such thing." });
   return { ok: status === 200, status, json: async () => JSON.parse(text) };

@@ -66,6 +66,65 @@ test("what stands on what is told at once", async () => {
   assert.deepEqual(calls("placed"), [["Jar1", "isOn", "Table1", true], ["Jar1", "isHeldBy", "Table1", false]]);
 });
 
+// A server that answers in the order in which the test has it answer: functions that answer the requests with what is so then.
+function slowServer() {
+  const answers = [];
+  server.answers["/api/scene"] = ({ query }) => new Promise((done) => answers.push((content) => done({ names: query.get("names"), content })));
+  return answers;
+}
+
+test("of two readings, none is shown after a newer one", async () => {
+  await begun();
+  const answers = slowServer();
+  news([{ type: "ValueSet", object: "Table1", path: "PositionX" }]);
+  await clock.pass(200);
+  news([{ type: "ValueSet", object: "Table1", path: "PositionX" }]);
+  await clock.pass(200);
+  assert.equal(answers.length, 1); // the second one begins when the first one is there
+  answers[0]("old");
+  await clock.pass(50);
+  answers[1]("new");
+  await clock.pass(50);
+  assert.deepEqual(calls("changed").map(([found, names]) => [found.content, names]), [["old", ["Table1"]], ["new", ["Table1"]]]);
+});
+
+test("a change is shown although the whole scene is read meanwhile", async () => {
+  const answers = slowServer();
+  await begun();
+  news([{ type: "ValueSet", object: "Table1", path: "PositionX" }]);
+  await clock.pass(500);
+  answers[0]("before the change");
+  await clock.pass(50);
+  answers[1]("after the change");
+  await clock.pass(50);
+  const shown = told.filter(([call]) => ["scene", "changed"].includes(call)).map(([call, found]) => [call, found.content]);
+  assert.deepEqual(shown, [["scene", "before the change"], ["changed", "after the change"]]);
+});
+
+test("what is told while the scene is read is not undone by it", async () => {
+  const answers = slowServer();
+  await begun();
+  news([{ type: "FactAdded", fact: { relation: "isOn", arguments: ["Jar1", "Table1"] } }]);
+  await clock.pass(50);
+  answers[0]("before the fact");
+  await clock.pass(50);
+  assert.deepEqual(told.map(([call]) => call).filter((call) => call !== "trouble"), ["scene", "placed"]);
+});
+
+test("a reading whose connection is lost does not hold up the next one, and is not shown", async () => {
+  const answers = slowServer();
+  await begun();
+  server.socket("/api/live").close();
+  await clock.pass(400);
+  server.socket("/api/live").open();
+  await clock.pass(50);
+  answers[1]("new");
+  await clock.pass(50);
+  answers[0]("old");
+  await clock.pass(50);
+  assert.deepEqual(calls("scene").map(([found]) => found.content), ["new"]);
+});
+
 test("a lost connection is said, made again, and all is read anew", async () => {
   await begun();
   server.socket("/api/live").close();

@@ -5,6 +5,7 @@ import { follow } from "live";
 
 const PAUSES = [300, 700, 1500, 3000];
 const GATHERING = 150; // ms for which changes are gathered before they are requested
+const MOST_NAMES = 100; // in one request
 const POSITIONS = new Set(["PositionX", "PositionY", "PositionZ", "RotationX", "RotationY", "RotationZ"]);
 const UNSEEN = new Set(["Charge", "Price", "Speed", "Working", "Weight", "Payload", "OperationRange", "Texture"]);
 
@@ -44,8 +45,10 @@ export class Feed {
   constructor(hears, version) {
     this.hears = hears;
     this.version = version;
-    this.wanted = new Set();
-    this.gone = new Set();
+    this.wanted = new Set(); // names of what has changed and is to be read
+    this.all = false; // whether the whole scene is to be read
+    this.reading = null; // the reading under way
+    this.late = []; // facts that are told after it, as it may be older than they are
     this.isMover = () => false;
     this.stopped = false;
     this.table = -1;
@@ -54,7 +57,10 @@ export class Feed {
       return;
     }
     this.leave = follow(["map", "ontology"], {
-      open: () => this.read(),
+      open: () => {
+        this.reading = null; // it may never end: its connection may be lost, too
+        this.read();
+      },
       news: (news) => this.news(news),
       lost: () => this.hears.trouble("The connection to the server is lost. Reconnecting…"),
     });
@@ -83,24 +89,47 @@ export class Feed {
     this.rest();
   }
 
-  async read(names = null) {
+  // Read the whole scene.
+  read() {
+    this.all = true;
+    return this.readOn();
+  }
+
+  // Read what is wanted, one reading after the other: of two at once, the older one could come last, and would be shown.
+  async readOn() {
+    if (this.reading) return;
+    const reading = (this.reading = {});
+    while (this.all || this.wanted.size) {
+      // Too many names for one address: read the whole scene.
+      const names = this.all || this.wanted.size > MOST_NAMES ? null : [...this.wanted];
+      this.all = false;
+      this.wanted.clear();
+      const hear = await this.ask(names);
+      if (this.stopped || reading !== this.reading) return; // the connection was lost meanwhile: everything is read anew
+      hear();
+      for (const fact of this.late.splice(0)) this.hears.placed(...fact);
+    }
+    this.reading = null;
+  }
+
+  // Returns what to do with the answer.
+  async ask(names) {
     const asked = names ? `?names=${encodeURIComponent(names.join(","))}` : this.version !== null ? `?version=${this.version}` : "";
     try {
       const answer = await fetch(`/api/scene${asked}`);
       const found = await answer.json();
-      if (this.stopped) return;
-      if (!answer.ok) {
-        this.hears.trouble(found.problem);
-        return;
-      }
-      this.hears.trouble(null);
-      if (names) this.hears.changed(found, names);
-      else this.hears.scene(found);
+      if (!answer.ok) return () => this.hears.trouble(found.problem);
+      return () => {
+        this.hears.trouble(null);
+        if (names) this.hears.changed(found, names);
+        else this.hears.scene(found);
+      };
     } catch {
-      if (this.stopped) return;
-      this.hears.trouble("The server does not answer. Retrying…");
-      clearTimeout(this.again);
-      this.again = setTimeout(() => this.read(), 2000);
+      return () => {
+        this.hears.trouble("The server does not answer. Retrying…");
+        clearTimeout(this.again);
+        this.again = setTimeout(() => this.read(), 2000);
+      };
     }
   }
 
@@ -113,11 +142,7 @@ export class Feed {
     if (this.wanted.size && !this.timer) {
       this.timer = setTimeout(() => {
         this.timer = null;
-        const names = [...this.wanted];
-        this.wanted.clear();
-        // Too many names for one address: read the whole scene.
-        if (names.length > 100) this.read();
-        else this.read(names);
+        this.readOn();
       }, GATHERING);
     }
   }
@@ -138,7 +163,9 @@ export class Feed {
       case "FactRemoved": {
         const { relation, arguments: about } = change.fact;
         if (["isOn", "isIn", "isHeldBy"].includes(relation)) {
-          this.hears.placed(about[0], relation, about[1], change.type === "FactAdded");
+          const fact = [about[0], relation, about[1], change.type === "FactAdded"];
+          if (this.reading) this.late.push(fact);
+          else this.hears.placed(...fact);
         }
       }
     }
