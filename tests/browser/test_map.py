@@ -651,3 +651,37 @@ def test_a_no_go_zone_is_drawn_on_the_plan_and_removed(system: RunningSystem, wi
     assert (zone["name"], zone["limit"], len(zone["corners"])) == ("WetFloor", None, 4)
     page.get_by_role("button", name="Undo").click()
     expect(pad.locator('[data-name="WetFloor"]')).to_have_count(0)
+
+
+def test_the_corners_of_a_zone_are_dragged_and_moved_by_keys(restored_system: RunningSystem, window: OpenWindow) -> None:
+    api(restored_system, "/zones", {"corners": [[9, 4], [11, 4], [11, 6.5], [9, 6.5]], "name": "WetFloor", "by": "somebody"})
+    page = open_map(window, restored_system)
+    choose(page, "WetFloor")
+    expect(plan(page).locator(".fp-corner")).to_have_count(4)
+    start, scale = corner_position(page, 2), _scale(page)
+    drag(page, start, (start[0] - 0.5 * scale, start[1] + 0.5 * scale))
+    wait_until(page, lambda: corners_of_zone(restored_system) == [[9, 4], [11, 4], [10.5, 6], [9, 6.5]], "the corner is dragged")
+    for key in ("c", "ArrowUp", "ArrowUp"):  # the next corner
+        page.keyboard.press(key)
+    wait_until(page, lambda: corners_of_zone(restored_system) == [[9, 4], [11, 4], [10.5, 6], [9, 6.7]], "the corner is moved by keys")
+    take_screenshot(page, "map-zone-corners")
+    page.set_viewport_size({"width": 390, "height": 844})
+    assert fits(page)
+    take_screenshot(page, "map-zone-corners-390")
+    page.set_viewport_size({"width": 1280, "height": 800})
+    wait_until_still(body(page, "WetFloor"))
+    drag(page, corner_position(page, 3), corner_position(page, 1))
+    expect(page.get_by_text("WetFloor was moved back: the corners of the zone lie on one line")).to_be_visible()
+    assert corners_of_zone(restored_system) == [[9, 4], [11, 4], [10.5, 6], [9, 6.7]]
+
+
+def corner_position(page: Page, index: int) -> tuple[float, float]:
+    box = plan(page).locator(f'[data-corner="{index}"]').bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def corners_of_zone(system: RunningSystem) -> list[list[float]]:
+    (zone,) = api(system, "/zones")["zones"]
+    corners: list[list[float]] = zone["corners"]
+    return corners

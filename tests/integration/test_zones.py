@@ -169,6 +169,7 @@ def test_what_is_no_zone_is_refused_with_the_reason(tmp_path: Path) -> None:
         for drawing, reason in (
             (ZoneDrawing(corners=triangle[:2]), "three or more corners"),
             (ZoneDrawing(corners=((0.0, 0.0), (1.0, 1.0), (2.0, 2.0))), "lie on one line"),
+            (ZoneDrawing(corners=((0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (1.0, 3.0))), "its sides cross"),
             (ZoneDrawing(corners=triangle, limit=0.0), "more than 0 m/s"),
             (ZoneDrawing(corners=triangle, name="Jar001"), "Jar001 is a Jar, and no zone"),
             (ZoneDrawing(corners=triangle, name="NoGoZone"), "NoGoZone is the name of a type"),

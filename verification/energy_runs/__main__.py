@@ -31,7 +31,9 @@ def main() -> int:
     parser.add_argument("--hours", type=float, default=168.0, help="simulated hours of each run; a week by default")
     parser.add_argument("--robots", type=int, default=10)
     parser.add_argument("--chargers", type=int, default=3)
-    parser.add_argument("--spacing", type=float, default=40.0, help="the distance between two platforms, m; a week of short ways is much more work")
+    parser.add_argument(
+        "--spacing", type=float, default=40.0, help="the distance between two platforms, m; a week of short ways is much more work"
+    )
     parser.add_argument("--lowest", type=int, default=25, help="the lowest charge at the beginning, percent")
     parser.add_argument("--highest", type=int, default=95, help="the highest charge at the beginning, percent")
     parser.add_argument("--speed", default="max", help="simulated seconds per second, or `max`")

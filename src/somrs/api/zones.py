@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import count
 
 import msgspec
@@ -62,6 +62,34 @@ class ZoneDrawing(msgspec.Struct, frozen=True, kw_only=True):
     by: str = ""
 
 
+def shape_of(corners: Sequence[Point]) -> dict[str, Value]:
+    """The position and the shape of a zone with these corners, by attribute. Raises UsageError if they make none."""
+    if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
+        raise UsageError("a zone has three or more corners, in metres; give them as [[x, y], ...]")
+    pairs = zip(corners, (*corners[1:], corners[0]), strict=True)
+    if abs(sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairs)) / 2 < SMALLEST or _sides_cross(corners):
+        raise UsageError("the corners of the zone lie on one line, or its sides cross; give them in their order around it")
+    xs, ys = zip(*corners, strict=True)
+    x, y = round((min(xs) + max(xs)) / 2, DIGITS), round((min(ys) + max(ys)) / 2, DIGITS)
+    outline = " ".join(f"{round(corner_x - x, DIGITS):g},{round(corner_y - y, DIGITS):g}" for corner_x, corner_y in corners)
+    return {"PositionX": x, "PositionY": y, "Shape.Form": "Polygon", "Shape.Outline": outline}
+
+
+def _sides_cross(corners: Sequence[Point]) -> bool:
+    """Whether two sides that are not neighbours cross."""
+    sides = [*zip(corners, (*corners[1:], corners[0]), strict=True)]
+    pairs = ((first, second) for index, first in enumerate(sides) for second in sides[index + 2 :])
+    return any(
+        _side(*first, second[0]) * _side(*first, second[1]) < 0 and _side(*second, first[0]) * _side(*second, first[1]) < 0
+        for first, second in pairs
+    )
+
+
+def _side(start: Point, end: Point, point: Point) -> float:
+    """On which side of a line a point is: positive on its left, negative on its right."""
+    return (end[0] - start[0]) * (point[1] - start[1]) - (end[1] - start[1]) * (point[0] - start[0])
+
+
 class ZoneService:
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -96,19 +124,9 @@ class ZoneService:
 
     def _object(self, name: str, drawing: ZoneDrawing) -> Object:
         """The object of a zone. Raises UsageError for a drawing of which none can be made."""
-        corners = drawing.corners
-        if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
-            raise UsageError("a zone has three or more corners, in metres; give them as [[x, y], ...]")
-        pairs = zip(corners, (*corners[1:], corners[0]), strict=True)
-        if abs(sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairs)) / 2 < SMALLEST:
-            raise UsageError("the corners of the zone lie on one line, or its sides cross; give them in their order around it")
+        values: dict[str, Value] = {**shape_of(drawing.corners), "PositionZ": self._height(drawing.storey)}
         if drawing.limit is not None and not (math.isfinite(drawing.limit) and drawing.limit > 0):
             raise UsageError("the highest speed in a slow zone is more than 0 m/s; leave it out for a no-go zone")
-        xs, ys = zip(*corners, strict=True)
-        x, y = round((min(xs) + max(xs)) / 2, DIGITS), round((min(ys) + max(ys)) / 2, DIGITS)
-        outline = " ".join(f"{round(corner_x - x, DIGITS):g},{round(corner_y - y, DIGITS):g}" for corner_x, corner_y in corners)
-        values: dict[str, Value] = {"PositionX": x, "PositionY": y, "PositionZ": self._height(drawing.storey)}
-        values |= {"Shape.Form": "Polygon", "Shape.Outline": outline}
         if drawing.limit is not None:
             values["SpeedLimit"] = drawing.limit
         return Object(name=name, type=NO_GO_ZONE if drawing.limit is None else SLOW_ZONE, values=values)

@@ -7,19 +7,20 @@ import math
 import pytest
 from msgspec import structs
 
-from somrs.errors import InputError
+from somrs.errors import InputError, UsageError
 from somrs.gui.pages.map.change_text import describe_changes, format_value
 from somrs.gui.pages.map.merging import candidates
-from somrs.gui.pages.map.moves import Move, move_changes
+from somrs.gui.pages.map.moves import Move, move_changes, shape_changes
 from somrs.gui.pages.map.proposals import Spot, creation_changes, form_for, name_for
 from somrs.gui.pages.map.relations import fact_changes, relation_roles
 from somrs.gui.pages.map.value_input import limits, read, text_of
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectRemoved, ValueSet
-from somrs.ontology.types import UNKNOWN, Ontology
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.types import UNKNOWN, Ontology, Value
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.people import client_address, person_name
+from somrs.space.zones import zones_of
 from tests.support.lab import lab
 from tests.support.paths import SCENARIO_1
 
@@ -54,6 +55,22 @@ def test_a_thing_stands_on_what_it_is_put_on(site: tuple[Map, Ontology]) -> None
     assert not map_after.has_fact("isOn", ("Jar002", "Cupboard001"))
     floor = apply_changes(site, move_changes(map, ontology, Move(name="Jar002", x=2, y=2, turned=0, target="Floor001")))
     assert position_of(floor, ontology, "Jar002")[2] == pytest.approx(0)
+
+
+def test_a_turned_box_becomes_the_polygon_of_its_new_corners(site: tuple[Map, Ontology]) -> None:
+    """A zone keeps what is not its shape."""
+    values: dict[str, Value] = {"PositionX": 3.0, "PositionY": 2.0, "RotationZ": 0.5}
+    values |= {"Shape.Form": "Box", "Shape.Width": 2.0, "Shape.Depth": 1.0, "SpeedLimit": 0.2}
+    with_zone = site[0].changed([ObjectAdded(Object(name="Zone1", type="SlowZone", values=values))])
+    corners = ((2.0, 1.0), (4.0, 1.0), (5.0, 3.0), (2.0, 2.0))
+    changes = shape_changes(with_zone, "Zone1", corners)
+    map_after = apply_changes((with_zone, site[1]), changes)
+    (zone,) = zones_of(map_after, site[1]).zones
+    assert zone.limit == 0.2
+    assert [zone.area.world(*corner) for corner in zone.area.corners()] == [pytest.approx(corner) for corner in corners]
+    assert shape_changes(map_after, "Zone1", corners) == ()
+    with pytest.raises(UsageError, match="its sides cross"):
+        shape_changes(map_after, "Zone1", (corners[0], corners[2], corners[1], corners[3]))
 
 
 def test_what_stands_on_a_table_moves_and_turns_with_it(site: tuple[Map, Ontology]) -> None:

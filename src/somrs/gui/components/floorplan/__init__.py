@@ -6,8 +6,9 @@ The element reads the map, its changes and the poses of moving objects from the 
     plan.on_select(lambda at: ...)
 
 Modes: in `view`, objects can only be selected. In `pick`, the user drags a thing or a robot to where it should be; the object stays where
-it is, and the element emits `dropped`. In `edit`, the user moves and turns objects by mouse, touch or keys; the element emits `moved`, and
-the page changes the map and calls `confirm_move(name, version)`, or `reject_move(name)` if the change is refused.
+it is, and the element emits `dropped`. In `edit`, the user moves and turns objects, and moves the corners of zones, by mouse, touch
+or keys; the element emits `moved` or `shaped`, and the page changes the map and calls `confirm_move(name, version)`, or `reject_move(name)`
+if the change is refused.
 
 Events, each with a dict:
 - `select {name}`: the selected object, None for nothing. The page confirms it with `choose`, which also selects from elsewhere.
@@ -16,6 +17,7 @@ Events, each with a dict:
 - `dropped {thing, target, x, y}` and `picked {name, x, y, target}`, in `pick`. `target`: the highest support, place or floor there.
 - `placed {type, x, y, turned, target, storey}`: the position of a new object, after `place(type)`; `stopped {}`: placing was cancelled.
 - `outlined {corners, storey}`: the corners of a zone, after `sketch_zone_on_click`, each x and y.
+- `shaped {name, corners, version}`, in `edit`: a zone with one or more of its corners elsewhere; the page answers it as it answers `moved`.
 - `open {name}` (Enter, double click), `remove {name}` (Delete), `undo {}` (Ctrl+Z).
 - `storey {name, alone}`: the storey shown, and whether it is the only one; `loaded {version, objects}`: a map was read.
 """
@@ -148,6 +150,9 @@ class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"so
 
     def on_outlined(self, handler: EventHandler) -> FloorPlan:
         return self._add_handler("outlined", handler)
+
+    def on_shaped(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("shaped", handler)
 
     def on_stopped(self, handler: EventHandler) -> FloorPlan:
         return self._add_handler("stopped", handler)

@@ -77,7 +77,7 @@ export default {
     snap: { type: Number, default: 0 },
     show_legend: Boolean,
   },
-  emits: ["select", "moved", "placed", "dropped", "picked", "open", "remove", "undo", "storey", "loaded", "unanswered", "stopped", "outlined"],
+  emits: ["select", "moved", "placed", "dropped", "picked", "open", "remove", "undo", "storey", "loaded", "unanswered", "stopped", "outlined", "shaped"],
   data() {
     return {
       id: `fp${Math.random().toString(36).slice(2, 8)}`, storeys: [], storey: "", bar: { pixels: 60, text: "" }, where: "", said: "", loading: true, lost: false,
@@ -95,7 +95,7 @@ export default {
     help() {
       const common = "Page down and page up select the next and the previous object, plus and minus zoom, 0 shows all.";
       if (this.doing !== "edit") return common;
-      return `${common} Arrow keys move the selected object, with Shift in small steps; R turns it, Shift R the other way; Delete removes it; Enter opens it; Control Z undoes.`;
+      return `${common} Arrow keys move the selected object, with Shift in small steps; R turns it, Shift R the other way; C and Shift C choose a corner of a selected zone for the arrow keys; Delete removes it; Enter opens it; Control Z undoes.`;
     },
     legendOf() {
       const rows = LEGEND.filter((id) => this.kinds.includes(id)).map((id) => ({ title: kindById(id).title, picture: sample(kindById(id)) }));
@@ -111,6 +111,7 @@ export default {
     this.revealed = null; // object to scroll into view once the map has been read
     this.asked = []; // selections sent to the page and not yet confirmed
     plan.turnable = (name) => this.doing === "edit" && !["ground", "itself"].includes(plan.model.kind(name)?.moves);
+    plan.cornered = (name) => this.doing === "edit" && !this.placing && !plan.sketch && plan.corners.of(name) !== null;
     plan.offered = (name) => this.doing === "pick" && this.draggable(name);
     plan.drawn = (view) => this.drawn(view);
     plan.storey = this.storey_name ?? null;

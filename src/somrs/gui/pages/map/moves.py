@@ -1,14 +1,16 @@
-"""The changes of the map when a user moves an object: the objects that move with it, and its new support."""
+"""The changes of the map when a user moves an object: the objects that move with it, and its new support; or the corners of a zone."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from somrs.api.zones import shape_of
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet
-from somrs.ontology.types import PART_OF, Ontology
+from somrs.ontology.types import PART_OF, Ontology, Value
 from somrs.ontology.values import value_of
+from somrs.space.solids import Point
 
 ON_RELATION, IN_RELATION, HELD_RELATION, _AT_RELATION = "isOn", "isIn", "isHeldBy", "isAt"
 X, Y, Z, TURNED = "PositionX", "PositionY", "PositionZ", "RotationZ"
@@ -57,6 +59,14 @@ def move_changes(map: Map, ontology: Ontology, move: Move) -> tuple[Change, ...]
         if rise and (z := number(map, ontology, rider, Z)) is not None:
             changes.append(ValueSet(rider, Z, round(z + rise, DIGITS)))
     return tuple(changes)
+
+
+def shape_changes(map: Map, name: str, corners: Sequence[Point]) -> tuple[Change, ...]:
+    """The changes after which a zone has these corners. Raises UsageError if they make no zone."""
+    values: dict[str, Value | None] = dict.fromkeys(("Shape.Width", "Shape.Depth", TURNED))
+    values |= shape_of(corners)
+    current_values = map.objects[name].values
+    return tuple(ValueSet(name, path, value) for path, value in values.items() if current_values.get(path) != value)
 
 
 def _riders(map: Map, ontology: Ontology, name: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 from urllib.parse import parse_qs, quote, urlencode
 
@@ -23,7 +24,7 @@ from somrs.gui.pages.map.add_panel import AddPanel
 from somrs.gui.pages.map.changes import ChangeList
 from somrs.gui.pages.map.form import VERSION_CONFLICT
 from somrs.gui.pages.map.map_view import ALL_STOREYS, PLAN, SCENE, VIEWS, MapView
-from somrs.gui.pages.map.moves import Move, move_changes
+from somrs.gui.pages.map.moves import Move, move_changes, shape_changes
 from somrs.gui.pages.map.object_drafts import ObjectDrafts
 from somrs.gui.pages.map.past_sheet import PastSheet
 from somrs.gui.pages.map.removal import remove
@@ -32,7 +33,7 @@ from somrs.gui.pages.map.sheet import Sheet, SheetActions
 from somrs.gui.pages.map.version_slider import VersionSlider
 from somrs.gui.pages.map.zone_dialog import ZoneTool
 from somrs.gui.shell import guarded, notify, page
-from somrs.ontology.objects import Change
+from somrs.ontology.objects import Change, Map
 from somrs.protocol.messages.knowledge import UpdateMap
 
 PATH = "/map"
@@ -135,6 +136,7 @@ class MapPage:
         plan.on_select(lambda event: self._chosen(event["name"]))
         plan.on_open(lambda event: self._chosen(event["name"]))
         plan.on_moved(self._moved)
+        plan.on_shaped(self._shaped)
         plan.on_placed(self._add_panel.place_object)
         plan.sketch_zone_on_click(self._zone_tool.button)
         plan.on_outlined(self._zone_tool.ask)
@@ -261,16 +263,24 @@ class MapPage:
         self._mine.append(version)
 
     async def _moved(self, event: dict[str, Any]) -> None:
-        """Handle a move on the plan: change the map, then confirm or reject the move."""
-        name = str(event["name"])
-        map, ontology = self._api.context.map, self._api.context.ontology
+        """Handle a move on the plan."""
+        move = Move(name=str(event["name"]), x=event["x"], y=event["y"], turned=event["turned"], target=event["target"])
+        await self._carry_out(move.name, event["version"], lambda map: move_changes(map, self._api.context.ontology, move))
+
+    async def _shaped(self, event: dict[str, Any]) -> None:
+        """Handle a zone of which corners were moved on the plan."""
+        name, corners = str(event["name"]), [(float(x), float(y)) for x, y in event["corners"]]
+        await self._carry_out(name, event["version"], lambda map: shape_changes(map, name, corners))
+
+    async def _carry_out(self, name: str, version_before: int, find_changes: Callable[[Map], tuple[Change, ...]]) -> None:
+        """Change the map as an object was moved on the plan, then confirm or reject the move."""
+        map = self._api.context.map
         if name not in map.objects:
             self._plan.reject_move(name)
             notify(f"{name} is no longer on the map: another user removed or renamed it.", bad=True)
             return
-        move = Move(name=name, x=event["x"], y=event["y"], turned=event["turned"], target=event["target"])
-        update = UpdateMap(changes=move_changes(map, ontology, move), author=author(), expected_version=event["version"])
         try:
+            update = UpdateMap(changes=find_changes(map), author=author(), expected_version=version_before)
             version = (await self._api.map.change(update)).version
         except Refused as error:
             self._plan.reject_move(name)
@@ -281,10 +291,10 @@ class MapPage:
                     bad=True,
                 )
             else:
-                notify(f"{name} was moved back. {_refusal_text(error)}", bad=True)
+                notify(f"{name} was moved back: {_refusal_text(error)}", bad=True)
         except SomrsError as error:
             self._plan.reject_move(name)
-            notify(f"{name} was moved back. {_refusal_text(error)}", bad=True)
+            notify(f"{name} was moved back: {_refusal_text(error)}", bad=True)
         else:
             self._record_version(version)
             self._plan.confirm_move(name, version)

@@ -9,7 +9,7 @@ export const DEFINITIONS = {
     type("Door", "BuildingElement"), type("Support", "PhysicalObject"), type("Table", "Support", { "Shape.Form": "Box", "Shape.Width": 1, "Shape.Depth": 2, "Shape.Height": 0.75 }),
     type("Graspable", "PhysicalObject"), type("Jar", "Graspable", { "Shape.Form": "Cylinder", "Shape.Radius": 0.05, "Shape.Height": 0.1, Color: "Red" }),
     type("MobileRobot", "PhysicalObject", { "Shape.Form": "Cylinder", "Shape.Radius": 0.3 }), type("Person", "PhysicalObject"),
-    type("Waypoint", "PhysicalObject"), type("Lane", "AbstractObject"),
+    type("Zone", "PhysicalObject"), type("NoGoZone", "Zone", { "Shape.Form": "Polygon" }), type("Waypoint", "PhysicalObject"), type("Lane", "AbstractObject"),
   ],
   relations: [{ name: "isOn" }, { name: "isPartOf" }],
 };

@@ -418,3 +418,91 @@ test("a zone that is given up is not drawn", async () => {
   assert.deepEqual([told("outlined"), told("moved")], [[], []]);
   assert.equal(one.element.querySelector(".fp-sketching"), null);
 });
+
+// A zone from (6, 2) to (9, 4), which is selected.
+async function zoned() {
+  const values = { "Shape.Outline": "-1.5,-1 1.5,-1 1.5,1 -1.5,1" };
+  changed([{ type: "ObjectAdded", object: object("Zone001", "NoGoZone", 7.5, 3, values) }], 8);
+  await clock.pass(50);
+  one.given.selected = "Zone001";
+  await settled();
+  await clock.pass(50);
+}
+
+const corner = (index) => drawing.querySelector(`[data-corner="${index}"]`);
+const shaped = (outline, version) => changed([{ type: "ValueSet", object: "Zone001", path: "Shape.Outline", value: outline }], version);
+
+async function dragCorner(index, from, to, release = true) {
+  await pointer("pointerdown", view().toScreen(...from), corner(index));
+  for (const point of [from, [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2], to]) await pointer("pointermove", view().toScreen(...point));
+  if (release) await pointer("pointerup", view().toScreen(...to));
+  await clock.pass(50);
+}
+
+test("a corner of a zone is dragged, and saved once, when it is let go", async () => {
+  await zoned();
+  assert.equal(drawing.querySelectorAll("[data-corner]").length, 4);
+  await dragCorner(2, [9, 4], [9.9, 5.1], false);
+  assert.deepEqual(told("shaped"), []);
+  await pointer("pointerup", view().toScreen(9.9, 5.1));
+  assert.deepEqual(told("shaped"), [{ name: "Zone001", corners: [[6, 2], [9, 2], [10, 5], [6, 4]], version: 8 }]);
+  assert.equal(told("moved").length, 0);
+  await clock.pass(50);
+  assert.ok(drawing.querySelector(".fp-corners .fp-sketch-area")); // until the map has it
+  one.shown.settled("Zone001", 9);
+  shaped("-1.5,-1 1.5,-1 2.5,2 -1.5,1", 9);
+  await clock.pass(50);
+  assert.equal(drawing.querySelector(".fp-corners .fp-sketch-area"), null);
+});
+
+test("a corner that is refused, or given up, goes back", async () => {
+  await zoned();
+  const place = corner(2).getAttribute("transform");
+  await dragCorner(2, [9, 4], [10, 5]);
+  assert.notEqual(corner(2).getAttribute("transform"), place);
+  one.shown.back("Zone001");
+  await clock.pass(50);
+  assert.equal(corner(2).getAttribute("transform"), place);
+  await dragCorner(2, [9, 4], [10, 5], false);
+  await press(pad, "Escape");
+  await pointer("pointerup", view().toScreen(10, 5));
+  await clock.pass(50);
+  assert.equal(corner(2).getAttribute("transform"), place);
+  assert.equal(told("shaped").length, 1);
+});
+
+test("corners are chosen and moved by keys, and saved once, together", async () => {
+  await zoned();
+  await press(pad, "c");
+  await press(pad, "c");
+  assert.match(text(one.element.querySelector('[aria-live="polite"]')), /^Corner 2 of 4 of Zone001, x 9.00 m, y 2.00 m$/);
+  await press(pad, "ArrowRight");
+  await press(pad, "ArrowRight");
+  await press(pad, "c");
+  await press(pad, "ArrowUp", { shiftKey: true });
+  assert.equal(told("shaped").length, 0);
+  await clock.pass(600);
+  assert.deepEqual(told("shaped"), [{ name: "Zone001", corners: [[6, 2], [9.2, 2], [9, 4.01], [6, 4]], version: 8 }]);
+  assert.equal(told("moved").length, 0);
+  one.shown.settled("Zone001", 9);
+  shaped("-1.5,-1 1.7,-1 1.5,1.01 -1.5,1", 9);
+  await press(pad, "Escape"); // leaves the corner, not the zone
+  await press(pad, "ArrowUp");
+  await clock.pass(600);
+  assert.deepEqual(told("moved").map(({ name, x, y }) => [name, x, y]), [["Zone001", 7.5, 3.1]]);
+});
+
+test("only zones have corners, and only where they can be changed", async () => {
+  await zoned();
+  one.given.version = 3;
+  await settled();
+  await clock.pass(50);
+  assert.equal(corner(0), null);
+  one.given.version = null;
+  one.given.selected = "Table001";
+  await settled();
+  await clock.pass(50);
+  assert.equal(corner(0), null);
+  await press(pad, "c");
+  assert.match(text(one.element.querySelector('[aria-live="polite"]')), /^Only a zone has corners/);
+});

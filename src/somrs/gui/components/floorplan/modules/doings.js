@@ -1,4 +1,4 @@
-// User actions on a floor plan: select, move, turn, nudge, place. These methods of the element report changes to the page, which changes
+// User actions on a floor plan: select, move, turn, nudge, place, shape a zone. These methods of the element report changes to the page, which changes
 // the map.
 
 import { Sketch } from "./sketch.js";
@@ -34,6 +34,10 @@ export const doings = {
       drag: (at, free) => this.drag(map(at), free),
       grasp: () => this.take(this.plan.selected, null),
       turn: (at, free) => this.turn(map(at), free),
+      graspCorner: (index) => this.graspCorner(index),
+      dragCorner: (at, free) => this.dragCorner(map(at), free),
+      chooseCorner: (index) => this.chooseCorner(index),
+      nextCorner: (step) => this.nextCorner(step),
       release: (at) => this.release(map(at)),
       cancel: () => this.cancel(),
       pan: (dx, dy) => { plan.view.pan(dx, dy); plan.draw(); },
@@ -124,6 +128,7 @@ export const doings = {
     const target = carrying?.target ?? null;
     this.carrying = false;
     plan.target = null;
+    if (carrying?.corners) return this.tellShaped(carrying.name, carrying.corners, carrying.version);
     if (!carrying?.to) return this.cancel();
     if (this.doing === "pick") {
       plan.ghost = null;
@@ -156,14 +161,23 @@ export const doings = {
     }
     if (this.doing !== "edit" || !name || !plan.at(name)) return false;
     if (plan.model.kind(name)?.moves === "itself") { this.say(`${name} is where it is; send it to a place on the Fleet page.`); return true; }
-    if (this.nudged?.name !== name) { this.flush(); this.nudged = { name, version: plan.model.version }; }
+    if (!turn && plan.corners.chosen(name) !== null) return this.nudgeCorner(name, dx, dy);
+    if (this.nudged?.name !== name || this.nudged.corners) this.beginNudge(name);
     const at = plan.at(name);
     this.nudged.to = { x: at.x + dx, y: at.y + dy, turned: at.turned + turn };
     plan.hold(name, this.nudged.to);
-    plan.view.reveal(at.x, at.y, 20);
+    this.settleNudge(at);
+    return true;
+  },
+  beginNudge(name) {
+    this.flush();
+    this.nudged = { name, version: this.plan.model.version };
+  },
+  // Report the nudge once no other one follows.
+  settleNudge({ x, y }) {
+    this.plan.view.reveal(x, y, 20);
     clearTimeout(this.nudging);
     this.nudging = setTimeout(() => this.flush(), SETTLE);
-    return true;
   },
   flush() {
     clearTimeout(this.nudging);
@@ -171,10 +185,60 @@ export const doings = {
     this.nudged = null;
     if (!nudged) return;
     const { name, to } = nudged;
+    if (nudged.corners) return this.tellShaped(name, nudged.corners, nudged.version);
     const thing = plan.model.kind(name)?.id === "thing";
     const target = thing ? plan.model.targetAt(to.x, to.y, plan.storey, new Set([name, ...plan.model.riders(name)])) : null;
     this.tellMoved(name, to, target, nudged.version);
     this.say(this.told(name));
+  },
+  // The corners of the selected zone
+  graspCorner(index) {
+    const name = this.plan.selected;
+    this.flush();
+    this.chooseCorner(index);
+    this.carrying = { name, corner: index, version: this.plan.model.version };
+  },
+  dragCorner(at, free) {
+    const { carrying, plan } = this;
+    if (!carrying) return;
+    const { x, y } = this.snapped(at, free);
+    carrying.corners = plan.moveCorner(carrying.name, carrying.corner, [x, y]);
+    this.where = `corner ${carrying.corner + 1}: x ${x.toFixed(2)} m, y ${y.toFixed(2)} m`;
+  },
+  chooseCorner(index) {
+    const { plan } = this;
+    plan.corners.choose(plan.selected, index);
+    plan.draw();
+    this.sayCorner();
+  },
+  nextCorner(step) {
+    const { plan } = this;
+    const corners = this.doing === "edit" && plan.selected !== null ? plan.corners.of(plan.selected) : null;
+    if (!corners) return this.say("Only a zone has corners that can be moved: select one.");
+    const chosen = plan.corners.chosen(plan.selected) ?? (step > 0 ? -1 : 0);
+    this.chooseCorner((chosen + step + corners.length) % corners.length);
+  },
+  nudgeCorner(name, dx, dy) {
+    const { plan } = this;
+    if (this.nudged?.name !== name || !this.nudged.corners) this.beginNudge(name);
+    const index = plan.corners.chosen(name);
+    const [x, y] = plan.corners.of(name)[index];
+    this.nudged.corners = plan.moveCorner(name, index, [x + dx, y + dy]);
+    this.settleNudge({ x, y });
+    return true;
+  },
+  tellShaped(name, corners, version) {
+    this.$emit("shaped", { name, corners: corners.map(([x, y]) => [+x.toFixed(3), +y.toFixed(3)]), version });
+    this.plan.wait(name);
+    this.plan.draw();
+    this.sayCorner();
+  },
+  sayCorner() {
+    const { plan } = this;
+    const [corners, index] = [plan.corners.of(plan.selected), plan.corners.chosen(plan.selected)];
+    if (index === null) return;
+    const [x, y] = corners[index];
+    this.say(`Corner ${index + 1} of ${corners.length} of ${plan.selected}, x ${x.toFixed(2)} m, y ${y.toFixed(2)} m`);
   },
   next(step) {
     const { plan } = this;
@@ -191,7 +255,14 @@ export const doings = {
     if (this.carrying) { this.hands.drop(); this.cancel(); }
     else if (this.placing) { this.stopPlacing(); this.$emit("stopped", {}); }
     else if (this.plan.sketch) this.sketchZone(false);
+    else if (this.plan.corners.chosen(this.plan.selected) !== null) this.leaveCorner();
     else this.choose(null);
+  },
+  leaveCorner() {
+    this.flush();
+    this.plan.corners.choose(this.plan.selected, null);
+    this.plan.draw();
+    this.say(this.told(this.plan.selected));
   },
   // Begin to draw a zone, or give it up.
   sketchZone(begins) {

@@ -8,6 +8,7 @@ const PANNED = 80; // pixels that an arrow key pans the plan when nothing is sel
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const KEYS = new Map([
   [["r", "R"], (does, shift) => does.nudge(0, 0, shift ? -TURN : TURN)],
+  [["c", "C"], (does, shift) => does.nextCorner(shift ? -1 : 1)],
   [["+", "="], (does) => does.zoom(1.25)],
   [["-", "_"], (does) => does.zoom(0.8)],
   [["0"], (does) => does.fit()],
@@ -63,10 +64,10 @@ export class Hands {
       this._grip = { what: "pinch", ...this._pinch() };
       return;
     }
-    const handle = under(event)?.closest("[data-handle]");
+    const handle = under(event)?.closest("[data-handle]")?.dataset;
     const name = nameAt(event);
-    const what = event.button === 1 ? "plan" : handle ? "turn" : name && this._does.draggable(name, event.pointerType) ? "object" : "plan";
-    this._grip = { what, name, start: at, last: at, dragging: false, below: event.altKey };
+    const what = event.button === 1 ? "plan" : handle ? handle.handle : name && this._does.draggable(name, event.pointerType) ? "object" : "plan";
+    this._grip = { what, name, corner: Number(handle?.corner), start: at, last: at, dragging: false, below: event.altKey };
     event.preventDefault();
   }
 
@@ -82,9 +83,11 @@ export class Hands {
       grip.dragging = true;
       if (grip.what === "object") this._does.take(grip.name, grip.start);
       if (grip.what === "turn") this._does.grasp();
+      if (grip.what === "corner") this._does.graspCorner(grip.corner);
     }
     if (grip.what === "object") this._does.drag(at, free);
     else if (grip.what === "turn") this._does.turn(at, free);
+    else if (grip.what === "corner") this._does.dragCorner(at, free);
     else this._does.pan(at.x - grip.last.x, at.y - grip.last.y);
     grip.last = at;
   }
@@ -98,7 +101,8 @@ export class Hands {
     }
     this._grip = null;
     if (!grip) return;
-    if (!grip.dragging) this._does.click(grip.name, this._point(event), { below: grip.below, handle: grip.what === "turn" });
+    if (!grip.dragging && grip.what === "corner") this._does.chooseCorner(grip.corner);
+    else if (!grip.dragging) this._does.click(grip.name, this._point(event), { below: grip.below, handle: grip.what === "turn" });
     else if (grip.what !== "plan") this._does.release(this._point(event));
   }
 

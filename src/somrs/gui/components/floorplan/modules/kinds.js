@@ -3,14 +3,14 @@
 // layer: drawing order. carries: whether things can be put on it, by preference. moves: `free` objects can be dragged at once,
 // `fixed` ones only when selected, those that move `itself` never on the map, `ground` never by mouse, since dragging a floor pans the plan.
 // label: priority of its label. from: size in pixels from which it has a label.
-// solid: its parts move with it.
+// solid: its parts move with it. cornered: its corners can be dragged.
 
 const KINDS = [
   { id: "none", types: ["AbstractObject", "Ceiling", "FurnitureLeg", "TableTop"] },
   { id: "opening", types: ["Opening"], title: "Opening", layer: "walls", moves: "fixed", label: 5, from: 60 },
   { id: "charger", types: ["Charger"], title: "Charging place", layer: "places", moves: "free", label: 60, from: 14, carries: 2 },
-  { id: "nogo", types: ["NoGoZone"], title: "No-go zone: robots do not enter it", layer: "zones", moves: "fixed", label: 61, from: 24 },
-  { id: "slow", types: ["SlowZone", "Zone"], title: "Slow zone", layer: "zones", moves: "fixed", label: 61, from: 24 },
+  { id: "nogo", types: ["NoGoZone"], title: "No-go zone: robots do not enter it", layer: "zones", moves: "fixed", label: 61, from: 24, cornered: true },
+  { id: "slow", types: ["SlowZone", "Zone"], title: "Slow zone", layer: "zones", moves: "fixed", label: 61, from: 24, cornered: true },
   { id: "place", types: ["Place"], title: "Place", layer: "places", moves: "free", label: 62, from: 12, carries: 2 },
   { id: "waypoint", types: ["Waypoint"], title: "Waypoint of lanes", layer: "places", moves: "fixed", label: 2, from: 1e9 },
   { id: "station", types: ["Station"], title: "Where robots load and unload", layer: "places", moves: "free", label: 58, from: 0 },

@@ -1,5 +1,6 @@
 // The drawing of a storey: model, view, layers, labels, links and frames. `floorplan.js` is the element with its tools and input.
 
+import { Corners } from "./corners.js";
 import { Frame } from "./frame.js";
 import { Labels } from "./labels.js";
 import { Lanes } from "./lanes.js";
@@ -28,6 +29,8 @@ export class Plan {
     this.ghost = null;
     this.sketch = null; // a zone that is being drawn
     this.target = null;
+    this.corners = new Corners((name) => this._zone(name));
+    this.cornered = () => false; // whether the user can move the corners of an object
     this.turnable = () => false;
     this.offered = () => false; // whether the user can drag it to state a goal, so that its name matters
     this._asked = asked; // called for moves without a reply
@@ -154,6 +157,12 @@ export class Plan {
     return this._layers.at(name);
   }
 
+  // The shape of a zone where it is drawn; null for another object.
+  _zone(name) {
+    const at = this._layers.at(name);
+    return at && this.model.kind(name)?.cornered ? { ...this.model.solid(name), ...at } : null;
+  }
+
   names() {
     return [...this._layers.names()];
   }
@@ -209,6 +218,19 @@ export class Plan {
     this._held.set(name, { version: Infinity, since: Infinity });
   }
 
+  // Draw a zone with one of its corners elsewhere, until `settle` or `back` is called. Returns all corners.
+  moveCorner(name, index, to) {
+    this._held.set(name, { version: Infinity, since: Infinity });
+    const corners = this.corners.move(name, index, to);
+    this.draw();
+    return corners;
+  }
+
+  _letGo(name) {
+    this._held.delete(name);
+    this.corners.forget(name);
+  }
+
   // Start to wait for the page's reply to a move, with a time limit.
   wait(name) {
     for (const one of this._group(name)) if (this._held.has(one)) this._held.get(one).since = performance.now();
@@ -224,7 +246,7 @@ export class Plan {
   // Move the object back to its map pose.
   back(name) {
     const group = [...new Set([...this._group(name), ...this._held.keys()])].filter((one) => this._held.has(one));
-    for (const one of group) this._held.delete(one);
+    for (const one of group) this._letGo(one);
     this.refresh(new Set(group));
   }
 
@@ -235,7 +257,7 @@ export class Plan {
   _release() {
     for (const [name, held] of this._held)
       if (this.model.version >= held.version || !this.model.objects.has(name)) {
-        this._held.delete(name);
+        this._letGo(name);
         this._motion.go(this._layers.refresh(this.model, this.storey, new Set([name])));
       }
   }
@@ -243,7 +265,7 @@ export class Plan {
   _waitedLong() {
     const now = performance.now();
     const late = [...this._held].filter(([, held]) => now - held.since >= PATIENCE - 100).map(([name]) => name);
-    for (const name of late) this._held.delete(name);
+    for (const name of late) this._letGo(name);
     const next = Math.min(...[...this._held.values()].map((held) => held.since));
     this._later = Number.isFinite(next) ? setTimeout(() => this._waitedLong(), next + PATIENCE - now) : null;
     if (late.length) {
@@ -275,6 +297,7 @@ export class Plan {
       moving: this._moving.keys(),
       unknown: this._layers.unknown,
     });
+    if (this.selected !== null && this.cornered(this.selected)) this._sheets.screen.append(this.corners.draw(view, this.selected));
     this._sheets.arrows.replaceChildren(...this.arrows.filter((one) => one.from && one.to).map((one) => arrow(view.toScreen(one.from.x, one.from.y), view.toScreen(one.to.x, one.to.y))));
     if (this.sketch) this._sheets.arrows.append(this.sketch.draw(view));
     this._label();
