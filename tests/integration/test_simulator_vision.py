@@ -106,6 +106,10 @@ def test_a_robot_goes_where_it_can_see_a_place_and_stops_when_it_sees_the_thing(
     assert isinstance(result, CommandDone)
     assert [sighting.type for sighting in result.sightings if sighting.alike] == ["Jar"]
     assert not run.collisions
+    for _ in range(50):
+        run.simulation.step()
+    later = run.simulation.state("Patrol1")
+    assert (later.x, later.y) == pytest.approx((result.state.x, result.state.y), abs=1e-3), "it stands still when it reports"
     start = run.simulation.time
     second_result = run.execute("Patrol1", LookAt(x=7.5, y=5.5, z=0.3, like=Likeness(type="Jar")))
     assert isinstance(second_result, CommandDone)

@@ -13,7 +13,7 @@ import numpy as np
 
 from somrs.devices.simulator.link.commands import Likeness, ObjectState
 from somrs.devices.simulator.motion.arm import withdraw
-from somrs.devices.simulator.motion.driving import MARGIN, drive_to, floor_things, robot_discs, turn_to
+from somrs.devices.simulator.motion.driving import MARGIN, drive_to, floor_things, robot_discs, stand, turn_to
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine
 from somrs.devices.simulator.world.recognition import look_alikes
 from somrs.devices.simulator.world.vision import Place, eye_of, looks_towards, view, visible
@@ -84,11 +84,12 @@ def _note(robot: Robot, observations: dict[str, ObjectState]) -> None:
 
 
 def _move_until_seen(robot: Robot, moving: Routine, sought: Sought) -> Routine:
-    """Run a routine until the object is seen."""
+    """Run a routine until the object is seen, and then stand still: where a robot says that it is, it is to be."""
     glance_periods = max(1, round(GLANCE / robot.period))
     for period, _ in enumerate(moving):
         if period % glance_periods == 0 and sought.in_view(robot):
             moving.close()
+            yield from stand(robot)
             return
         yield
 
