@@ -105,6 +105,11 @@ class Leaf:
             y + distance * math.sin(angle) + stand_off * math.cos(angle),
         )
 
+    @property
+    def sides(self) -> tuple[int, ...]:
+        """The sides that have a handle."""
+        return (1, -1) if self.slides else (1,)
+
     def nearer_side(self, point: Point) -> int:
         """The side of the leaf, 1 or -1, from which a robot at that point uses it."""
         if not self.slides:

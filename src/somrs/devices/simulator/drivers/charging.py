@@ -14,7 +14,7 @@ from somrs.devices.simulator.battery import PER_METRE
 from somrs.devices.simulator.drivers.outage import Outage
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number, number_of
 from somrs.devices.simulator.link.commands import RobotState
-from somrs.devices.simulator.link.lines import Legs, PathStop
+from somrs.devices.simulator.link.lines import HANDLES, Legs, PathStop
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.modes import why_closed
 from somrs.protocol.messages.knowledge import Rows, UpdateMap
@@ -202,7 +202,8 @@ class ChargingRobot(SimulatedDevice):
     async def _point_of(self, task: Task, stop: PathStop) -> tuple[float, float] | None:
         if not isinstance(stop, str):
             return stop[0], stop[1]
-        rows = await task.map.query(f"{stop}.PositionX = ?X AND {stop}.PositionY = ?Y", limit=1)
+        name = stop.removesuffix(HANDLES)
+        rows = await task.map.query(f"{name}.PositionX = ?X AND {name}.PositionY = ?Y", limit=1)
         return (number_of(rows[0]["X"]), number_of(rows[0]["Y"])) if rows else None
 
     # Chargers

@@ -226,7 +226,7 @@ class MobileRobot(ChargingRobot):
         place = stop.point if isinstance(stop, Spot) else stop
         try:
             legs = await (self.legs_to_charger(task, place) if charging else self.legs_through(task, place))
-            return legs.lengths if not legs.shut else (None,)
+            return legs.lengths
         except (RemoteError, UsageError) as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
 from somrs.devices.simulator.drivers.simulated import is_of_type, was_open
+from somrs.devices.simulator.link.lines import HANDLES
 from somrs.entish.formula import Formula
 from somrs.service_manager.sdk.device import Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal
@@ -33,11 +34,11 @@ class OpeningRobot(MobileRobot):
     """A mobile robot with a gripper that takes handles."""
 
     async def way_to_door(self, task: Task) -> float:
-        """The driving distance to what is to be opened or closed, m. Raises Refusal when there is no path."""
+        """The driving distance to the handle of what is to be opened or closed, m. Raises Refusal when there is no path."""
         name = _object_of(task)
-        (way,) = await self._distances(task, name)
+        (way,) = await self._distances(task, name + HANDLES)
         if way is None:
-            raise Refusal(f"{self.name} finds no path to {name}")
+            raise Refusal(f"{self.name} finds no path to a place from which it could move the door of {name}")
         return way
 
     @service("OpenDoor", price=_price, duration=_duration, able=_able, inputs=("Door",))

@@ -22,7 +22,9 @@ LONGEST = 64 * 1024
 """Longest line that a server reads, in bytes."""
 
 PathStop = str | Annotated[tuple[float, ...], Meta(min_length=2, max_length=3)]
-"""An object, or a point: x, y and, if it matters on which floor it is, z."""
+"""An object, the handles of one (`HANDLES` after its name), or a point: x, y and, if it matters on which floor it is, z."""
+HANDLES = "/handles"
+"""Where a robot opens and closes a door, or the doors of furniture."""
 Stops = tuple[PathStop, ...]
 """Objects and points that a path visits in this order."""
 

@@ -30,8 +30,10 @@ BOOM = 0.03
 """Distance that the boom keeps from the leaf, m."""
 SHARES = tuple(i / 15 for i in range(2, 16))
 """Points of the boom, as parts of its length, that are checked for the distance from the leaf."""
-SAMPLES = 25
-"""Number of positions of a leaf for which a stand is checked."""
+SAMPLES, LEAST_SAMPLES = 25, 3
+"""Number of positions of a leaf for which a stand is checked, and of those to which the robot has to get from there."""
+WORTH = 20.0
+"""How far it is worth to drive to move a leaf to its end from one stand, m."""
 ATTEMPTS = 4
 """Number of stands to which the robot tries to drive."""
 STAGES = 6
@@ -42,9 +44,10 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class _Stand:
-    """A place for the base, and the position to which the robot can bring the leaf from there."""
+    """A place for the base, the side of the leaf, and the position to which the robot can bring the leaf from there."""
 
     base: Point
+    side: int
     end: float
 
 
@@ -64,73 +67,82 @@ def move_leaves(robot: Robot, owner: str, *, opening: bool) -> Routine:
 def _move_part(robot: Robot, leaf: Leaf, goal: float) -> Routine:
     """Drive to a stand, and bring the leaf as near to the goal as the arm reaches from there."""
     yield from withdraw(robot)
-    side = leaf.nearer_side(robot.pose()[:2])
-    stand = yield from _drive_to_stand(robot, leaf, side, goal)
+    stand = yield from _drive_to_stand(robot, leaf, goal)
     try:
         yield from _claim_sweep(robot, leaf)
-        yield from _grip_handle(robot, leaf, side)
-        yield from _lead(robot, leaf, side, stand.end)
+        yield from _grip_handle(robot, leaf, stand.side)
+        yield from _lead(robot, leaf, stand.side, stand.end)
         yield from let_go(robot)
         yield from withdraw(robot)
     finally:
         robot.fleet.sweeps.pop(robot.name, None)
 
 
-def _drive_to_stand(robot: Robot, leaf: Leaf, side: int, goal: float):  # type: ignore[no-untyped-def]
-    """Drive to a place from which the handle is in reach. Returns the stand. Raises GivenUp."""
+def _drive_to_stand(robot: Robot, leaf: Leaf, goal: float):  # type: ignore[no-untyped-def]
+    """Drive to a place from which a handle is in reach, on the nearer side if there is one. Returns the stand. Raises GivenUp."""
     problem = GivenUp("unreachable", f"there is no place from which {robot.name} could move the door of {leaf.owner.name}")
-    candidates = _stands(robot, leaf, side, goal)
-    for stand in [*candidates[:1], *candidates[6:7], *candidates[18:19], *candidates[-1:]][:ATTEMPTS]:
-        try:
-            yield from drive_to(robot, stand.base, patience=8.0)
-            return stand
-        except GivenUp as failure:
-            if failure.reason not in ("blocked", "unreachable"):
-                raise
-            problem = failure
+    nearer = leaf.nearer_side(robot.pose()[:2])
+    for side in sorted(leaf.sides, key=lambda side: side != nearer):
+        candidates = _stands(robot, leaf, side, goal)
+        for stand in [*candidates[:1], *candidates[6:7], *candidates[18:19], *candidates[-1:]][:ATTEMPTS]:
+            try:
+                yield from drive_to(robot, stand.base, patience=8.0)
+                return stand
+            except GivenUp as failure:
+                if failure.reason not in ("blocked", "unreachable"):
+                    raise
+                problem = failure
     raise problem
 
 
 def _stands(robot: Robot, leaf: Leaf, side: int, goal: float) -> list[_Stand]:
     """The stands from which the handle is in reach, best first: those from which the leaf gets furthest, then the nearest."""
-    size, level, scene = robot.size, robot.solid.z, robot.scene
-    positions = np.linspace(scene.leaf_position(leaf), goal, SAMPLES)
-    handles = np.array([leaf.handle(float(position), side) for position in positions])
-    radii = np.linspace(size.nearest + 0.015, size.farthest - 0.015, 7)
-    angles = np.arange(32) * (math.pi / 16)
-    bases = handles[0] + np.array([(r * math.cos(angle), r * math.sin(angle)) for r in radii for angle in angles])
-    mask = scene.clearances(bases, level + 0.02, level + 1.85, [leaf.name]) >= size.radius + MARGIN + 0.015
-    bases = bases[mask]
+    size, position = robot.size, robot.scene.leaf_position(leaf)
+    bases, ends = leading_bases(robot, leaf, side, (position, goal), robot.solid.z)
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot)]
     obstacles += [claim for staying_robot in robot.staying_robots() for claim in staying_robot.claims()]
-    reached = np.zeros(len(bases), dtype=int)
-    going = np.ones(len(bases), dtype=bool)
-    for position, handle in zip(positions, handles, strict=True):
-        going &= _serves(robot, leaf, float(position), handle, bases)
-        reached += going
     x, y, _ = robot.pose()
-    costs = np.hypot(bases[:, 0] - x, bases[:, 1] - y) * 0.3 - reached * 6.0 / SAMPLES
+    progress = np.abs(ends - position) / max(abs(goal - position), 1e-9)
+    costs = np.hypot(bases[:, 0] - x, bases[:, 1] - y) - progress * WORTH
     ranked: list[_Stand] = []
     for i in np.argsort(costs, kind="stable").tolist():
         base = (float(bases[i][0]), float(bases[i][1]))
         footprint = Capsule(base, base, size.radius + MARGIN + GAP + 0.01)
-        if reached[i] < 3 or any(footprint.gap(obstacle) < 0 for obstacle in obstacles):
+        if any(footprint.gap(obstacle) < 0 for obstacle in obstacles):
             continue
         if robot.free_space.free(base, size.radius + MARGIN + 0.01):
-            ranked.append(_Stand(base, float(positions[reached[i] - 1])))
+            ranked.append(_Stand(base, side, float(ends[i])))
     return ranked
 
 
-def _serves(robot: Robot, leaf: Leaf, position: float, handle: Array, bases: Array) -> Mask:
+def leading_bases(robot: Robot, leaf: Leaf, side: int, way: tuple[float, float], level: float) -> tuple[Array, Array]:
+    """Points for the base on a floor from which the arm leads a handle on from the first position of a `way` of the leaf, and the position
+    to which it gets, if nothing but static solids is in the way."""
+    size = robot.size
+    positions = np.linspace(*way, SAMPLES)
+    handles = np.array([leaf.handle(float(position), side) for position in positions])
+    radii = np.linspace(size.nearest + 0.015, size.farthest - 0.015, 7)
+    angles = np.arange(32) * (math.pi / 16)
+    bases = handles[0] + np.array([(r * math.cos(angle), r * math.sin(angle)) for r in radii for angle in angles])
+    bases = bases[robot.scene.clearances(bases, level + 0.02, level + 1.85, [leaf.name]) >= size.radius + MARGIN + 0.015]
+    reached = np.zeros(len(bases), dtype=int)
+    going = np.ones(len(bases), dtype=bool)
+    for position, handle in zip(positions, handles, strict=True):
+        going &= _serves(robot, leaf, side, float(position), handle, bases)
+        reached += going
+    is_led = reached >= LEAST_SAMPLES
+    return bases[is_led], positions[reached[is_led] - 1]
+
+
+def _serves(robot: Robot, leaf: Leaf, side: int, position: float, handle: Array, bases: Array) -> Mask:
     """For each base, whether the robot reaches the handle at a position of the leaf, and nothing but the hand is near the leaf."""
     size, solid = robot.size, leaf.solid(position)
     distance = np.hypot(*(bases - handle).T)
     fine = (distance >= size.nearest) & (distance <= size.farthest - 0.005)
     fine &= distances_from(solid, bases) >= size.radius + MARGIN
-    boom = _tip(robot, leaf) + robot.solid.z + size.hang
-    if not leaf.slides:  # from the other side, the hand could not withdraw past the edge of the leaf
-        angle = leaf.front(position, 1)
-        fine &= (bases - handle) @ np.array([math.cos(angle), math.sin(angle)]) >= -BOOM
+    boom = _tip(leaf) + size.hang
+    angle = leaf.front(position, side)  # from the other side, the hand could not withdraw past the edge of the leaf
+    fine &= (bases - handle) @ np.array([math.cos(angle), math.sin(angle)]) >= -BOOM
     for share in SHARES:
         points = bases + share * (handle - bases)
         if boom - BOOM < solid.top:
@@ -139,9 +151,9 @@ def _serves(robot: Robot, leaf: Leaf, position: float, handle: Array, bases: Arr
     return np.asarray(fine)
 
 
-def _tip(robot: Robot, leaf: Leaf) -> float:
-    """Height of the finger tips above the robot's floor while they hold the handle, m."""
-    return leaf.handle_height - 0.03 - robot.solid.z
+def _tip(leaf: Leaf) -> float:
+    """Height of the finger tips on the map while they hold the handle, m."""
+    return leaf.handle_height - 0.03
 
 
 def _claim_sweep(robot: Robot, leaf: Leaf) -> Routine:
@@ -182,7 +194,7 @@ def _grip_handle(robot: Robot, leaf: Leaf, side: int) -> Routine:
     """Close the fingers around the handle, from above. Raises GivenUp."""
     robot.need_gripper()
     position, opening = robot.scene.leaf_position(leaf), min(OPENING, HANDLE + 0.02)
-    handle, tip = leaf.handle(position, side), _tip(robot, leaf) + robot.size.hang
+    handle, tip = leaf.handle(position, side), _tip(leaf) - robot.solid.z + robot.size.hang
     turret, reach = robot.aim(handle)
     robot.arm_claim = Capsule(robot.pose()[:2], handle, ARM)
     yield from robot.arm(lift=tip + HANDLE_LENGTH, left=opening, right=opening)

@@ -13,8 +13,8 @@ import numpy as np
 
 from somrs.devices.simulator.link.commands import Likeness, ObjectState
 from somrs.devices.simulator.motion.arm import withdraw
-from somrs.devices.simulator.motion.driving import MARGIN, drive_to, floor_things, robot_discs, stand, turn_to
-from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine
+from somrs.devices.simulator.motion.driving import MARGIN, drive_to, floor_things, robot_discs, turn_to
+from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine, stand
 from somrs.devices.simulator.world.recognition import look_alikes
 from somrs.devices.simulator.world.vision import Place, eye_of, looks_towards, view, visible
 from somrs.space.distances import Array

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from somrs.devices.simulator.link.lines import Legs, PathStop, Stops
+from somrs.devices.simulator.link.lines import HANDLES, Legs, PathStop, Stops
+from somrs.devices.simulator.motion.driving import MARGIN
+from somrs.devices.simulator.motion.leaves import leading_bases
 from somrs.devices.simulator.motion.placement import outline_spots, reaching_bases
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.simulation import Simulation
@@ -104,10 +106,13 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
     leg_ways = planner.ways(stops, closed)
     if None not in leg_ways or not (shut_doors or lifts or zones.forbidden):
         return Legs(_lengths(leg_ways), (), _needed(planner, stops, closed, leg_ways), carries)
-    with_doors = planner.ways(stops, replace(closed, doors=unusable))
+    to_move = {stop.removesuffix(HANDLES) for stop in stops if isinstance(stop, str) and stop.endswith(HANDLES)}
+    staying_shut = unusable | (shut_doors & to_move)  # none can be opened from behind itself
+    with_doors = planner.ways(stops, replace(closed, doors=staying_shut))
     if None in with_doors:
-        out_of_order, forbidden = _closing(planner, stops, replace(closed, doors=unusable))
-        return Legs(_lengths(leg_ways), carries=carries, out_of_order=out_of_order, zones=forbidden)
+        out_of_order, forbidden = _closing(planner, stops, replace(closed, doors=staying_shut))
+        passages = tuple(passage for passage in out_of_order if passage not in to_move)
+        return Legs(_lengths(leg_ways), carries=carries, out_of_order=passages, zones=forbidden)
     to_open = [door for door in doors if door in shut_doors and door in _doors(with_doors)]
     for door in [*to_open] if len(to_open) > 1 else ():  # a longer way may need fewer doors
         shorter = planner.ways(stops, replace(closed, doors=(shut_doors - {*to_open}) | {door}))
@@ -221,20 +226,38 @@ class _LegPlanner:
     def _is_there(self, position: Point, stop: PathStop) -> bool:
         """Whether the robot is where it is to go: within reach of the point, or in the room."""
         if isinstance(stop, str):
-            solid = self._simulation.scene.world.solids[stop]
-            return solid.role is Role.FLOOR and solid.distance(*position) < 0
+            solid = self._simulation.scene.world.solids.get(stop)
+            return solid is not None and solid.role is Role.FLOOR and solid.distance(*position) < 0
         return self._robot.size.nearest <= math.dist(position, stop[:2]) <= self._robot.size.farthest
 
     def _goal(self, stop: PathStop, level: float) -> Goal | None:
         """Where on a floor the robot would reach the object or point."""
         if not isinstance(stop, str):
             return self._reaching([(stop[0], stop[1])], level + ELEVATION, level)
+        if stop.endswith(HANDLES):
+            return self._moving(stop.removesuffix(HANDLES), level)
         solid, state = self._simulation.scene.world.solids[stop], self._simulation.observe(stop)
         if solid.role in CARRYING and solid.role not in (Role.MARK, Role.FLOOR):
             return self._reaching([point for point, _ in edge_targets(solid, EDGE)], solid.top, level)
         if solid.role in (Role.THING, Role.MARK, Role.ROBOT, Role.FLOOR):
             return self._reaching([(round(state.x, 2), round(state.y, 2))], round(state.z, 2), level, state.container)
         return self._reaching(outline_spots(solid).tolist(), max(solid.top, level + AROUND), level)
+
+    def _moving(self, owner: str, level: float) -> Goal | None:
+        """Where on a floor the robot would begin to move a door, or the first of the doors of furniture, all of which it can move."""
+        robot, scene = self._robot, self._simulation.scene
+        is_open = self._promised.doors.get(owner, scene.world.solids[owner].open)
+
+        def find_stands(space: FreeSpace) -> Stands:
+            bases_by_leaf = []
+            for leaf in scene.leaves(owner):
+                way = (leaf.travel, 0.0) if is_open else (0.0, leaf.travel)
+                bases = np.concatenate([leading_bases(robot, leaf, side, way, level)[0] for side in leaf.sides])
+                bases_by_leaf.append(bases[space.clearances(bases) >= robot.size.radius + MARGIN + 0.015])
+            chosen = bases_by_leaf[0] if all(map(len, bases_by_leaf)) else np.zeros((0, 2))
+            return Stands(chosen, np.zeros(len(chosen)))
+
+        return self._ways.goal((owner, is_open, robot.size), level, robot.size.radius, find_stands)
 
     def _reaching(self, spots: Sequence[Sequence[float]], top: float, level: float, container: str | None = None) -> Goal | None:
         """Where on a floor the robot would reach one of some spots at a height, on a support or in a container."""
@@ -263,9 +286,12 @@ class _LegPlanner:
         A point without a height is on the robot's `level`.
         """
         if isinstance(stop, str):
-            solid = self._simulation.scene.world.solids.get(stop)
+            name = stop.removesuffix(HANDLES)
+            solid = self._simulation.scene.world.solids.get(name)
             if solid is None:
-                raise UsageError(f"{stop} is not in the simulated world")
+                raise UsageError(f"{name} is not in the simulated world")
+            if name != stop and not self._simulation.scene.leaves(name):
+                raise UsageError(f"{name} has no door that could be moved")
             base = self._simulation.observe(stop).z if _is_movable(solid) else solid.z
             height = solid.top if solid.role is Role.FLOOR else base
         elif len(stop) > 2:
