@@ -11,10 +11,11 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from somrs.client.client import Client
@@ -189,6 +190,58 @@ def test_a_fault_is_made_and_mended_by_keyboard_and_both_windows_see_it(system: 
         expect(device(page, "Robot2").get_by_text("Gripper stuck")).to_have_count(0)
         expect(device(page, "Robot2").get_by_text("Ready", exact=True)).to_be_visible()
     assert fleet(system)["Robot2"]["simulated"]["faults"] == []
+
+
+DOOR = {
+    "PositionX": 30.0,
+    "PositionY": 4.0,
+    "PositionZ": 0.0,
+    "Shape.Form": "Box",
+    "Shape.Width": 0.1,
+    "Shape.Depth": 1.2,
+    "Shape.Height": 2.1,
+}
+LIFT = {**DOOR, "PositionX": 34.0, "Shape.Width": 1.8, "Shape.Depth": 1.8}
+
+
+@pytest.fixture
+def passages(system: RunningSystem) -> Iterator[None]:
+    """A lift and a door with a drive, somewhere else on the map."""
+    objects = [{"name": "Lift009", "type": "Lift", "values": LIFT}, {"name": "Door009", "type": "PoweredDoor", "values": DOOR}]
+    change_map(system, *({"type": "ObjectAdded", "object": added} for added in objects))
+    yield
+    change_map(system, *({"type": "ObjectRemoved", "name": added["name"]} for added in objects))
+
+
+def change_map(system: RunningSystem, *changes: Any) -> None:
+    data = json.dumps({"changes": changes, "author": "test"}).encode()
+    request = urllib.request.Request(f"{system.url}/api/map/changes", data, {"Content-Type": "application/json"})
+    with urllib.request.urlopen(request):
+        pass
+
+
+@pytest.mark.usefixtures("passages")
+def test_a_lift_and_a_door_are_broken_and_repaired_from_their_cards(system: RunningSystem, window: OpenPage) -> None:
+    page = window(f"{system.url}/fleet")
+    for name in ("Lift009", "Door009"):
+        card = device(page, name)
+        menu = card.get_by_role("button", name=f"Faults of {name}")
+        menu.click()
+        expect(page.get_by_role("menuitem")).to_have_text(["flash_onBreak the drive", "flash_onStop its messages", "flash_onCut the link"])
+        take_screenshot(page, f"fleet-faults-{name}")
+        page.get_by_role("menuitem", name="Break the drive").click()
+        expect(card.get_by_text("Not working", exact=True)).to_be_visible()
+        expect(card.get_by_text("Drive broken")).to_be_visible()
+        assert fleet(system)[name]["simulated"]["faults"] == ["drive"]
+        menu.click()
+        page.get_by_role("menuitem", name="Repair the drive").click()
+        expect(card.get_by_text("Drive broken")).to_have_count(0)
+        expect(card.get_by_text("Not working", exact=True)).to_have_count(0)
+        assert fleet(system)[name]["simulated"]["faults"] == []
+    resize(page, "390")
+    card.scroll_into_view_if_needed()
+    assert fits(page)
+    take_screenshot(page, "fleet-faults-390")
 
 
 def test_who_joins_is_shown_at_once_and_who_leaves_is_not_dropped_in_silence(system: RunningSystem, window: OpenPage) -> None:

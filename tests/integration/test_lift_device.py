@@ -11,6 +11,7 @@ import pytest
 from somrs.devices.simulator.drivers.lift import Lift
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault, MoveCabin, Stop
 from somrs.devices.simulator.world.kinds import WorldKind
+from somrs.errors import UsageError
 from somrs.ontology.objects import Fact
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from tests.support.robot_lab import map_after
@@ -77,6 +78,23 @@ def test_the_map_has_that_a_lift_is_broken_and_that_it_works_again() -> None:
             harness.repository.state.map = map_after("Lift1.Working = FALSE", TOWER)
             await harness.operator.repair("Lift1", Fault.DRIVE)
             assert await reported(reports, lambda report: "Working" in report) == "Lift1.Working = TRUE"
+
+    run_test(test())
+
+
+def test_a_lift_has_the_faults_of_a_drive_and_no_gripper() -> None:
+    async def test() -> None:
+        async with lift() as (harness, _):
+            await harness.operator.fault("Lift1", Fault.DRIVE)
+            device = (await harness.operator.devices())["Lift1"]
+            assert device.state.faults == (Fault.DRIVE,)
+            assert set(device.possible_faults) == {Fault.DRIVE, Fault.SILENT, Fault.LINK}
+            message = "^Lift1 cannot have the fault gripper; it can have drive, silent, link$"
+            with pytest.raises(UsageError, match=message):
+                await harness.operator.fault("Lift1", Fault.GRIPPER)
+            with pytest.raises(UsageError, match=message):
+                await harness.operator.schedule("Lift1", Fault.GRIPPER, delay=1.0)
+            assert (await harness.operator.devices())["Lift1"].state.faults == (Fault.DRIVE,)
 
     run_test(test())
 

@@ -1,4 +1,4 @@
-"""Devices and their services: presence, state, work and reliability; and the faults of simulated robots."""
+"""Devices and their services: presence, state, work and reliability; and the faults of simulated devices."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import msgspec
 from somrs.api.context import Context
 from somrs.api.device_state import DeviceState, is_working, state_of
 from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally, device_of
-from somrs.api.simulator_gateway import SimulatedRobot, break_or_mend, put_robot, robots
+from somrs.api.simulator_gateway import SimulatedDeviceView, break_or_mend, put_robot, simulated_devices
 from somrs.client.operations import operation
 from somrs.client.refusals import ErrorReport, NotFound, error_report
 from somrs.client.task_history import TaskHistory
@@ -121,7 +121,7 @@ class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     since: float | None = None
     departed_at: float | None = msgspec.field(default=None, name="left")
     reason: str = ""
-    simulated: SimulatedRobot | None = None
+    simulated: SimulatedDeviceView | None = None
 
 
 class Devices(msgspec.Struct, frozen=True, kw_only=True):
@@ -157,7 +157,7 @@ class FleetService:
         now = time.time()
         tasks, states, *_ = await asyncio.gather(
             self._context.client.tasks(running=True),
-            robots(self._context.addresses.simulator),
+            simulated_devices(self._context.addresses.simulator),
             self._presence.read(self._context.client, now),
             self._reliability.learn(self._task_history),
         )
@@ -170,7 +170,7 @@ class FleetService:
 
     @operation("POST", "/fleet/{robot}/faults/{fault}")
     async def fault(self, robot: str, fault: Fault, repair: bool = False) -> None:
-        """Inject a fault into a simulated robot, or with `repair` remove it."""
+        """Inject a fault into a simulated robot, lift, door or other device, or with `repair` remove it."""
         await break_or_mend(self._context.addresses.simulator, robot, fault, repair=repair)
 
     @operation("POST", "/fleet/{robot}/place")
@@ -198,7 +198,7 @@ class FleetService:
             if ontology.is_device(type_name):
                 yield from map.of_type(type_name)
 
-    def _device(self, name: str, assignments: tuple[Assignment, ...], utilisation: float, state: SimulatedRobot | None) -> DeviceView:
+    def _device(self, name: str, assignments: tuple[Assignment, ...], utilisation: float, state: SimulatedDeviceView | None) -> DeviceView:
         map, ontology = self._context.map, self._context.ontology
         object = map.objects.get(name)
         offers = [offer for offer in self._presence.offers.values() if offer.provider == name]

@@ -1,4 +1,4 @@
-"""Access to the simulator as its operator: the states of simulated robots, and their faults."""
+"""Access to the simulator as its operator: the states of simulated devices, and their faults."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 import msgspec
 
 from somrs.api.waiting import waiting_text
-from somrs.devices.simulator.link.commands import Fault, RobotState
+from somrs.devices.simulator.link.commands import Fault, LinkedDevice
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError, SomrsError, UsageError
 
@@ -17,9 +17,9 @@ PATIENCE = 1.5
 """Seconds to wait for the simulator's answers to a few questions."""
 
 
-class SimulatedRobot(msgspec.Struct, frozen=True, kw_only=True):
-    """A robot in the simulator: its true pose (metres and radians), what it holds, the `command` that it executes (JSON: `doing`), and its
-    faults."""
+class SimulatedDeviceView(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot or another device in the simulator: its true pose (metres and radians), what it holds, the `command` that it executes (JSON:
+    `doing`), its faults, and those that it can have. A lift holds the robot in it."""
 
     x: float
     y: float
@@ -27,39 +27,50 @@ class SimulatedRobot(msgspec.Struct, frozen=True, kw_only=True):
     holding: str | None = None
     command: str | None = msgspec.field(default=None, name="doing")
     faults: tuple[Fault, ...] = ()
+    possible_faults: tuple[Fault, ...] = ()
     waiting: str = ""
     """Why it waits in traffic, such as `waits for Robot3, which charges`; empty if it does not wait."""
 
 
-async def robots(simulator: str | None) -> Mapping[str, SimulatedRobot]:
-    """The simulated robots by name; empty if there is no simulator, or if it does not answer within `PATIENCE`."""
+async def simulated_devices(simulator: str | None) -> Mapping[str, SimulatedDeviceView]:
+    """The simulated devices by name; empty if there is no simulator, or if it does not answer within `PATIENCE`."""
     if simulator is None:
         return {}
     try:
         async with answering(simulator) as operator:
-            states, traffic = await operator.robots(), await operator.traffic()
+            devices, traffic = await operator.devices(), await operator.traffic()
     except SomrsError:
         return {}
-    return {name: _simulated(state, waiting_text(traffic.robots.get(name), traffic)) for name, state in states.items()}
+    return {name: _view(device, waiting_text(traffic.robots.get(name), traffic)) for name, device in devices.items()}
 
 
-def _simulated(state: RobotState, waiting: str) -> SimulatedRobot:
-    """The state of a robot, with its pose rounded so that a robot that stands still does not change."""
+def _view(device: LinkedDevice, waiting: str) -> SimulatedDeviceView:
+    """The state of a device, with its pose rounded so that a robot that stands still does not change."""
+    state = device.state
     x, y, yaw = (round(value, 2) for value in (state.x, state.y, state.yaw))
-    return SimulatedRobot(x=x, y=y, yaw=yaw, holding=state.holding, command=state.activity, faults=state.faults, waiting=waiting)
+    return SimulatedDeviceView(
+        x=x,
+        y=y,
+        yaw=yaw,
+        holding=state.holding,
+        command=state.activity,
+        faults=state.faults,
+        possible_faults=device.possible_faults,
+        waiting=waiting,
+    )
 
 
-async def break_or_mend(simulator: str | None, robot: str, fault: Fault, *, repair: bool) -> None:
-    """Inject a fault into a simulated robot, or with `repair` remove it.
+async def break_or_mend(simulator: str | None, device: str, fault: Fault, *, repair: bool) -> None:
+    """Inject a fault into a simulated device, or with `repair` remove it.
 
     Raises:
-        UsageError: there is no such robot.
+        UsageError: there is no such device, or it cannot have the fault.
         RemoteError: the system has no simulator.
     """
     if simulator is None:
-        raise RemoteError("this system has no simulator; faults can be injected into simulated robots only")
+        raise RemoteError("this system has no simulator; faults can be injected into simulated devices only")
     async with link(simulator) as operator:
-        await (operator.repair if repair else operator.fault)(robot, fault)
+        await (operator.repair if repair else operator.fault)(device, fault)
 
 
 async def put_robot(simulator: str | None, robot: str, x: float, y: float, z: float, yaw: float) -> None:

@@ -54,7 +54,7 @@ def options(
 
 
 class FaultOption(StrEnum):
-    """The faults of a simulated robot."""
+    """The faults of a simulated device."""
 
     drive = "drive"
     gripper = "gripper"
@@ -260,12 +260,12 @@ def schema(
 
 @app.command()
 def fault(
-    robot: Annotated[str, typer.Argument(help="The simulated robot.")],
+    robot: Annotated[str, typer.Argument(help="The simulated robot, lift, door or other device.")],
     what: Annotated[FaultOption, typer.Argument(help="The fault.")],
     repair: Annotated[bool, typer.Option("--repair", help="Remove the fault.")] = False,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
-    """Inject a fault into a simulated robot, or remove it."""
+    """Inject a fault into a simulated device, or remove it."""
     from somrs.cli.commands import fault as run
 
     awaited(run(robot, what.value, repair, data))

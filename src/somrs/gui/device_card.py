@@ -19,6 +19,7 @@ ICONS = {
     "Person": "person",
     "Camera": "videocam",
     "Lift": "elevator",
+    "Door": "sensor_door",
     "MobileManipulator": "precision_manufacturing",
     "StationaryManipulator": "precision_manufacturing",
     "MobileRobot": "smart_toy",
@@ -55,7 +56,7 @@ LEAVING = {
 _NO_BREAK = "\N{NO-BREAK SPACE}"
 
 Break = Callable[[str, Fault, bool], Awaitable[None]]
-"""Causes a fault of a robot or, if True, repairs it."""
+"""Causes a fault of a device or, if True, repairs it."""
 
 
 def _icon(device: DeviceView) -> str:
@@ -107,13 +108,13 @@ class DeviceCard:
         else:
             order_key = (device.paused, device.in_service, tuple(service.type for service in device.services))
             self._order_menu.show(order_key, self._build_orders)
-        faults = device.simulated.faults if device.simulated is not None else None
-        if faults is not None:
-            self._menu.show(faults, lambda: self._build_menu(faults))
+        faults, possible_faults = (device.simulated.faults, device.simulated.possible_faults) if device.simulated is not None else ((), ())
+        if possible_faults:
+            self._menu.show((faults, possible_faults), lambda: self._build_menu(faults, possible_faults))
         else:
             self._menu.clear()
         self._faults.visible = bool(faults)
-        self._faults.show(faults, lambda: self._build_faults(faults or ()))
+        self._faults.show(faults, lambda: self._build_faults(faults))
         self._activities.visible = bool(device.assignments)
         activities = [(activity.task, activity.step, activity.state, activity.service) for activity in device.assignments]
         self._activities.show(activities, self._build_activities)
@@ -148,13 +149,13 @@ class DeviceCard:
             ui.icon(icon).classes("somrs-menu-icon").props('aria-hidden="true"')
             ui.label(label)
 
-    def _build_menu(self, faults: tuple[Fault, ...]) -> None:
+    def _build_menu(self, faults: tuple[Fault, ...], possible_faults: tuple[Fault, ...]) -> None:
         with ui.button(icon="bolt").props(f'flat round dense aria-label="Faults of {self.device.name}"') as button:
             button.classes("somrs-turn")
-            ui.tooltip("Cause or repair a fault of this simulated robot").props('anchor="top middle" self="bottom middle"')
+            ui.tooltip("Cause or repair a fault of this simulated device").props('anchor="top middle" self="bottom middle"')
             with ui.menu():
-                for fault, (breaks, mends) in FAULTS.items():
-                    broken = fault in faults
+                for fault in possible_faults:
+                    broken, (breaks, mends) = fault in faults, FAULTS[fault]
                     with ui.menu_item(on_click=lambda fault=fault, broken=broken: self._break(self.device.name, fault, broken)):
                         ui.icon("build" if broken else "flash_on").classes("somrs-menu-icon").props('aria-hidden="true"')
                         ui.label(mends if broken else breaks)
@@ -196,10 +197,10 @@ def activity_text(activity: Assignment) -> str:
 
 
 def _position_text(device: DeviceView) -> str:
+    if device.place is not None and "Lift" in device.lineage:
+        return f"at {device.place}"
     if device.simulated is not None:
         x, y = device.simulated.x, device.simulated.y
-    elif device.place is not None and "Lift" in device.lineage:
-        return f"at {device.place}"
     elif device.position is not None:
         x, y = device.position[:2]
     else:
@@ -215,7 +216,7 @@ def _note(device: DeviceView) -> str:
     held = device.simulated.holding if device.simulated is not None else None
     holding = join_names([*dict.fromkeys([*((held,) if held else ()), *device.holding])])
     if holding:
-        parts.append(f"It holds {holding}.")
+        parts.append(f"It {'carries' if 'Lift' in device.lineage else 'holds'} {holding}.")
     if device.simulated is not None and device.simulated.command:
         parts.append(f"It is {COMMAND_LABELS.get(device.simulated.command, f'doing {device.simulated.command}')}.")
     if device.paused_for is not None:
@@ -231,6 +232,12 @@ COMMAND_LABELS = {
     "Grip": "gripping",
     "Place": "putting something down",
     "PutDown": "putting something down",
+    "Insert": "putting something inside",
+    "Open": "opening",
+    "Close": "closing",
+    "MoveCabin": "taking its cabin to a storey",
+    "Charge": "charging",
+    "Weigh": "weighing something",
     "LookAt": "looking at something",
     "LookAround": "looking around",
     "Stop": "stopping",

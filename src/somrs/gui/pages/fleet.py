@@ -1,4 +1,4 @@
-"""Fleet: devices and services with their current work, questions to people, and faults of simulated robots."""
+"""Fleet: devices and services with their current work, questions to people, and faults of simulated devices."""
 
 from __future__ import annotations
 
@@ -104,10 +104,10 @@ class _Fleet:
                 if not devices.log:
                     ui.label("No arrivals or departures yet.").classes("somrs-soft")
 
-    async def _break(self, robot: str, fault: Fault, repair: bool) -> None:
-        await self._api.fleet.fault(robot, fault, repair)
+    async def _break(self, device: str, fault: Fault, repair: bool) -> None:
+        await self._api.fleet.fault(device, fault, repair)
         name = FAULT_LABELS[fault]
-        notify(f"{robot}: repaired ({name})" if repair else f"{robot}: {name}")
+        notify(f"{device}: repaired ({name})" if repair else f"{device}: {name}")
         await self.read()
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from somrs.api.device_state import DeviceState
 from somrs.api.fleet import Assignment, DeviceView, Presence
-from somrs.api.simulator_gateway import SimulatedRobot
+from somrs.api.simulator_gateway import SimulatedDeviceView
 from somrs.api.system import PartView
 from somrs.devices.simulator.link.commands import Fault
 from somrs.entish.parse import parse
@@ -104,7 +104,7 @@ def test_devices_are_listed_by_state_and_those_at_work_with_what_they_do() -> No
 
 
 def test_devices_that_are_not_ready_say_why() -> None:
-    robot = SimulatedRobot(x=0.0, y=0.0, yaw=0.0, faults=(Fault.DRIVE, Fault.LINK))
+    robot = SimulatedDeviceView(x=0.0, y=0.0, yaw=0.0, faults=(Fault.DRIVE, Fault.LINK))
     rows = unready_rows(
         [
             device("Ready", DeviceState.READY),

@@ -191,6 +191,13 @@ class RobotState(Struct, frozen=True, kw_only=True):
     """What keeps it from going on, and will pass without it: that the lift in which it stands does not work, for example."""
 
 
+class LinkedDevice(Struct, frozen=True, kw_only=True):
+    """A device of the simulated world with a robot link: its state, and the faults that it can have."""
+
+    state: RobotState
+    possible_faults: tuple[Fault, ...]
+
+
 class ObjectState(Struct, frozen=True, kw_only=True):
     """An observed object: the middle of its underside, its yaw, and its support, its container or its holder, as far as they are known."""
 

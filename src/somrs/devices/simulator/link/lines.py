@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta, Struct, field
 
-from somrs.devices.simulator.link.commands import Command, Fault, ObjectState, RobotState, Sighting
+from somrs.devices.simulator.link.commands import Command, Fault, LinkedDevice, ObjectState, RobotState, Sighting
 from somrs.devices.simulator.link.roads import Roadmap, TrafficState
 from somrs.errors import WireError
 
@@ -80,6 +80,10 @@ class Look(Struct, frozen=True, kw_only=True, tag="look", tag_field="ask"):
 
 class Robots(Struct, frozen=True, kw_only=True, tag="robots", tag_field="ask"):
     """Request the states of all robots."""
+
+
+class Devices(Struct, frozen=True, kw_only=True, tag="devices", tag_field="ask"):
+    """Request the states of all robots, cameras, scales, lifts and doors with a drive, and the faults that they can have."""
 
 
 class Clock(Struct, frozen=True, kw_only=True, tag="clock", tag_field="ask"):
@@ -162,7 +166,7 @@ class Follow(Struct, frozen=True, kw_only=True, tag="poses", tag_field="ask"):
     rate: Annotated[float, Meta(ge=0)] = 20.0
 
 
-Question = Break | Repair | Look | Robots | Clock | Picture | Ways | Roads | Traffic | Idle | Move | SetWeight | Follow
+Question = Break | Repair | Look | Robots | Devices | Clock | Picture | Ways | Roads | Traffic | Idle | Move | SetWeight | Follow
 
 
 class Ask(Struct, frozen=True, kw_only=True, tag="ask", tag_field="say"):
@@ -258,6 +262,7 @@ class Answer(Struct, frozen=True, kw_only=True, tag="answer", tag_field="say"):
     id: int
     object_state: ObjectState | None = field(default=None, name="seen")
     robots: dict[str, RobotState] | None = None
+    devices: dict[str, LinkedDevice] | None = None
     time: float | None = None
     speed: float | None = None
     """Simulated seconds per second; None: as fast as the processor allows."""

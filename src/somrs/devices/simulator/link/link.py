@@ -21,6 +21,7 @@ from somrs.devices.simulator.link.commands import (
     Grip,
     Insert,
     Likeness,
+    LinkedDevice,
     LookAround,
     LookAt,
     MoveCabin,
@@ -42,6 +43,7 @@ from somrs.devices.simulator.link.lines import (
     Ask,
     Break,
     Clock,
+    Devices,
     Follow,
     Hello,
     Idle,
@@ -250,6 +252,10 @@ class OperatorLink(Link):
 
     async def robots(self) -> dict[str, RobotState]:
         return (await self._ask(Robots())).robots or {}
+
+    async def devices(self) -> dict[str, LinkedDevice]:
+        """Everything with a robot link: robots, cameras, scales, lifts and doors with a drive."""
+        return (await self._ask(Devices())).devices or {}
 
     async def roadmap(self) -> Roadmap:
         """The roadmap, and what of it is closed now."""

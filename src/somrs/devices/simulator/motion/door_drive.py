@@ -31,6 +31,7 @@ class DoorDrive(StationaryDevice):
     """The drive of one door. `robots`: those for which it waits. The caller calls `step` once per control period."""
 
     refusal = "is a door: it accepts Open and Close of itself, Stop and Status"
+    possible_faults = (Fault.DRIVE, *StationaryDevice.possible_faults)
 
     def __init__(self, solid: Solid, scene: Scene, robots: Mapping[str, Robot]) -> None:
         super().__init__(solid, scene)

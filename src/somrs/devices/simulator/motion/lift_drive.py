@@ -32,6 +32,7 @@ class LiftDrive(StationaryDevice):
     """
 
     refusal = "is a lift: it accepts MoveCabin to a floor at which it stops, Stop and Status"
+    possible_faults = (Fault.DRIVE, *StationaryDevice.possible_faults)
 
     def __init__(self, solid: Solid, scene: Scene, robots: Mapping[str, Robot], shaft: Shaft) -> None:
         super().__init__(solid, scene)

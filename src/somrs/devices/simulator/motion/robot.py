@@ -115,6 +115,11 @@ class Robot:
         return self.scene.hands.held.get(self.name)
 
     @property
+    def possible_faults(self) -> tuple[Fault, ...]:
+        """The faults that it can have: without an arm, none of the gripper."""
+        return tuple(fault for fault in Fault if fault is not Fault.GRIPPER or self.size.gripper)
+
+    @property
     def mobile(self) -> bool:
         """Whether its drive works, and may."""
         return not self.paused and not self.faults & {Fault.DRIVE, Fault.SILENT, Fault.LINK}

@@ -32,8 +32,7 @@ class Schedule:
         self._planned: list[_PlannedFault] = []
 
     def add(self, request: Break) -> None:
-        if request.robot not in self._simulation.linked:
-            raise UsageError(f"there is no robot {request.robot}; there are {', '.join(self._simulation.linked) or 'none'}")
+        self._simulation.check_fault(request.robot, request.fault)
         if request.released and request.carried is not None:
             raise UsageError("a fault can occur while something is carried or when it was released: give only one of the two")
         self._planned.append(_PlannedFault(request, self._simulation.time + (request.delay or 0.0)))

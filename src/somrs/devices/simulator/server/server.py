@@ -22,6 +22,7 @@ from somrs.devices.simulator.link.lines import (
     Ask,
     Break,
     Clock,
+    Devices,
     Follow,
     Hello,
     Idle,
@@ -279,6 +280,8 @@ class Server:
                 answer = Answer(id=id, object_state=self.simulation.observe(name))
             case Robots():
                 answer = Answer(id=id, robots={name: self.simulation.state(name) for name in self.simulation.robots})
+            case Devices():
+                answer = Answer(id=id, devices=self.simulation.devices())
             case Roads():
                 answer = Answer(id=id, roadmap=self.simulation.roadmap())
             case Traffic():

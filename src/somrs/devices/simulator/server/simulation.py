@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, ObjectState, RobotState, Sense, Status
+from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, LinkedDevice, ObjectState, RobotState, Sense, Status
 from somrs.devices.simulator.link.roads import Roadmap, TrafficState
 from somrs.devices.simulator.motion.door_drive import DoorDrive
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
@@ -172,6 +172,10 @@ class Simulation:
         """The state of a robot or camera. Raises UsageError."""
         return self._linked(robot).state()
 
+    def devices(self) -> dict[str, LinkedDevice]:
+        """Everything with a robot link, by name."""
+        return {name: LinkedDevice(state=device.state(), possible_faults=device.possible_faults) for name, device in self.linked.items()}
+
     def observe(self, object: str) -> ObjectState:
         """The true state of an object. Raises UsageError if it is not in the simulated world."""
         if object not in self.scene.world.solids:
@@ -192,8 +196,15 @@ class Simulation:
 
     # Faults
 
+    def check_fault(self, robot: str, fault: Fault) -> None:
+        """Raise UsageError if there is no such robot or other device, or if it cannot have the fault."""
+        possible_faults = self._linked(robot).possible_faults
+        if fault not in possible_faults:
+            raise UsageError(f"{robot} cannot have the fault {fault}; it can have {', '.join(possible_faults)}")
+
     def fault(self, robot: str, fault: Fault) -> None:
         """Inject a fault. Raises UsageError."""
+        self.check_fault(robot, fault)
         device = self._linked(robot)
         device.faults.add(fault)
         self._last_motion = self.time

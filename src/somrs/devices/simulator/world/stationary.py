@@ -16,6 +16,7 @@ class StationaryDevice:
     """A device that stands still. `refusal`: what it answers to other commands than it accepts."""
 
     refusal = "accepts only Status"
+    possible_faults: tuple[Fault, ...] = (Fault.SILENT, Fault.LINK)
 
     def __init__(self, solid: Solid, scene: Scene) -> None:
         self.solid, self.scene = solid, scene

@@ -15,6 +15,7 @@ class WeighingScale(StationaryDevice):
     """One scale. It measures one weight: that of everything on it. Its commands take no time."""
 
     refusal = "is a scale: it accepts Weigh, Stop and Status"
+    possible_faults = (Fault.DRIVE, *StationaryDevice.possible_faults)
 
     def command(self, command: Command, on_end: OnEnd) -> None:
         match command:
