@@ -615,6 +615,26 @@ def test_a_real_building_is_drawn_to_scale(office: RunningSystem, window: OpenWi
     )
 
 
+def test_checkboxes_and_switches_show_a_click_before_the_server_answers(system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, system)
+    snap, scene = page.get_by_role("switch", name="Snap"), page.get_by_role("button", name="3D", exact=True)
+    page.get_by_role("button", name="Links").click()
+    relation = page.get_by_role("checkbox", name="isOn", exact=True)
+    expect(relation).to_be_visible()
+    with system.paused("gui"):
+        relation.click()
+        expect(relation).to_be_checked()
+        page.keyboard.press("Escape")
+        snap.click()
+        expect(snap).not_to_be_checked()
+        scene.click()
+        expect(scene).to_have_attribute("aria-pressed", "true")
+    expect(page.get_by_role("button", name="Links: 1")).to_be_visible()  # the server has answered
+    expect(snap).not_to_be_checked()
+    snap.click()
+    expect(snap).to_be_checked()
+
+
 def test_traffic_is_shown_on_demand_with_the_roadmap(system: RunningSystem, window: OpenWindow) -> None:
     page = window(f"{system.url}/map")
     button = page.get_by_role("button", name="Traffic")

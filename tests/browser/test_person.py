@@ -201,3 +201,19 @@ def test_the_fleet_page_has_the_link_the_code_and_a_picture_of_them(system: Runn
     people.get_by_role("button", name="Code for the phone of Anna").click()
     expect(page.get_by_role("img", name="Code that opens the page of Anna on a phone")).to_be_visible()
     take_screenshot(page, "fleet-people")
+
+
+def test_a_switch_goes_back_with_the_reason_if_it_is_refused(system: RunningSystem, window: OpenPage) -> None:
+    page = window(f"{system.url}/person/{code(system)}", "390")
+    switch = page.get_by_role("switch", name="Available")
+    expect(switch).to_be_checked()
+    version = call(system, "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Anna"}], "author": "a test"})["version"]
+    try:
+        with system.paused("gui"):
+            switch.click()
+            expect(switch).not_to_be_checked()
+        expect(page.get_by_text("there is no person Anna on the map")).to_be_visible()
+        expect(switch).to_be_checked()
+        take_screenshot(page, "person-390-refused")
+    finally:
+        call(system, f"/map/undo/{version}?author=nobody", {})

@@ -9,6 +9,7 @@ from nicegui import app, ui
 from somrs.entish import Name, Relation
 from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.components.scene import Scene3D
 from somrs.gui.pages.task_text import device_name
@@ -36,7 +37,7 @@ class TaskScene:
         self._plan: FloorPlan | None = None
         self._space: Scene3D | None = None
         chosen = app.storage.user.get(VIEW_SETTING, _SPACE)
-        self._choice = ui.toggle({_SPACE: "3D", _PLAN: "Floor plan"}, value=chosen, on_change=self._switch_view)
+        self._choice = shown_at_once(ui.toggle({_SPACE: "3D", _PLAN: "Floor plan"}, value=chosen, on_change=self._switch_view))
         self._choice.props('no-caps dense unelevated aria-label="View"').classes("somrs-task-scene-choice")
         self._place = ui.element("div").classes("somrs-task-view").style(f"min-height: {_HEIGHT}")
         ui.timer(SCENE_DELAY, self._build_view, once=True)

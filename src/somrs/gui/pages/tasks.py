@@ -18,6 +18,7 @@ from somrs.client.hub import News
 from somrs.client.state_labels import OUTCOMES, priority_text
 from somrs.client.task_report import reasons
 from somrs.errors import SomrsError
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.components.task.list import TaskList
 from somrs.gui.icons import format_time, join_names
 from somrs.gui.news import follow
@@ -65,7 +66,9 @@ class _Tasks:
         self._schedule_render = Throttle(self._render)
         with ui.element("div").classes("somrs-tasks-head"):
             ui.label("Tasks").classes("somrs-title").props('role="heading" aria-level="1"')
-            self._filter = ui.toggle(_choices([]), value=_ALL_TASKS, on_change=self._render).props("no-caps dense unelevated")
+            self._filter = shown_at_once(ui.toggle(_choices([]), value=_ALL_TASKS, on_change=self._render)).props(
+                "no-caps dense unelevated"
+            )
             self._search_field = ui.input(placeholder="Find in goals, people, services", on_change=self._render).props(
                 'dense outlined clearable type=search aria-label="Find"'
             )

@@ -12,6 +12,7 @@ from nicegui.events import ValueChangeEventArguments
 from somrs.api.choices import Sayable, SayableAttribute
 from somrs.errors import SomrsError
 from somrs.gui.components.fields.picker import Choice, Picker, things
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.define.goal_lines import ORDERS, Line, is_same_formula, lines_of, text_of
 from somrs.ontology.types import ABSTRACT, Kind
@@ -111,7 +112,7 @@ class _Row:
             )
             self._rest = ui.element("div").classes("somrs-define-rest")
             with ui.element("div").classes("somrs-define-line-ways"):
-                self._negation = ui.checkbox("Must not hold", value=line.denied, on_change=self._deny).props("dense size=sm")
+                self._negation = shown_at_once(ui.checkbox("Must not hold", value=line.denied, on_change=self._deny)).props("dense size=sm")
                 self._negation.classes("somrs-define-not").tooltip("Negation: the goal is that this condition is false (NOT in a formula)")
                 remove_button = ui.button(icon="close", on_click=lambda: remove(self)).props("flat dense round size=sm")
                 remove_button.props('aria-label="Remove this line"')

@@ -11,6 +11,7 @@ from nicegui.events import ValueChangeEventArguments
 
 from somrs.client.state_labels import PRIORITIES, priority_text
 from somrs.gui.components.fields.picker import Choice, Picker
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.components.formula import FormulaField
 from somrs.gui.pages.define.draft import DAILY, INTERVAL, NOW, ONE_TIME, UNITS, Draft, Repeat
 from somrs.gui.pages.define.form import Form
@@ -156,13 +157,13 @@ class _Repeating:
         if repeat.recurrence == DAILY:
             with ui.element("div").classes("somrs-define-days").props('role="group" aria-label="Days"'):
                 for day, name in enumerate(_DAYS):
-                    ui.checkbox(name, value=day in repeat.days, on_change=self._day(day)).props("dense")
+                    shown_at_once(ui.checkbox(name, value=day in repeat.days, on_change=self._day(day))).props("dense")
             ui.label("No day selected: every day.").classes("somrs-soft")
         with ui.element("div").classes("somrs-define-inline"):
             ui.label("Name").classes("somrs-soft")
             self._field("Name of the order", "name", 'placeholder="name of the standing order"').classes("somrs-define-name")
         if repeat.recurrence != ONE_TIME:
-            skip = ui.checkbox("Skip a run while the previous task is running", value=repeat.skip).props("dense")
+            skip = shown_at_once(ui.checkbox("Skip a run while the previous task is running", value=repeat.skip)).props("dense")
             skip.on_value_change(lambda event: self._set_value("skip", event.value))
 
     def _field(self, label: str, name: str, props: str) -> ui.input:
@@ -201,7 +202,8 @@ def _field(label: str) -> ui.element:
 
 
 def _toggle(options: dict[Any, str], label: str) -> ui.toggle:
-    return ui.toggle(options).props(f'dense no-caps unelevated role="group" aria-label="{label}"').classes("somrs-define-toggle")
+    toggle = shown_at_once(ui.toggle(options)).classes("somrs-define-toggle")
+    return toggle.props(f'dense no-caps unelevated role="group" aria-label="{label}"')
 
 
 def _input(label: str, placeholder: str) -> ui.input:

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 from nicegui import ui
 from nicegui.events import ValueChangeEventArguments
 
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.components.formula import FormulaField
 from somrs.gui.pages.define.builder import Builder
 from somrs.gui.pages.define.form import Form
@@ -27,7 +28,7 @@ class GoalPanel:
         self._form = form
         with panel("Goal", "flag", "define goal", "somrs-define-goal") as formula_panel:
             formula_panel.note.set_text("Ctrl+Space: completion. Ctrl+Enter: preview.")
-            self._purpose = ui.toggle(_PURPOSES, value=form.draft.recognise, on_change=self._choose_purpose)
+            self._purpose = shown_at_once(ui.toggle(_PURPOSES, value=form.draft.recognise, on_change=self._choose_purpose))
             self._purpose.props('dense no-caps unelevated role="group" aria-label="Purpose"').classes("somrs-define-toggle")
             self._purpose_line = ui.label(_PURPOSE_LINES[form.draft.recognise]).classes("somrs-soft")
             self.field = FormulaField(

@@ -10,6 +10,7 @@ from somrs.errors import SomrsError
 from somrs.gui.author import author
 from somrs.gui.components.confirm_dialog import confirm
 from somrs.gui.components.fields.picker import Choice, Picker, things
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.news import follow
 from somrs.gui.pages.define.blanks import mentioned_things, propose_blank_names, replace_with_blanks, types_of
 from somrs.gui.pages.define.form import Form
@@ -109,7 +110,8 @@ class TemplateMenu:
                 ui.label("Blanks to fill in at each use").classes("somrs-define-label somrs-define-or")
             for thing in thing_names:
                 with ui.element("div").classes("somrs-define-blank"):
-                    ui.checkbox(thing, on_change=lambda event, thing=thing: blank_choices.update({thing: bool(event.value)})).props("dense")
+                    box = ui.checkbox(thing, on_change=lambda event, thing=thing: blank_choices.update({thing: bool(event.value)}))
+                    shown_at_once(box).props("dense")
                     ui.label("any").classes("somrs-soft")
                     options = [Choice(value=type_name) for type_name in types_of(thing, context.map, context.ontology)]
                     pick = partial(types.__setitem__, thing)

@@ -12,6 +12,7 @@ from nicegui.element import Element
 from nicegui.events import ValueChangeEventArguments
 
 from somrs.errors import InputError
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.pages.map.value_input import in_limits, limits, read, text_of, unit
 from somrs.gui.shell import focus
 from somrs.ontology.types import AttributeType, Kind, Ontology, Value
@@ -154,7 +155,7 @@ class Field:
     def _switch(self) -> None:
         spot = self.spot
         with ui.element("div").classes("somrs-map-truth") as self.element:
-            self._input = ui.switch(spot.label(), on_change=self._typed).props("dense")
+            self._input = shown_at_once(ui.switch(spot.label(), on_change=self._typed)).props("dense")
             self._by_default = ui.label("default").classes("somrs-soft")
             self._clear = ui.button(icon="backspace", on_click=lambda: self._set(None)).props(
                 f'flat round dense size=sm aria-label="Reset {spot.attribute.name} to its default"'

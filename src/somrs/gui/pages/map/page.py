@@ -18,6 +18,7 @@ from somrs.entish.parse import nearest
 from somrs.errors import SomrsError
 from somrs.gui.address import AddressBanner
 from somrs.gui.author import author
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.news import follow
 from somrs.gui.pages.map.add_panel import AddPanel
@@ -84,14 +85,16 @@ class MapPage:
     def _bar(self) -> None:
         with ui.element("div").classes("somrs-map-bar"):
             ui.label("Map").classes("somrs-title").props('role="heading" aria-level="1"')
-            self._views = ui.toggle([PLAN, SCENE], value=PLAN, on_change=lambda event: self._map_view.switch(str(event.value)))
+            self._views = shown_at_once(
+                ui.toggle([PLAN, SCENE], value=PLAN, on_change=lambda event: self._map_view.switch(str(event.value)))
+            )
             self._views.props('dense no-caps unelevated toggle-color=primary aria-label="View"').classes("somrs-map-views")
             self._count = ui.label().classes("somrs-soft")
             ui.space()
             self._links()
             self._zone_tool = ZoneTool(self._api, self._record_version)
-            snap = ui.switch("Snap", value=True, on_change=lambda event: self._plan.set_snap(SNAP if event.value else 0.0)).props("dense")
-            snap.tooltip("Dragged objects snap to 5 cm and 15°; hold Alt to disable")
+            snap = shown_at_once(ui.switch("Snap", value=True, on_change=lambda event: self._plan.set_snap(SNAP if event.value else 0.0)))
+            snap.props("dense").tooltip("Dragged objects snap to 5 cm and 15°; hold Alt to disable")
             self._undo_button = ui.button("Undo", icon="undo", on_click=guarded(self._undo)).props("flat dense no-caps")
             self._undo_button.tooltip("Undo my last change (Ctrl+Z)")
             with ui.link(target="/api/map/export.yaml").classes("somrs-map-export").props('aria-label="Save as a file"'):
@@ -114,7 +117,7 @@ class MapPage:
             ui.tooltip("Relations to draw on the plan")
             with ui.menu().props('role="group" aria-label="Relations to draw"'), ui.element("div").classes("somrs-map-links"):
                 for name in relations:
-                    drawn[name] = ui.checkbox(name, on_change=draw).props("dense")
+                    drawn[name] = shown_at_once(ui.checkbox(name, on_change=draw)).props("dense")
 
     def _side(self) -> None:
         with ui.tabs().props("dense no-caps inline-label").classes("somrs-map-tabs") as self._tabs:

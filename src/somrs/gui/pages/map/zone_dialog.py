@@ -11,6 +11,7 @@ from somrs.api.remote import LiveApi
 from somrs.api.zones import ZoneDrawing
 from somrs.errors import InputError
 from somrs.gui.author import author
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.pages.map.value_input import read
 from somrs.gui.shell import guarded, notify
 from somrs.ontology.types import Value
@@ -35,7 +36,7 @@ class ZoneTool:
             ui.label("New zone").classes("somrs-title")
             with ui.element("form").props('aria-label="New zone" novalidate').classes("somrs-map-form") as form:
                 name = ui.input("Name", value=self._free_name()).props("outlined dense autofocus autocomplete=off hide-bottom-space")
-                kind = ui.radio([_NO_ENTRY, _SLOW], value=_NO_ENTRY).props('dense aria-label="What robots do"')
+                kind = shown_at_once(ui.radio([_NO_ENTRY, _SLOW], value=_NO_ENTRY)).props('dense aria-label="What robots do"')
                 speed = ui.input("Highest speed, m/s", value=_SPEED).props("outlined dense autocomplete=off hide-bottom-space")
                 speed.bind_visibility_from(kind, "value", value=_SLOW)
                 with ui.element("div").classes("somrs-map-buttons"):

@@ -12,6 +12,7 @@ from nicegui.element import Element
 from nicegui.events import ValueChangeEventArguments
 
 from somrs.gui.components.draft_storage import DraftStorage
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.components.formula import FormulaField
 from somrs.gui.pages.ontology.drafts import Draft
 from somrs.gui.pages.ontology.elements import TextTag, icon_button
@@ -177,7 +178,7 @@ class Fields:
         return self._register_field(field, path, "", "full", "update:model-value", _ALL_CHOSEN)
 
     def flag(self, path: str, label: str) -> ui.checkbox:
-        field = ui.checkbox(label, value=self.value_at(path), on_change=self._change_handler(path)).props("dense")
+        field = shown_at_once(ui.checkbox(label, value=self.value_at(path), on_change=self._change_handler(path))).props("dense")
         self._draft_storage.mirror(field, "update:model-value", self.draft.key, path)
         return field.classes("somrs-onto-flag")
 

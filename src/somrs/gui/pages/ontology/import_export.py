@@ -11,6 +11,7 @@ from somrs.api.owl import OwlImportResult
 from somrs.api.remote import LiveApi
 from somrs.errors import ModelError, Problem, SomrsError
 from somrs.gui.author import author
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.pages.ontology.consequences import show_consequences
 from somrs.gui.pages.ontology.elements import TextTag, cell, note, row, table, titled_dialog
 from somrs.gui.shell import notify
@@ -55,7 +56,7 @@ class Import:
             self._upload.classes("somrs-onto-upload").add_slot("header", UPLOAD_HEADER)
             self._chosen = ui.label().classes("somrs-onto-doc")
             self._body = ui.element("div").classes("somrs-onto-dialog-body").props('aria-live="polite"')
-            self._map = ui.checkbox("", on_change=self._consider)
+            self._map = shown_at_once(ui.checkbox("", on_change=self._consider))
             self._map.visible = False
             with ui.row().classes("somrs-onto-buttons"):
                 ui.button("Cancel", on_click=self._dialog.close).props("flat no-caps")

@@ -11,6 +11,7 @@ from somrs.devices.person.assignments import Outcome
 from somrs.devices.person.outcomes import PLACING
 from somrs.entish.formula import Name, Relation, conjuncts
 from somrs.entish.parse import parse
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.places import PlacePicker
 
 ELSEWHERE, FORMULA, UNKNOWN = "elsewhere", "formula", "unknown"
@@ -27,7 +28,7 @@ class OutcomeChoice:
             options[ELSEWHERE] = "It is somewhere else"
         options |= {UNKNOWN: "I do not know", FORMULA: "Something else (a formula)"}
         ui.label("What is so now?").classes("somrs-person-ask")
-        self._radio = ui.radio(options, value=None, on_change=self._show_fields).props('aria-label="What is so now?"')
+        self._radio = shown_at_once(ui.radio(options, value=None, on_change=self._show_fields)).props('aria-label="What is so now?"')
         with ui.element("div").classes("somrs-person-place") as self._place_field:
             for thing in things[:1]:
                 PlacePicker(thing, api.context.map, api.context.ontology, self._choose_place)

@@ -12,7 +12,9 @@ from somrs.devices.person.questions import Question
 from somrs.devices.person.wording import title
 from somrs.entish.formula import Name, Relation, conjuncts
 from somrs.entish.parse import parse
+from somrs.errors import SomrsError
 from somrs.gui.components.alert import Alert
+from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.news import follow
 from somrs.gui.pages.person.assignment_card import AssignmentCard
@@ -82,7 +84,7 @@ class _PersonPage:
         with ui.element("div").classes("somrs-person"):
             with ui.element("header").classes("somrs-person-head"):
                 ui.label(person.label or person.name).classes("somrs-title").props('role="heading" aria-level="1"')
-                self._available = ui.switch("Available", on_change=guarded(self._set_available))
+                self._available = shown_at_once(ui.switch("Available", on_change=guarded(self._set_available)))
             with ui.element("div").classes("somrs-person-head"):
                 self._status = ui.label().classes("somrs-soft").props('role="status"')
                 self._alert = Alert()
@@ -176,8 +178,13 @@ class _PersonPage:
 
     async def _set_available(self) -> None:
         available = bool(self._available.value)
-        if available != self._person.available:
+        if available == self._person.available:
+            return
+        try:
             await self._api.people.set_availability(self._person.name, Availability(available=available))
+        except SomrsError:
+            self._available.set_value(self._person.available)
+            raise
 
 
 def _summary(assignment: Assignment) -> str:
