@@ -20,7 +20,6 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from statistics import median
 
 from start import cpu, descendants, memory
 
@@ -226,8 +225,9 @@ async def measure(robots: int, *, steady: bool) -> None:
     dearest = sorted(run.cpu.items(), key=lambda entry: -entry[1])[:6]
     print("       CPU: " + ", ".join(f"{program} {seconds:.0f} s" for program, seconds in dearest))
     if run.at_work:
-        medians = median(run.until_begun), median(run.at_work)
-        print(f"       a delivery, median: {medians[0]:.1f} s until a robot begins, {medians[1]:.1f} s from then on")
+        for label, share in (("half of the deliveries", 0.5), ("nine of ten", 0.9)):
+            until_begun, at_work = (sorted(times)[int(share * len(times))] for times in (run.until_begun, run.at_work))
+            print(f"       {label}: at most {until_begun:.1f} s until a robot begins, and {at_work:.1f} s from then on")
     for text, count in run.explanations.most_common(6):
         print(f"       {count} times: {text[:300]}")
 

@@ -15,6 +15,9 @@ from tests.support.simulated_device_harness import SimulatedDeviceHarness, simul
 BLOCK = "Block: {type: Wall, at: [4.6, 1.5, 0], Shape: {Form: Box, Width: 0.1, Depth: 3, Height: 2.5}}"
 """A wall close before the door."""
 
+PILLAR = "Pillar: {type: Wall, at: [4.6, 1.1, 0], Shape: {Form: Box, Width: 1, Depth: 1.4, Height: 2.5}}"
+"""A wall close before the part of the doorway into which the handle moves."""
+
 
 def _harness(*parts: str) -> AbstractAsyncContextManager[SimulatedDeviceHarness]:
     """A robot beside a closed room with a door around the corner: the robot is on the side of the wall that is inside the room."""
@@ -52,6 +55,17 @@ def test_a_door_is_opened_from_the_side_that_the_robot_reaches() -> None:
 def test_a_door_in_front_of_which_there_is_no_room_is_refused() -> None:
     async def test() -> None:
         async with _harness(BLOCK) as harness:
+            with pytest.raises(Refusal, match="finds no path to a place from which it could move the door of Door1"):
+                await harness.quote("OpenDoor", Door="Door1")
+
+    run(test())
+
+
+def test_a_door_that_can_only_be_moved_half_way_is_refused() -> None:
+    """From the only side that is free, a pillar keeps the robot from following the handle."""
+
+    async def test() -> None:
+        async with _harness(PILLAR) as harness:
             with pytest.raises(Refusal, match="finds no path to a place from which it could move the door of Door1"):
                 await harness.quote("OpenDoor", Door="Door1")
 

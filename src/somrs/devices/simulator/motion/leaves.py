@@ -56,10 +56,10 @@ def move_leaves(robot: Robot, owner: str, *, opening: bool) -> Routine:
     robot.need_gripper()
     for leaf in robot.scene.leaves(owner):
         for _ in range(STAGES):
-            position = robot.scene.leaf_position(leaf)
-            if leaf.is_open(position) if opening else leaf.is_shut(position):
+            goal = leaf.travel if opening else 0.0
+            if _is_moved(leaf, robot.scene.leaf_position(leaf), goal):
                 break
-            yield from _move_part(robot, leaf, leaf.travel if opening else 0.0)
+            yield from _move_part(robot, leaf, goal)
         else:
             raise GivenUp("blocked", f"{robot.name} cannot move the door of {owner} any further")
 
@@ -126,12 +126,36 @@ def leading_bases(robot: Robot, leaf: Leaf, side: int, way: tuple[float, float],
     bases = handles[0] + np.array([(r * math.cos(angle), r * math.sin(angle)) for r in radii for angle in angles])
     bases = bases[robot.scene.clearances(bases, level + 0.02, level + 1.85, [leaf.name]) >= size.radius + MARGIN + 0.015]
     reached = np.zeros(len(bases), dtype=int)
-    going = np.ones(len(bases), dtype=bool)
+    going = np.arange(len(bases))
     for position, handle in zip(positions, handles, strict=True):
-        going &= _serves(robot, leaf, side, float(position), handle, bases)
-        reached += going
+        going = going[_serves(robot, leaf, side, float(position), handle, bases[going])]
+        reached[going] += 1
     is_led = reached >= LEAST_SAMPLES
     return bases[is_led], positions[reached[is_led] - 1]
+
+
+def moving_bases(robot: Robot, leaf: Leaf, way: tuple[float, float], level: float) -> Array:
+    """Points for the base on a floor from which the robot begins to move a leaf, and can bring it to the end of the way from the same side,
+    if nothing but static solids is in the way."""
+    chosen: list[Array] = [np.zeros((0, 2))]
+    for side in leaf.sides:
+        bases, ends = leading_bases(robot, leaf, side, way, level)
+        for _ in range(STAGES):
+            if not len(ends) or _is_moved(leaf, position := _farthest(ends, way), way[1]):
+                break
+            ends = leading_bases(robot, leaf, side, (position, way[1]), level)[1]
+        if len(ends) and _is_moved(leaf, _farthest(ends, way), way[1]):
+            chosen.append(bases)
+    return np.concatenate(chosen)
+
+
+def _farthest(ends: Array, way: tuple[float, float]) -> float:
+    return float(ends.max() if way[1] > way[0] else ends.min())
+
+
+def _is_moved(leaf: Leaf, position: float, goal: float) -> bool:
+    """Whether a leaf is as open, or as shut, as it has to be."""
+    return leaf.is_open(position) if goal else leaf.is_shut(position)
 
 
 def _serves(robot: Robot, leaf: Leaf, side: int, position: float, handle: Array, bases: Array) -> Mask:
@@ -143,11 +167,12 @@ def _serves(robot: Robot, leaf: Leaf, side: int, position: float, handle: Array,
     boom = _tip(leaf) + size.hang
     angle = leaf.front(position, side)  # from the other side, the hand could not withdraw past the edge of the leaf
     fine &= (bases - handle) @ np.array([math.cos(angle), math.sin(angle)]) >= -BOOM
-    for share in SHARES:
-        points = bases + share * (handle - bases)
-        if boom - BOOM < solid.top:
-            fine &= distances_from(solid, points) > BOOM
-        fine &= robot.scene.clearances(points, boom - 0.05, boom + 0.1, [leaf.name, leaf.owner.name]) > 0.05
+    near = bases[fine]
+    points = (near + np.array(SHARES)[:, None, None] * (handle - near)).reshape(-1, 2)
+    is_clear = robot.scene.clearances(points, boom - 0.05, boom + 0.1, [leaf.name, leaf.owner.name]) > 0.05
+    if boom - BOOM < solid.top:
+        is_clear &= distances_from(solid, points) > BOOM
+    fine[fine] = is_clear.reshape(len(SHARES), -1).all(axis=0)
     return np.asarray(fine)
 
 

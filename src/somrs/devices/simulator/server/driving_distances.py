@@ -10,7 +10,7 @@ import numpy as np
 
 from somrs.devices.simulator.link.lines import HANDLES, Legs, PathStop, Stops
 from somrs.devices.simulator.motion.driving import MARGIN
-from somrs.devices.simulator.motion.leaves import leading_bases
+from somrs.devices.simulator.motion.leaves import moving_bases
 from somrs.devices.simulator.motion.placement import outline_spots, reaching_bases
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.simulation import Simulation
@@ -247,17 +247,19 @@ class _LegPlanner:
         """Where on a floor the robot would begin to move a door, or the first of the doors of furniture, all of which it can move."""
         robot, scene = self._robot, self._simulation.scene
         is_open = self._promised.doors.get(owner, scene.world.solids[owner].open)
+        is_as_now = is_open == scene.world.solids[owner].open
+        ways = [
+            (round(scene.leaf_position(leaf), 2) if is_as_now else leaf.travel * is_open, leaf.travel * (not is_open))
+            for leaf in scene.leaves(owner)
+        ]
 
         def find_stands(space: FreeSpace) -> Stands:
-            bases_by_leaf = []
-            for leaf in scene.leaves(owner):
-                way = (leaf.travel, 0.0) if is_open else (0.0, leaf.travel)
-                bases = np.concatenate([leading_bases(robot, leaf, side, way, level)[0] for side in leaf.sides])
-                bases_by_leaf.append(bases[space.clearances(bases) >= robot.size.radius + MARGIN + 0.015])
-            chosen = bases_by_leaf[0] if all(map(len, bases_by_leaf)) else np.zeros((0, 2))
+            bases_by_leaf = [moving_bases(robot, leaf, way, level) for leaf, way in zip(scene.leaves(owner), ways, strict=True)]
+            free_bases = [bases[space.clearances(bases) >= robot.size.radius + MARGIN + 0.015] for bases in bases_by_leaf]
+            chosen = free_bases[0] if all(map(len, free_bases)) else np.zeros((0, 2))
             return Stands(chosen, np.zeros(len(chosen)))
 
-        return self._ways.goal((owner, is_open, robot.size), level, robot.size.radius, find_stands)
+        return self._ways.goal((owner, *ways, robot.size), level, robot.size.radius, find_stands)
 
     def _reaching(self, spots: Sequence[Sequence[float]], top: float, level: float, container: str | None = None) -> Goal | None:
         """Where on a floor the robot would reach one of some spots at a height, on a support or in a container."""
