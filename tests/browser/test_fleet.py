@@ -81,6 +81,17 @@ def test_the_command_line_shows_the_same(system: RunningSystem) -> None:
     assert [entry["name"] for entry in listing["devices"]] == sorted(fleet(system))
 
 
+def test_a_page_comes_although_the_system_is_busy(system: RunningSystem) -> None:
+    """For longer than NiceGUI's own limit of 3 s."""
+    with ThreadPoolExecutor(1) as executor:
+        with system.paused("api"):
+            opening = executor.submit(urllib.request.urlopen, f"{system.url}/fleet")
+            with pytest.raises(TimeoutError):
+                opening.result(timeout=4)
+        with opening.result() as answer:
+            assert b"Fleet" in answer.read()
+
+
 def test_a_robot_at_work_shows_its_step_and_then_what_it_has_done(system: RunningSystem, window: OpenPage) -> None:
     """Whatever the other tests had it do: one more is done."""
     completed_before = {

@@ -47,6 +47,10 @@ PAGE_LINKS = (
     PageLink("/history", "History", "history", "Task Manager"),
 )
 
+BUILD_TIME = 60.0
+"""Seconds for the server to build a page, for which it may have to wait for a busy system. NiceGUI drops a page that no browser has opened
+after this time, and its own limit of 3 s would end in an error page."""
+
 LOOK = "/look"
 """Path of the files that all pages load."""
 
@@ -56,6 +60,11 @@ for popup in (ui.select, ui.menu, ui.dialog):
     popup.default_props("transition-duration=0")
 
 ui.menu_item.default_props("role=menuitem")  # Quasar's is a list item, which no menu may have
+
+
+def page_at(path: str) -> ui.page:
+    """The decorator of a function that builds the page at a path."""
+    return ui.page(path, response_timeout=BUILD_TIME)
 
 
 @contextmanager

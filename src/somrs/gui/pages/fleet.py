@@ -17,7 +17,7 @@ from somrs.gui.icons import format_time, join_names
 from somrs.gui.news import follow
 from somrs.gui.people_panel import PeoplePanel
 from somrs.gui.question_panel import QuestionPanel
-from somrs.gui.shell import guarded, notify, page
+from somrs.gui.shell import guarded, notify, page, page_at
 from somrs.protocol.messages.directory import PresenceChange
 
 MAX_LOG_ENTRIES = 30
@@ -25,7 +25,7 @@ MAX_LOG_ENTRIES = 30
 
 
 def register(api: LiveApi) -> None:
-    @ui.page("/fleet")
+    @page_at("/fleet")
     async def show_page() -> None:
         with page("Fleet", "/fleet", api):
             fleet = _Fleet(api)

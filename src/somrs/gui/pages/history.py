@@ -20,7 +20,7 @@ from somrs.client.task_report import reasons
 from somrs.errors import SomrsError
 from somrs.gui.icons import OUTCOMES, format_time
 from somrs.gui.news import follow
-from somrs.gui.shell import guarded, page
+from somrs.gui.shell import guarded, page, page_at
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import Records, TaskRecord
 from somrs.protocol.messages.task_views import Phase
@@ -60,7 +60,7 @@ _GOAL_CELL = """<q-td :props="props">
 
 
 def register(api: LiveApi) -> None:
-    @ui.page("/history")
+    @page_at("/history")
     async def show_page(text: str = "", outcome: str = "", since: str = "", service: str = "", rows: str = str(PAGE)) -> None:
         with page("History", "/history", api, ("text", "outcome", "since", "service", "rows")) as address:
             if outcome not in _ENDS:

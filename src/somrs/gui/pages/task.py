@@ -23,7 +23,7 @@ from somrs.gui.pages.task_scene import TaskScene
 from somrs.gui.pages.task_story_panel import StoryPanel
 from somrs.gui.panel import panel
 from somrs.gui.question_panel import QuestionPanel
-from somrs.gui.shell import page
+from somrs.gui.shell import page, page_at
 from somrs.gui.throttle import Throttle
 from somrs.gui.unavailable_banner import UnavailableBanner
 from somrs.protocol.messages.event_text import short_id
@@ -38,7 +38,7 @@ RETRY_DELAY = 2.0
 
 
 def register(api: LiveApi) -> None:
-    @ui.page("/tasks/{id}")
+    @page_at("/tasks/{id}")
     async def show_page(id: str) -> None:
         with page("Task", "/tasks", api):
             await _TaskLoader(api, id).begin()

@@ -24,7 +24,7 @@ from somrs.gui.icons import format_time, join_names
 from somrs.gui.news import follow
 from somrs.gui.pages import task
 from somrs.gui.pages.task_text import count_text, device_name, due_text, gist, hindrance_texts, task_key, task_path, task_sign, wait_texts
-from somrs.gui.shell import guarded, page
+from somrs.gui.shell import guarded, page, page_at
 from somrs.gui.throttle import Throttle
 from somrs.gui.unavailable_banner import UnavailableBanner
 from somrs.protocol.messages.people import person_name
@@ -52,7 +52,7 @@ _COLUMNS: list[dict[str, Any]] = [
 def register(api: LiveApi) -> None:
     task.register(api)
 
-    @ui.page("/tasks")
+    @page_at("/tasks")
     async def show_page() -> None:
         with page("Tasks", "/tasks", api):
             _Tasks(api)

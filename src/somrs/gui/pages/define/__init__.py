@@ -17,12 +17,12 @@ from somrs.gui.pages.define.orders import Orders, save_order
 from somrs.gui.pages.define.preview import Preview
 from somrs.gui.pages.define.templates import TemplateMenu
 from somrs.gui.pages.task_text import task_path
-from somrs.gui.shell import guarded, notify, page
+from somrs.gui.shell import guarded, notify, page, page_at
 from somrs.protocol.messages.submission import Submit
 
 
 def register(api: LiveApi) -> None:
-    @ui.page("/define")
+    @page_at("/define")
     async def show_page(effect: str = "") -> None:
         with page("New task", "/define", api, ("effect",)):
             _DefinePage(api, effect)

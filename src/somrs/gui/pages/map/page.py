@@ -33,7 +33,7 @@ from somrs.gui.pages.map.search_panel import SearchPanel
 from somrs.gui.pages.map.sheet import Sheet, SheetActions
 from somrs.gui.pages.map.version_slider import VersionSlider
 from somrs.gui.pages.map.zone_dialog import ZoneTool
-from somrs.gui.shell import guarded, notify, page
+from somrs.gui.shell import guarded, notify, page, page_at
 from somrs.ontology.objects import Change, Map
 from somrs.protocol.messages.knowledge import UpdateMap
 
@@ -49,7 +49,7 @@ _OBJECT, _ADD, _SEARCH, _CHANGES = "Object", "Add", "Find", "Changes"
 
 
 def register(api: LiveApi) -> None:
-    @ui.page(PATH)
+    @page_at(PATH)
     async def show_page() -> None:
         with page("Map", PATH, api, PARAMETERS) as address:
             MapPage(api, address).begin(ui.context.client.request.url.query)

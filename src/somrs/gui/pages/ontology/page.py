@@ -30,7 +30,7 @@ from somrs.gui.pages.ontology.import_export import Import, export_menu
 from somrs.gui.pages.ontology.index import Index, IndexCallbacks
 from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, SECTION, SECTIONS, SERVICES, TYPES, Section
-from somrs.gui.shell import guarded, notify, page
+from somrs.gui.shell import guarded, notify, page, page_at
 from somrs.ontology.objects import ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Define
@@ -45,7 +45,7 @@ _NEW = "new"
 
 
 def register(api: LiveApi) -> None:
-    @ui.page(PATH)
+    @page_at(PATH)
     async def show_page() -> None:
         ui.add_head_html(BACK_SCRIPT)
         with page("Ontology", PATH, api, [*(section.parameter for section in SECTIONS), _NEW]) as address:

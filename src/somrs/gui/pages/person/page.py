@@ -19,18 +19,18 @@ from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.news import follow
 from somrs.gui.pages.person.assignment_card import AssignmentCard
 from somrs.gui.question_panel import QuestionPanel
-from somrs.gui.shell import guarded, page
+from somrs.gui.shell import guarded, page, page_at
 
 PATH = "/person"
 
 
 def register(api: LiveApi) -> None:
-    @ui.page(PATH)
+    @page_at(PATH)
     async def show_entrance() -> None:
         with page("Your page", PATH, api, navigation=False):
             _Entrance(api)
 
-    @ui.page(PATH + "/{code}")
+    @page_at(PATH + "/{code}")
     async def show_page(code: str) -> None:
         with page("Your page", PATH, api, navigation=False):
             person = _find(await api.people.list(), code)

@@ -20,7 +20,7 @@ from somrs.gui.pages.start import rows
 from somrs.gui.pages.start.example_goal import example_goal, is_achieved
 from somrs.gui.pages.start.row_list import RowList
 from somrs.gui.question_panel import QuestionPanel
-from somrs.gui.shell import page
+from somrs.gui.shell import page, page_at
 from somrs.gui.throttle import Throttle
 from somrs.protocol.messages.task_views import TaskRow
 
@@ -32,7 +32,7 @@ MOST_ROWS = 8
 
 
 def register(api: LiveApi) -> None:
-    @ui.page("/")
+    @page_at("/")
     async def show_page() -> None:
         with page("Start", "/", api):
             _Board(api)
