@@ -358,6 +358,28 @@ test("traffic is read only while it is shown", async () => {
   assert.equal(drawing.querySelector(".fp-road"), null);
 });
 
+test("neither traffic nor its roadmap is replaced by an older one that comes late", async () => {
+  const late = { "/api/traffic": [], "/api/traffic/roadmap": [] };
+  for (const path of Object.keys(late)) server.answers[path] = () => new Promise((done) => late[path].push(done));
+  one.element.querySelector('button[aria-label="Traffic"]').click();
+  await settled();
+  server.socket("/api/live").open();
+  await clock.pass(50);
+  server.socket("/api/live").say({ topic: "traffic", value: { ...TRAFFIC, hold: "fire alarm in B1", robots: [] } });
+  await clock.pass(50);
+  late["/api/traffic"][0](TRAFFIC);
+  await clock.pass(50);
+  assert.match(text(one.element.querySelector(".fp-traffic")), /Traffic is held: fire alarm in B1/);
+  server.socket("/api/live").say({ topic: "traffic", value: { ...TRAFFIC, roadmap: 6, robots: [] } });
+  await clock.pass(3000);
+  late["/api/traffic/roadmap"][1]({ ...ROADMAP, number: 6, closed_lanes: [] });
+  await clock.pass(50);
+  late["/api/traffic/roadmap"][0](ROADMAP);
+  await clock.pass(50);
+  assert.equal(drawing.querySelector(".fp-road-closed"), null);
+  assert.ok(drawing.querySelector(".fp-road"));
+});
+
 test("the roadmap of the storey is drawn, and what of it is closed", async () => {
   await showTraffic();
   await clock.pass(50);

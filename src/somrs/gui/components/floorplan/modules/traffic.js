@@ -13,6 +13,8 @@ export class TrafficNews {
   constructor(told) {
     this._told = told;
     this._number = null; // that of the roadmap that was read
+    this._heard = 0; // states of traffic so far
+    this._asked = 0; // requests for the roadmap so far
     this._close = null;
   }
 
@@ -28,14 +30,17 @@ export class TrafficNews {
   }
 
   async _read() {
+    const heard = this._heard;
     try {
-      this._show(await get("/api/traffic"));
+      const traffic = await get("/api/traffic");
+      if (heard === this._heard) this._show(traffic); // else news have overtaken it
     } catch {
-      this._told({ lost: true });
+      if (heard === this._heard) this._told({ lost: true });
     }
   }
 
   _hear(news) {
+    this._heard++;
     if (news.missed) this._read();
     else if (news.value.problem) this._told({ lost: true });
     else this._show(news.value);
@@ -54,9 +59,10 @@ export class TrafficNews {
       this._timer = null;
       if (this._close && this._wanted !== this._number) this._readRoadmap();
     }, AGAIN);
+    const asked = ++this._asked;
     try {
       const roadmap = await get("/api/traffic/roadmap");
-      if (!this._close) return;
+      if (!this._close || asked !== this._asked) return; // a later request has overtaken it
       this._number = roadmap.number;
       this._told({ roadmap });
     } catch {
