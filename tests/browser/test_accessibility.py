@@ -3,7 +3,6 @@ window, and no column of a table is a few letters wide. And where the keyboard b
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -12,7 +11,7 @@ from playwright.sync_api import Page, expect
 from somrs.gui.shell import PAGE_LINKS
 from tests.support.paths import ROOT
 
-from .conftest import SCHEMES, RunningSystem, resize, wait_until_still
+from .conftest import SCHEMES, RunningSystem, looks, resize, wait_until_still
 from .test_define import write
 from .test_tasks import breaks_down, call, carries, is_ended, message, panel, submit_task, wait_for_task
 
@@ -23,9 +22,7 @@ NOT_INSTALLED = "accessibility by axe-core, because it is not in node_modules; `
 
 pytestmark = pytest.mark.looks
 
-ALL_LOOKS = [(size, scheme) for size in ("1280", "390") for scheme in SCHEMES]
-LOOKS = ALL_LOOKS if "ALL_LOOKS" in os.environ else [("1280", SCHEMES[0]), ("390", SCHEMES[1])]
-"""The looks that are checked: by default, each size and each color scheme once, as each look takes seconds for each page."""
+LOOKS = looks(("1280", "390"))
 
 GOAL, IMPOSSIBLE_GOAL = "Jar002 isOn Platform001", "Shelf001 isOn Platform001"
 

@@ -8,6 +8,7 @@ import urllib.request
 from collections.abc import Callable
 from typing import Any
 
+import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from somrs.devices.person.questions import Questions
@@ -32,6 +33,7 @@ def row(page: Page, title: str, text: str) -> Locator:
     return part(page, title).get_by_role("listitem").filter(has_text=text)
 
 
+@pytest.mark.looks
 def test_an_idle_system_needs_nobody_and_offers_a_task_to_try(system: RunningSystem, window: OpenPage) -> None:
     page = window(system.url)
     expect(page.get_by_text("Nothing needs attention.")).to_be_visible()

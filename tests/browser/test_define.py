@@ -507,6 +507,7 @@ def test_what_was_typed_outlives_the_server(system: RunningSystem, open_page: Ca
     expect(page.get_by_text("cheapest, high priority, within 15 min")).to_be_visible()
 
 
+@pytest.mark.looks
 def test_it_looks_as_it_should(open_page: Callable[..., Page]) -> None:
     page = open_page(effect="Carton001 isOn Shelf001")
     page.get_by_role("button", name="Preview").click()

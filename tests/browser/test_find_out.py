@@ -29,6 +29,7 @@ def open_define(system: RunningSystem, window: Callable[..., Page]) -> Page:
     return page
 
 
+@pytest.mark.looks
 def test_what_is_so_is_asked_and_the_answer_says_who_saw_it(watched: RunningSystem, window: Callable[..., Page]) -> None:
     page = open_define(watched, window)
     write(page, "?It: Jar isOn Cupboard001")
@@ -46,7 +47,7 @@ def test_what_is_so_is_asked_and_the_answer_says_who_saw_it(watched: RunningSyst
     expect(answers.get_by_role("cell", name="Jar002 isOn Cupboard001")).to_be_visible()
     expect(answers.get_by_role("cell", name="Patrol1")).to_have_count(2)
     for look in every_look(page):
-        fits(page)
+        assert fits(page)
         take_screenshot(page, f"find-out-answers-{look}")
 
 

@@ -59,6 +59,7 @@ def ask_registry(system: RunningSystem, body: Body, expected: type[Any]) -> None
         executor.submit(asyncio.run, send_request()).result()
 
 
+@pytest.mark.looks
 def test_every_device_is_there_with_what_it_offers(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/fleet")
     for name, price in (("Robot1", "10 EUR"), ("Robot2", "25 EUR")):

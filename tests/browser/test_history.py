@@ -45,6 +45,7 @@ def rows(page: Page) -> list[str]:
     return [row.inner_text() for row in page.locator("tbody tr").all()]
 
 
+@pytest.mark.looks
 def test_tasks_that_are_over_are_listed_with_how_they_ended(system: RunningSystem, window: OpenPage, ended: list[str]) -> None:
     page = window(f"{system.url}/history")
     first = page.locator("tbody tr").first

@@ -139,6 +139,7 @@ BURST = """() => {
 """Keys that are pressed quickly one after the other, also on a busy machine."""
 
 
+@pytest.mark.looks
 def test_the_map_fits_every_window(system: RunningSystem, window: OpenWindow) -> None:
     page = open_map(window, system, "?object=Robot1")
     page.get_by_role("button", name="Legend").click()

@@ -479,6 +479,7 @@ def test_every_kind_of_definition_is_read(system: RunningSystem, window: OpenPag
     take_screenshot(page, "ontology-service-1280-light")
 
 
+@pytest.mark.looks
 def test_sheet_and_form_fit_every_window(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology?type=Jar")
     expect(heading(page, "Jar")).to_be_visible()

@@ -102,6 +102,7 @@ def jar_at_home(system: RunningSystem) -> Iterator[None]:
         assert formula_holds(system, "Jar002 isOn Cupboard001")
 
 
+@pytest.mark.looks
 @pytest.mark.usefixtures("jar_at_home")
 def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: RunningSystem, window: OpenPage, tmp_path: Path) -> None:
     breaks_down(system, "Robot1", carried=1.5)
@@ -315,6 +316,7 @@ def test_an_address_that_several_tasks_fit_says_so(system: RunningSystem, window
     page.wait_for_url("**/tasks")
 
 
+@pytest.mark.looks
 def test_the_list_is_found_in_and_folded_panels_stay_so(system: RunningSystem, window: OpenPage) -> None:
     task = submit_task(system, "Shelf001 isOn Table002")
     wait_for_task(system, task, is_ended)
