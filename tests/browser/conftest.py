@@ -38,6 +38,7 @@ FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--disable-gpu-rasterization",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # requests to other machines are errors on the console
     "--process-per-site",  # so that a page need not start a process, nor compile scripts: see `profiles`
     # Only the last list of features counts, so this contains the relevant part of Playwright's list. It also disables the pages that
     # Chromium makes for its address bar behind every window, which take more time than the pages under test.
@@ -201,10 +202,6 @@ def browser() -> Iterator[Browser]:
         browser.close()
 
 
-class ExternalRequest(AssertionError):
-    """A page sent a request to another machine."""
-
-
 @pytest.fixture(scope="session")
 def profiles(browser: Browser) -> list[BrowserContext]:
     """The browser profiles so far, as many as tests needed at the same time. They are used again, as they have files in their caches, and
@@ -243,7 +240,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 @pytest.fixture
 def window(browser: Browser, profiles: list[BrowserContext], request: pytest.FixtureRequest) -> Iterator[Callable[..., Page]]:
     """A function that opens a page in a new profile, as of another person: `window(url, size="1280", dark=False)`. The test fails at its
-    end if a page logged an error to the console, sent a request to another machine or, unless it `may_reload`, reloaded itself."""
+    end if a page logged an error to the console, such as for a request to another machine, or, unless it `may_reload`, reloaded itself."""
     pages: list[Page] = []
     errors: list[str] = []
 
@@ -263,7 +260,6 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
 
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on("console", check_console)
-        page.on("request", lambda sent_request: None if _local(sent_request.url) else errors.append(f"request to {sent_request.url}"))
         page.goto(url)
         return page
 
@@ -275,10 +271,6 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
     for profile in profiles[: len(pages)]:
         profile.clear_cookies()
     assert not errors, "\n".join(errors)
-
-
-def _local(url: str) -> bool:
-    return url.startswith(("http://127.0.0.1:", "ws://127.0.0.1:", "data:", "blob:", "about:"))
 
 
 def wait_until_still(drawn: Locator) -> None:
