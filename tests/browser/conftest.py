@@ -256,7 +256,7 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
         def check_console(message: ConsoleMessage) -> None:
             wrong = message.type == "error" and "ERR_CONNECTION" not in message.text
             if wrong or (message.text.startswith("reloading because") and not may_reload):
-                errors.append(message.text)
+                errors.append(f"{message.text} ({message.location['url']})")
 
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on("console", check_console)
