@@ -215,7 +215,7 @@ async def proxy(url: str) -> AsyncIterator[str]:
         try:
             yield f"{LOOPBACK}:{listening.getsockname()[1]}/api"
         finally:
-            server.should_exit = True
+            server.end()
             await serving
 
 

@@ -5,18 +5,24 @@ from __future__ import annotations
 import asyncio
 import gzip
 from collections.abc import AsyncIterator, Awaitable, Callable
+from email.utils import parsedate_to_datetime
 
 import aiohttp
 import pytest
+import uvicorn
 from msgspec import structs
+from starlette.responses import PlainTextResponse
+from starlette.types import Receive, Scope, Send
 
 from somrs.errors import RemoteError, UsageError
+from somrs.ports import bound
 from somrs.protocol.messages import directory, frp, knowledge
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
-from somrs.runtime.http import Server
+from somrs.runtime import http
+from somrs.runtime.http import QuietServer, Server
 from somrs.runtime.wire import NONE_ADDRESS, Unanswered, Wire, retry_unanswered
 from tests.support.hang import HANG_TIME
 
@@ -220,6 +226,36 @@ def test_stopping_while_requests_are_open(caplog: pytest.LogCaptureFixture) -> N
     assert waited.header.relates_to == message_id("q")
     assert b" 503 " in writing, "nobody took this message: it is to be sent again"
     assert not caplog.records
+
+
+def test_a_server_with_nothing_to_do_sleeps_and_ends_when_it_is_told_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    class CountingServer(QuietServer):
+        wakes = 0
+
+        async def on_tick(self, counter: int) -> bool:
+            self.wakes += 1
+            return await super().on_tick(counter)
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        await PlainTextResponse("here")(scope, receive, send)
+
+    async def run() -> None:
+        listener = bound("127.0.0.1", 0)
+        server = CountingServer(uvicorn.Config(app, lifespan="off", log_level="warning"))
+        serving = asyncio.create_task(server.serve(sockets=[listener]))
+        while not server.started:
+            await asyncio.sleep(0.01)
+        async with asyncio.timeout(HANG_TIME), aiohttp.ClientSession() as session:
+            response = await session.get(f"http://127.0.0.1:{listener.getsockname()[1]}/")
+            assert await response.text() == "here"
+            assert parsedate_to_datetime(response.headers["Date"])
+            await asyncio.sleep(0.3)
+            assert server.wakes == 1, "when it began"
+            server.end()
+            await serving
+
+    monkeypatch.setattr(http, "DATE_TIME", HANG_TIME)
+    asyncio.run(run())
 
 
 def test_many_at_once_beside_one_that_stalls() -> None:

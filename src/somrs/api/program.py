@@ -51,7 +51,7 @@ async def served(service: ApiService, server_socket: socket.socket) -> AsyncIter
     try:
         yield f"http://{host}:{port}{PATH}"
     finally:
-        server.should_exit = True
+        server.end()
         with contextlib.suppress(asyncio.CancelledError):
             await serving
 

@@ -46,7 +46,7 @@ async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> Non
         while not server.started and not serving.done():
             await asyncio.sleep(0.01)
         await until_stopped("gui", f"http://{host}:{listener.getsockname()[1]}")
-        server.should_exit = True
+        server.end()
         with contextlib.suppress(asyncio.CancelledError):
             await serving
 

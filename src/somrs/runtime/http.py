@@ -42,6 +42,9 @@ BODY_TIME = 10.0
 KEPT_TIME = 60
 """Seconds for which a client keeps an idle connection. The server keeps it longer, so that it never closes a connection first."""
 
+DATE_TIME = 1.0
+"""Seconds between two updates of the date in the headers of responses."""
+
 CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
 _HANG_UP = {"Connection": "close"}
 _ACCEPTED = Response(status_code=202)
@@ -60,7 +63,7 @@ class Server:
         self.host, self.port, self.body_time = host, port, body_time
         self.parts: dict[str, Handler] = parts if parts is not None else {}
         self._serving: asyncio.Task[None] | None = None
-        self._server: uvicorn.Server | None = None
+        self._server: QuietServer | None = None
         self._open: set[asyncio.Task[object]] = set()
         self._stopping = False
 
@@ -95,7 +98,7 @@ class Server:
     async def stop(self) -> None:
         """Stop listening. Requests that wait for an answer get a Fault; requests that are still being read get the status 503."""
         if self._server is not None and self._serving is not None:
-            self._server.should_exit = True
+            self._server.end()
             self._stopping = True
             for task in self._open:
                 task.cancel()
@@ -205,11 +208,26 @@ class Server:
 
 
 class QuietServer(uvicorn.Server):
-    """A server that leaves signals to the program."""
+    """A server that leaves signals to the program, and sleeps while there is nothing to serve: uvicorn's wakes its process ten times a
+    second, to see whether it should end."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self._end_event = asyncio.Event()
+
+    def end(self) -> None:
+        self.should_exit = True
+        self._end_event.set()
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
         yield
+
+    async def main_loop(self) -> None:
+        while not await self.on_tick(0):
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(DATE_TIME):
+                    await self._end_event.wait()
 
 
 def _response(outcome: Outcome) -> Response:
