@@ -214,6 +214,8 @@ def test_a_switch_goes_back_with_the_reason_if_it_is_refused(system: RunningSyst
             expect(switch).not_to_be_checked()
         expect(page.get_by_text("there is no person Anna on the map")).to_be_visible()
         expect(switch).to_be_checked()
+        colours = "(button) => [button, button.closest('.q-notification')].map((element) => getComputedStyle(element).color)"
+        assert len({*page.get_by_role("button", name="Close").evaluate(colours)}) == 1, "the button is as readable as the reason"
         take_screenshot(page, "person-390-refused")
     finally:
         call(system, f"/map/undo/{version}?author=nobody", {})
