@@ -35,8 +35,8 @@ SIDE = 24.0
 CROWD = 50
 AISLE = 4.0
 """The distance between the middles of two tables, m."""
-STEADY = 300.0
-"""The simulated seconds of a steady run."""
+WARM_UP, STEADY = 60.0, 300.0
+"""The simulated seconds before a steady run is measured, because all deliveries begin at once and none ends; and those that are measured."""
 PATIENCE = 1800.0
 """The simulated seconds after which a burst ends that has not come to its end."""
 SAMPLE = 2.0
@@ -140,15 +140,16 @@ async def play(robots: int, addresses: Addresses, *, steady: bool) -> Run:
         started_at, run.began = time.monotonic(), (await operator.clock()).time
         watch = asyncio.create_task(watch_robots(operator, run))
         jars = dict(zip(await asyncio.gather(*(deliveries.submit(jar) for jar in range(robots))), range(robots), strict=True))
+        run.began += WARM_UP if steady else 0.0
         version, limit = 0, run.began + (STEADY if steady else PATIENCE)
         while jars and (await operator.clock()).time < limit:
             news = await client.watch_list(WatchTasks(after=version, wait=5))
-            version = news.version
+            version, is_measured = news.version, (await operator.clock()).time >= run.began
             for row in news.rows:
                 if row.outcome is None or row.task not in jars:
                     continue
                 jar = jars.pop(row.task)
-                run.outcomes[row.outcome] += 1
+                run.outcomes[row.outcome] += is_measured
                 if row.outcome is not Outcome.ACCOMPLISHED:
                     run.explanations[row.explanation] += 1
                 if steady:

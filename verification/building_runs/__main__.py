@@ -58,7 +58,7 @@ def main() -> int:
             table.add_row(building.name.split(".")[0], str(seed), *map(str, row))
             for goal, outcome in result.outcomes.items():
                 if outcome != "accomplished":
-                    console.print(escape(f"{building.name}, seed {seed}: {goal}: {outcome}"))
+                    console.print(escape(f"{building.name}, seed {seed}: {goal}: {outcome}: {result.explanations[goal]}"))
             for goal, reason in result.waiting.items():
                 console.print(escape(f"{building.name}, seed {seed}: {goal} waits: {reason}"))
             for problem in result.problems:

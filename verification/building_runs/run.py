@@ -33,9 +33,11 @@ ATTEMPTS = 3
 
 @dataclass(slots=True)
 class Result:
-    """What came of a run. `waiting`: the reasons for which tasks wait, by the goals; `problems`: what must not be."""
+    """What came of a run. `explanations` and `waiting`: why tasks were not accomplished, and for what others wait, by the goals;
+    `problems`: what must not be."""
 
     outcomes: dict[str, str] = field(default_factory=dict)
+    explanations: dict[str, str] = field(default_factory=dict)
     waiting: dict[str, str] = field(default_factory=dict)
     broken: str | None = None
     simulated: float = 0.0
@@ -79,6 +81,8 @@ async def _watch(client: Client, goal: str, id: str, result: Result) -> None:
         if view.outcome is not None:
             result.waiting.pop(goal, None)
             result.outcomes[goal] = view.outcome
+            if view.outcome is not Outcome.ACCOMPLISHED:
+                result.explanations[goal] = view.explanation
             if view.outcome is not Outcome.ACCOMPLISHED and not view.explanation:
                 result.problems.append(f"{goal}: {view.outcome}, and it does not say why")
             return
