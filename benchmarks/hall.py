@@ -36,7 +36,7 @@ CROWD = 50
 AISLE = 4.0
 """The distance between the middles of two tables, m."""
 WARM_UP, STEADY = 60.0, 300.0
-"""The simulated seconds before a steady run is measured, because all deliveries begin at once and none ends; and those that are measured."""
+"""The simulated seconds of a steady run before it is measured, as all deliveries begin at once; and those that are measured."""
 PATIENCE = 1800.0
 """The simulated seconds after which a burst ends that has not come to its end."""
 SAMPLE = 2.0

@@ -31,10 +31,11 @@ from somrs.planner.exclusions import exclusion_obstacles, exclusion_text
 from somrs.planner.grounding.grounding import Grounding
 from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.relevance import demands
+from somrs.planner.losses import losses_text
 from somrs.planner.model.choices import ALTERNATIVES
 from somrs.planner.model.operators import goal_operators
 from somrs.planner.model.plan import NoPlan, Obstacle
-from somrs.planner.model.problem import AvailableService, LostService, Problem, rejection_text
+from somrs.planner.model.problem import AvailableService, Problem, rejection_text
 from somrs.planner.model.reading import outputs_in_effect, tells
 from somrs.planner.model.vocabulary import Inexpressible
 from somrs.planner.model.world import World
@@ -271,7 +272,7 @@ class _Reasons:
             if services:
                 self.lost.update((loss.service, None) for loss in services)
                 self.texts[
-                    f"{_format_literal(literal)} could be brought about by {name}, but no service is left ({_format_losses(services)})"
+                    f"{_format_literal(literal)} could be brought about by {name}, but no service is left ({losses_text(services)})"
                 ] = None
         if unoffered_names := [name for name, services in lost.items() if not services]:
             self._note_unoffered(unoffered_names)
@@ -379,14 +380,6 @@ class _Reasons:
         if current_facts:
             return f", and the map says {' and '.join(current_facts)}"
         return f", and the map does not say where {name} is" if group else ""
-
-
-def _format_losses(services: Sequence[LostService]) -> str:
-    """The lost services with their reasons, grouped by reason."""
-    services_by_reason: dict[str, list[str]] = {}
-    for loss in services:
-        services_by_reason.setdefault(loss.reason, []).append(loss.service)
-    return "; ".join(f"{' and '.join(names)}: {reason}" for reason, names in services_by_reason.items())
 
 
 def _format_literal(literal: Literal) -> str:
