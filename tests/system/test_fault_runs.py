@@ -54,11 +54,14 @@ from verification.fault_runs.simulated_device import DeviceManager
 from verification.fault_runs.state_diff import difference
 from verification.fault_runs.violation import Property
 
+MANY = 60
+"""Enough for each outcome and each recovery to occur several times; `make fault-runs` plays thousands of the same kind."""
+
 
 @pytest.fixture(scope="module")
 def many_runs() -> Result:
     total = Result()
-    for seed in range(150):
+    for seed in range(MANY):
         total.add(run(seed))
     return total
 
@@ -66,7 +69,7 @@ def many_runs() -> Result:
 @pytest.mark.long
 def test_whatever_goes_wrong_the_properties_hold(many_runs: Result) -> None:
     assert not many_runs.failed
-    assert many_runs.runs == 150
+    assert many_runs.runs == MANY
 
 
 @pytest.mark.parametrize("seed", [8_003_943, 4_152])
@@ -78,7 +81,7 @@ def test_work_is_not_undone_over_what_another_task_has_changed_while_this_one_wa
 
 @pytest.mark.long
 def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many_runs: Result) -> None:
-    assert sum(many_runs.troubled.values()) > 150
+    assert sum(many_runs.troubled.values()) > MANY
     for outcome in Outcome:
         assert many_runs.troubled[outcome]
     for recovery in (
