@@ -1,7 +1,8 @@
 """SO-MRS: robots and devices of any make accomplish tasks that are stated as formulas about a building.
 
-The public names are here. To write a device: `Device`, `service`, `Task`, `Situation`, `Refusal`, `ServiceFailed`, and `run`. To use a
-running system from a program: `Client`. Everything else may be rearranged from one version to the next.
+The public names are here. To write a device: `Device`, `service`, `Task`, `Situation`, `Refusal`, `ServiceFailed`, and `run`; for a lift or
+a door, `LiftDevice`, `DoorDevice` and `PassageCall`. To use a running system from a program: `Client`. Everything else may be rearranged
+from one version to the next.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ from somrs.version import __version__ as __version__
 if TYPE_CHECKING:
     from somrs.api.system_client import Client
     from somrs.deployment.device import run
-    from somrs.service_manager import Device, Refusal, ServiceFailed, Situation, Task, service
+    from somrs.service_manager import Device, DoorDevice, LiftDevice, PassageCall, Refusal, ServiceFailed, Situation, Task, service
 
-__all__ = ["Client", "Device", "Refusal", "ServiceFailed", "Situation", "Task", "run", "service"]
+__all__ = ["Client", "Device", "DoorDevice", "LiftDevice", "PassageCall", "Refusal", "ServiceFailed", "Situation", "Task", "run", "service"]
 
 _MODULES = {"Client": "somrs.api.system_client", "run": "somrs.deployment.device"}
 """Where the public names live; those that are not listed, in `somrs.service_manager`."""

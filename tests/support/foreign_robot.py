@@ -21,13 +21,13 @@ TRAFFIC = "urn:so-mrs:traffic:1.0"
 
 @dataclass(kw_only=True)
 class Stop:
-    """A place of the roadmap: its point, its lift, and the places to which lanes lead."""
+    """A place of the roadmap: its point, its lift, and the places to which lanes lead, with the passages that have to be open."""
 
     x: float
     y: float
     level: float
     zone: str | None
-    ends: list[str] = field(default_factory=list)
+    ends: dict[str, list[str]] = field(default_factory=dict)
 
 
 class Inbox:
@@ -91,7 +91,7 @@ class ForeignRobot:
         """By trip: its result, and the robots in the way."""
         self.is_replaced = False
         self._open: tuple[int, str] | None = None
-        """Before which place the doors of a lift are open, with the progress of that time."""
+        """Before which place the passages are open, with the progress of that time."""
         self.on_arrival: Callable[[str, str], None] = lambda start, end: None
 
     def _from(self) -> list[etree._Element]:
@@ -105,7 +105,7 @@ class ForeignRobot:
             page = self.service.ReadRoadmap(After=after)
             self.edition = page.Edition
             for place in page.Places:
-                ends = [lane.End for lane in place.Lanes]
+                ends = {lane.End: [*lane.Passages] for lane in place.Lanes}
                 self.places[place.Name] = Stop(x=place.X, y=place.Y, level=place.Level or 0.0, zone=place.Zone, ends=ends)
             if not page.More:
                 return
@@ -158,22 +158,26 @@ class ForeignRobot:
                 self.ended[texts["Trip"][0]] = texts["Result"][0], texts.get("Robots", [])
             case "PassageOpen" if int(texts["Fence"][0]) == self.fence:
                 self._open = int(texts["Progress"][0]), texts["Place"][0]
+            case "PassageClosed" if (int(texts["Fence"][0]), int(texts["Progress"][0])) == (self.fence, self.progress):
+                if self.way[:1] == texts["Place"]:
+                    self.way = []
+                    self.report(Mobility="busy")
+                    self.report()
             case "RoadmapReplaced" if int(texts["Fence"][0]) == self.fence:
                 self.is_replaced = True
         return True
 
     def drive(self) -> None:
-        """Drive as far as places are granted and doors of lifts are open, and report each place."""
-        while self.way and not self._waits_for_lift(self.way[0]):
+        """Drive as far as places are granted and passages are open, and report each place."""
+        while self.way and not self._waits_for_passage(self.way[0]):
             self.on_arrival(self.place, self.way[0])
             self.place = self.way.pop(0)
             self.driven.append(self.place)
             self.progress += 1
             self.report()
 
-    def _waits_for_lift(self, following: str) -> bool:
-        here, there = self.places[self.place], self.places[following]
-        return (here.zone, here.level) != (there.zone, there.level) and self._open != (self.progress, following)
+    def _waits_for_passage(self, following: str) -> bool:
+        return bool(self.places[self.place].ends.get(following)) and self._open != (self.progress, following)
 
     def drive_until(self, is_over: Callable[[], bool], renew_within: float = 1.0) -> None:
         """Drive where places are granted, and renew the lease, until the condition holds."""

@@ -15,6 +15,8 @@ from somrs.protocol.messages.traffic import (
     Berth,
     Granted,
     Mobility,
+    PassageClosed,
+    PassageOpen,
     RequestTrip,
     TrafficEntered,
     TripBegun,
@@ -70,9 +72,19 @@ class Robot:
 
 class Vehicle:
     """The program of a robot. `seconds`: how long it takes from one place to another. `work`: how long it works where it has arrived.
-    `works`: it works from the start on, without end."""
+    `works`: it works from the start on, without end. `has_passage`: whether a lane leads through a lift or an automatic door."""
 
-    def __init__(self, robot: Robot, traffic: str, seconds: Callable[[str, str], float], work: float, *, works: bool = False) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        traffic: str,
+        seconds: Callable[[str, str], float],
+        work: float,
+        *,
+        works: bool = False,
+        has_passage: Callable[[str, str], bool] = lambda start, end: False,
+    ) -> None:
+        self._has_passage = has_passage
         self.robot, self._traffic, self._seconds, self._work = robot, traffic, seconds, work
         self._address = ""
         self._sent = 1
@@ -81,6 +93,8 @@ class Vehicle:
         self._participant = Participant(robot.name, robot.place, robot.towards)
         self._works = works
         self._trip: str | None = None
+        self._begun: str | None = None
+        """The last trip that was not refused."""
         self._refusals = 0
         robot.lives += 1
 
@@ -107,16 +121,26 @@ class Vehicle:
                 yield from self._go_on(now)
                 if self._mobility is not Mobility.FREE and len(granted.way) > 1:
                     yield self._report()  # it gives back what it cannot use
+            case Received(Message(body=PassageOpen() as opened)) if participant.opened(opened):
+                yield from self._go_on(now)
+            case Received(Message(body=PassageClosed() as closed)) if participant.is_refused(closed):
+                participant.give_back()
+                yield self._send(participant.report(Mobility.BUSY))
+                yield self._report()
+            case Received(Message(body=PassageOpen() | PassageClosed())):
+                pass
             case Received(Message(body=TripEnded() as ended)) if ended.trip == self._trip:
                 yield from self._end(ended, now)
-            case Received(Message(body=TripBegun())):
-                pass
+            case Received(Message(body=TripBegun(trip=trip))):
+                self._begun = trip
             case DeliveryFailed(Message(body=RequestTrip())):
                 yield SetTimer(TripDue(), now)
             case DeliveryFailed() if not participant.fence:
                 yield SetTimer(ReportDue(), now)
             case Received(Message(body=Fault())):
                 yield SetTimer(ReportDue(), now + PAUSE)
+                if self._trip != self._begun:  # a closed passage may be the only way
+                    yield SetTimer(TripDue(), now + PAUSE)
             case TimerFired(Arrives()) if participant.towards is not None and not self.robot.broken:
                 participant.arrive()
                 yield self._report()
@@ -173,6 +197,9 @@ class Vehicle:
     def _go_on(self, now: float) -> Effects:
         """Drive to the next place, if it is granted."""
         if self.robot.broken or self._works or not self._participant.fence:
+            return
+        way = self._participant.way
+        if way and self._has_passage(self._participant.place, way[0]) and not self._participant.may_pass:
             return
         if (following := self._participant.depart()) is not None:
             yield SetTimer(Arrives(), now + self._seconds(self._participant.place, following))

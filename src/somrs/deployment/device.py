@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 from msgspec import structs
 
 from somrs.client.client import Addresses
+from somrs.deployment.passage import add_passage
 from somrs.deployment.programs import run_program, until_stopped
 from somrs.deployment.shared_map import SharedMap
 from somrs.errors import DeviceError, InputError, RemoteError
@@ -37,6 +38,7 @@ from somrs.service_manager.sdk import orders
 from somrs.service_manager.sdk.device import Device
 from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
+from somrs.service_manager.sdk.passage import PassageDevice
 from somrs.service_manager.sdk.service_runner import carry_out
 from somrs.service_manager.sdk.tasks import TaskSubmitter
 from somrs.storage.journal import Journal
@@ -105,6 +107,8 @@ class DeviceRunner:
         self._host, self._shared_map = host, shared_map
         self._runtime: Host | None = None
         self._node: Node | None = None
+        self._passage: Node | None = None
+        """Its part in traffic, if it is a lift or a door."""
         self._early: list[Observed] = []
         """What the device observed before it joined."""
         self._was_opened = False
@@ -142,6 +146,8 @@ class DeviceRunner:
                 f"{self.device.name} could not join within {JOIN_TIME:.0f} s: "
                 f"no answer from {self._addresses.repository} or {self._addresses.registry}"
             ) from None
+        if isinstance(self.device, PassageDevice) and self._addresses.traffic is not None:
+            self._passage = add_passage(runtime, self.device, self._addresses.traffic)
         return self._node.address
 
     @property
@@ -157,6 +163,8 @@ class DeviceRunner:
 
     async def stop(self) -> None:
         """Leave the system: withdraw the offers, stop running services, and notify their coordinators."""
+        if self._passage is not None and self._runtime is not None:
+            await self._runtime.remove(self._passage)
         if self._node is not None:
             if not self._node.broken.is_set():
                 await self._leave(self._node)

@@ -9,6 +9,7 @@ somebody takes it out of traffic.
 from __future__ import annotations
 
 from collections.abc import Collection
+from itertools import chain
 from typing import Self
 
 from somrs.errors import InputError, UsageError
@@ -24,21 +25,24 @@ from somrs.protocol.messages.traffic import (
     CancelTrip,
     ClosedLane,
     CloseWays,
+    EnterPassage,
     EnterTraffic,
     HoldTraffic,
     LeaveTraffic,
     Mobility,
+    PassageEntered,
     ReadRoadmap,
     ReadTraffic,
+    ReportPassage,
     ReportPlace,
     RequestTrip,
     TrafficEntered,
     TrafficLeft,
-    TrafficView,
     TripBegun,
 )
 from somrs.traffic.berths import Berths
 from somrs.traffic.dispatcher import Dispatcher
+from somrs.traffic.drives import Drives
 from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.schedule import Schedule
@@ -60,7 +64,7 @@ from somrs.traffic.state import (
     Trip,
     names_of,
 )
-from somrs.traffic.view import roadmap_page, view
+from somrs.traffic.view import roadmap_page, traffic_view
 
 REMEMBERED = 1_000
 """How many entries are remembered, so that one that arrives again changes nothing."""
@@ -81,9 +85,10 @@ class Traffic:
 
     def _begin(self, state: TrafficState) -> None:
         self.state = state
-        self._berths = Berths(NumberedRoadmap(state.roadmap), state.berths, state.closed)
+        self._berths = Berths(NumberedRoadmap(state.roadmap), state.berths, state.all_closed)
         self._schedule = Schedule(self._berths.graph, state.held, state.planned)
         self._dispatcher = Dispatcher(state, self._schedule, self._berths)
+        self._drives = Drives(state, self._schedule, self._berths, self._dispatcher.send)
 
     @property
     def open(self) -> list[str]:
@@ -127,6 +132,9 @@ class Traffic:
                 return
             case Started(address):
                 self.state.address = address
+                for record in (*self.state.robots.values(), *self.state.passages.values()):
+                    if not record.silent:  # while traffic was away, nobody could report
+                        record.expires_at = max(record.expires_at, now + record.lease)
             case Received(message):
                 try:
                     yield from self._handle_request(message, now)
@@ -145,7 +153,8 @@ class Traffic:
         yield from self._dispatcher.end_trips()
         yield from self._dispatcher.grant(now)
         yield from self._dispatcher.plan(now, self._drop_berths)
-        times = (robot.expires_at for robot in self.state.robots.values() if not robot.silent)
+        yield from self._drives.follow()
+        times = chain((robot.expires_at for robot in self.state.robots.values() if not robot.silent), self._drives.ends)
         yield SetTimer(LeasesDue(), min(times, default=None))
 
     def renew(self, roadmap: Roadmap, edition: int, placed: Collection[str] = ()) -> Effects:
@@ -166,6 +175,7 @@ class Traffic:
                 entered=state.entered,
                 hold=state.hold,
                 held_by=state.held_by,
+                passages=state.passages,
                 astray={name: positions for name, positions in astray.items() if name not in placed},
             )
         )
@@ -173,8 +183,12 @@ class Traffic:
 
     def _handle_request(self, message: Message, now: float) -> Effects:
         match message.body:
-            case EnterTraffic() as body:
+            case EnterTraffic() | EnterPassage() as body:
                 yield from self._enter_once(message, body, now)
+            case ReportPassage() as body:
+                yield self._answer(message, self._drives.report(body, now))
+                if self._drives.is_outdated(body):
+                    yield self._drives.called(body.passage)
             case ReportPlace() as body:
                 yield self._answer(message, self._report(body, now))
                 if body.grant < self.state.robots[body.robot].grants:
@@ -208,23 +222,16 @@ class Traffic:
 
     def _read(self, body: Body) -> Body:
         if isinstance(body, ReadRoadmap):
-            return roadmap_page(self.state, self._berths.roadmap.graph, body.after)
-        robots = tuple(view(self.state, self._schedule, self._berths))
-        return TrafficView(
-            robots=robots,
-            berths=tuple(entry.berth for entry in self.state.berths if entry),
-            hold=self.state.hold,
-            edition=self.state.edition,
-            roadmap=self.state.roadmap_number,
-        )
+            return roadmap_page(self.state, self._berths.roadmap.graph, self._drives.passages, body.after)
+        return traffic_view(self.state, self._schedule, self._berths, self._drives)
 
     def _answer(self, request: Message, body: Body) -> Send:
         return Send(reply(request, body, self.state.address))
 
     # Robots
 
-    def _enter_once(self, message: Message, body: EnterTraffic, now: float) -> Effects:
-        """Let the robot enter. A repeated message is of a time that is over: the robot may have moved since."""
+    def _enter_once(self, message: Message, body: EnterTraffic | EnterPassage, now: float) -> Effects:
+        """Let a robot or a passage enter. A repeated message is of a time that is over: the robot may have moved since."""
         entered, request = self.state.entered, normalised_id(message.header.message_id)
         if request not in entered:
             answer = self._enter(body, robot_address(message.header), now)
@@ -232,13 +239,22 @@ class Traffic:
             while len(entered) > REMEMBERED:
                 del entered[next(iter(entered))]
             yield self._answer(message, answer)
-            yield self._dispatcher.granted(body.robot)
-        elif (record := self.state.robots.get(body.robot)) is not None and record.fence == entered[request]:
+            if isinstance(body, EnterTraffic):
+                yield self._dispatcher.granted(body.robot)
+            else:
+                yield self._drives.called(body.passage)
+        elif isinstance(body, EnterPassage):
+            record = self.state.passages.get(body.passage)
+            if record is not None and record.fence == entered[request]:
+                yield self._answer(message, self._drives.entered(body.passage))
+        elif (robot := self.state.robots.get(body.robot)) is not None and robot.fence == entered[request]:
             yield self._answer(message, self._entered(body.robot))
 
-    def _enter(self, body: EnterTraffic, address: str, now: float) -> TrafficEntered:
+    def _enter(self, body: EnterTraffic | EnterPassage, address: str, now: float) -> TrafficEntered | PassageEntered:
         if address == ANONYMOUS:
-            raise UsageError("a robot needs an address, to which places are granted: state it in wsa:From")
+            raise UsageError("whoever takes part needs an address, to which grants and calls go: state it in wsa:From")
+        if isinstance(body, EnterPassage):
+            return self._drives.enter(body, address, now)
         if body.edition not in (None, self.state.edition):
             raise UsageError(
                 f"the roadmap has edition {self.state.edition}, and not {body.edition} any more: read it again, and enter anew"
@@ -312,6 +328,10 @@ class Traffic:
             if not record.silent and record.expires_at <= now:
                 record.silent = True
                 self._obstacles_changed()
+        self._drives.note_silent(now)
+        if (idle := self._drives.idle) != self.state.idle:
+            self.state.idle = idle
+            self._apply_closed()
 
     def _obstacles_changed(self) -> None:
         """What was planned does not hold any more, nor what is being planned."""
@@ -335,9 +355,12 @@ class Traffic:
         passages = tuple(
             OutOfOrder(passage.name, tuple(map(number, passage.places)), lanes(passage.lanes), passage.zone) for passage in body.passages
         )
-        self.state.closings += 1
         self.state.closed = Closed(tuple(map(number, body.places)), lanes(body.lanes), passages)
-        self._berths.close(self.state.closed)
+        self._apply_closed()
+
+    def _apply_closed(self) -> None:
+        self.state.closings += 1
+        self._berths.close(self.state.all_closed)
         self._schedule.graph = self._berths.graph
         self._obstacles_changed()
 

@@ -141,10 +141,14 @@ class Dispatcher:
             yield self._send(record, RoadmapReplaced(robot=name, fence=record.fence, edition=edition))
 
     def _send(self, record: RobotRecord, body: Body) -> Send:
+        return self.send(record.address, body)
+
+    def send(self, address: str, body: Body) -> Send:
+        """Send a message that nobody has asked for."""
         self.state.sent += 1
         header = Header(
             sender=self.state.address,
-            recipient=record.address,
+            recipient=address,
             # The edition makes the id one of this program, also if an earlier one has left no journal.
             message_id=message_id(self.state.address, "traffic", self.state.edition, self.state.sent),
             reply_to=self.state.address,
@@ -176,7 +180,7 @@ class Dispatcher:
         problem = PlanTraffic(
             serial=state.serial,
             robots=robots,
-            closed=state.closed,
+            closed=state.all_closed,
             blocked=tuple(sorted(self._closures.places)),
             private=tuple(self._berths.private_places),
             steps=HORIZON,

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -81,7 +82,13 @@ def lay_out(building: OpenBuilding, radii: Iterable[float]) -> Roadmap:
     their own."""
     parts = [_lay_out(building, radius, f"{layer}." if layer else "") for layer, radius in enumerate(sizes(radii))]
     places = (place for part in parts for place in part.places)
-    return Roadmap(places=tuple(places), lanes=tuple(lane for part in parts for lane in part.lanes))
+    doors = (replace(door, open=True) for door in building.doors.values() if door.automatic)
+    return Roadmap(
+        places=tuple(places),
+        lanes=tuple(lane for part in parts for lane in part.lanes),
+        lifts=tuple(shaft.name for shaft in building.shafts),
+        doors=tuple(doors),
+    )
 
 
 def sizes(radii: Iterable[float]) -> list[float]:

@@ -1,13 +1,20 @@
-"""The robot's side of the traffic protocol: what a robot says, and what it is granted. For programs that drive robots."""
+"""The other side of the traffic protocol: what robots and passages say, and what they are told. For programs that drive them."""
 
 from __future__ import annotations
 
 from somrs.protocol.messages.traffic import (
     Berth,
+    CallPassage,
     CancelTrip,
+    EnterPassage,
     EnterTraffic,
     Granted,
     Mobility,
+    PassageClosed,
+    PassageEntered,
+    PassageOpen,
+    ReleasePassage,
+    ReportPassage,
     ReportPlace,
     RequestTrip,
     TrafficEntered,
@@ -27,6 +34,8 @@ class Participant:
         self.way: tuple[str, ...] = ()
         """The places up to which it may drive, after the one to which it is on its way."""
         self._message_count = self._grant = self._progress = 0
+        self._let_in: tuple[int, str] | None = None
+        """To which place it may come through a passage, with the progress of that time."""
 
     def enter(self, lease: float, berths: tuple[Berth, ...] = (), mobility: Mobility = Mobility.FREE) -> EnterTraffic:
         """Take part, from where the robot is. `lease`: in seconds."""
@@ -39,7 +48,7 @@ class Participant:
         """
         if answer.fence <= self.fence:
             return False
-        self.fence, self.way, self._grant, self._progress = answer.fence, (), 0, 0
+        self.fence, self.way, self._grant, self._progress, self._let_in = answer.fence, (), 0, 0, None
         return True
 
     def granted(self, grant: Granted) -> bool:
@@ -49,6 +58,26 @@ class Participant:
         self._grant = grant.number
         self.way = grant.way[self._progress - grant.progress + (self.towards is not None) + 1 :]
         return True
+
+    def opened(self, notice: PassageOpen) -> bool:
+        """Note that a passage is open. Returns whether it is the one before the next place of the way."""
+        if notice.fence == self.fence:
+            self._let_in = notice.progress, notice.place
+        return self.may_pass
+
+    def is_refused(self, notice: PassageClosed) -> bool:
+        """Whether the way leads through a passage that is closed: then report busy, and free again, which gives the way back."""
+        is_next = self.towards is None and self.way[:1] == (notice.place,)
+        return notice.fence == self.fence and notice.progress == self._progress and is_next
+
+    @property
+    def may_pass(self) -> bool:
+        """Whether the passages before the next place are open, if there are any."""
+        return self._let_in is not None and self._let_in == (self._progress, next(iter(self.way), None))
+
+    def give_back(self) -> None:
+        """The robot does not take the way that it was granted: to be called before it reports that."""
+        self.way, self._let_in = (), None
 
     def depart(self) -> str | None:
         """Drive to the next place that was granted, and return it; None if there is none."""
@@ -89,3 +118,52 @@ class Participant:
     def _number(self) -> int:
         self._message_count += 1
         return self._message_count
+
+
+class PassageParticipant:
+    """A lift or an automatic door in traffic. The caller sends the messages that the methods return, and passes on those that are
+    received."""
+
+    def __init__(self, passage: str) -> None:
+        self.passage = passage
+        self.fence = 0
+        """The number of its entry; 0 before the first."""
+        self.call: CallPassage | None = None
+        """What it is called for; None if nobody needs it."""
+        self.call_number = 0
+        """That of the last call or release."""
+        self._report_count = 0
+
+    def enter(self, lease: float) -> EnterPassage:
+        """Take part. `lease`: in seconds."""
+        return EnterPassage(passage=self.passage, lease=lease)
+
+    def entered(self, answer: PassageEntered) -> bool:
+        """Note an answer to a message of this program. Returns whether it is the first one to an entry, after which traffic says what the
+        passage is called for."""
+        if answer.fence <= self.fence:
+            return False
+        self.fence, self.call, self.call_number = answer.fence, None, 0
+        return True
+
+    def called(self, body: CallPassage | ReleasePassage) -> bool:
+        """Note a call or a release. Returns whether it is new."""
+        if body.fence != self.fence or body.number <= self.call_number:
+            return False
+        self.call_number, self.call = body.number, body if isinstance(body, CallPassage) else None
+        return True
+
+    def report(self, *, is_open: bool, level: float | None = None, working: bool = True, shared: bool = False) -> ReportPassage:
+        """Say how the passage is: whenever that changes, and to renew the lease. `is_open`: as the last call wants it, until the next
+        one."""
+        self._report_count += 1
+        return ReportPassage(
+            passage=self.passage,
+            fence=self.fence,
+            number=self._report_count,
+            call=self.call_number,
+            level=level,
+            open=is_open,
+            working=working,
+            shared=shared,
+        )

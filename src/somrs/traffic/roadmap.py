@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from somrs.errors import UsageError
 from somrs.protocol.messages.traffic import Berth
-from somrs.space.solids import Point
+from somrs.space.solids import Point, Solid
 from somrs.space.squares import Squares, box_around
 from somrs.traffic.planning.graph import Graph
 
@@ -58,11 +58,14 @@ class Lane(Struct, frozen=True, kw_only=True):
 
 class Roadmap(Struct, frozen=True, kw_only=True):
     """Places and lanes. Robots at two places touch each other if these are nearer to each other than `spacing`, in metres, and on one
-    floor. A lane between two floors is a ride in a lift. Places for robots of a certain size have a spacing of their own."""
+    floor. A lane between two floors is a ride in a lift. Places for robots of a certain size have a spacing of their own. `lifts`, which
+    are zones, and `doors`, which are automatic, have programs: nobody is sent through them while these take no part."""
 
     places: tuple[Place, ...]
     lanes: tuple[Lane, ...]
     spacing: float = 0.0
+    lifts: tuple[str, ...] = ()
+    doors: tuple[Solid, ...] = ()
 
     def check(self) -> None:
         """Raises UsageError for a roadmap that cannot be used."""

@@ -32,6 +32,8 @@ class Schedule:
         self._held = held if held is not None else {}
         self._planned = planned if planned is not None else {}
         self._holder = {place: robot for robot, places in self._held.items() for place in places}
+        self.moved: set[str] = {*self._held}
+        """The robots that may hold other places than when this was emptied last."""
         self._waiting: dict[int, deque[tuple[int, str]]] = {}
         """By place: the numbers of the steps and the robots that are to enter it, in this order."""
         for step, robot, place in sorted((step, robot, place) for robot, entries in self._planned.items() for step, place in entries):
@@ -64,6 +66,7 @@ class Schedule:
         if (other := self.holder(place)) is not None:
             raise UsageError(f"{robot} cannot be there: {other} is too close")
         self._held[robot], self._planned[robot] = [place], []
+        self.moved.add(robot)
         self._holder[place] = robot
 
     def hold(self, robot: str, place: int) -> None:
@@ -72,6 +75,7 @@ class Schedule:
             raise UsageError(f"{robot} cannot be there: {other} is too close")
         self._held[robot].append(place)
         self._holder[place] = robot
+        self.moved.add(robot)
 
     def leave(self, robot: str) -> None:
         """The robot takes part no more, and holds nothing."""
@@ -79,6 +83,7 @@ class Schedule:
         for place in self._held.pop(robot):
             self._holder.pop(place, None)
         del self._planned[robot]
+        self.moved.add(robot)
 
     def plan(self, ways: Mapping[str, Sequence[int]]) -> None:
         """Replace what is planned: for each robot, the place where it is at each step. Step 0 is where its granted way ends."""
@@ -102,6 +107,7 @@ class Schedule:
         self._waiting[place].popleft()
         self._held[robot].append(place)
         self._holder[place] = robot
+        self.moved.add(robot)
         return place
 
     def obstacles(self, robot: str) -> Iterator[str]:
@@ -127,12 +133,14 @@ class Schedule:
             if returned_place not in held[:kept]:
                 self._holder.pop(returned_place, None)
         del held[kept:]
+        self.moved.add(robot)
 
     def advance(self, robot: str, count: int) -> None:
         """The robot has come to so many more of the places that it holds, and gives back those behind it."""
         held = self._held[robot]
         if not 0 <= count < len(held):
             raise UsageError(f"{robot} is where it has no right to be")
+        self.moved.add(robot)
         returned_places = held[:count]
         del held[:count]
         for returned_place in returned_places:

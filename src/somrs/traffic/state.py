@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from msgspec import Struct, field
+from msgspec import Struct, field, structs
 
 from somrs.protocol.messages.traffic import CloseWays, Mobility
 from somrs.traffic.roadmap import Roadmap, UsedBerth
@@ -43,7 +43,8 @@ class RobotRecord(Struct, kw_only=True):
     """A robot that takes part.
 
     `silent`: its lease has ended. `grants`: how often it was granted places. `progress`: how many places it has come to since it entered.
-    `reported`, `requested`: the numbers of its last report and of its last request.
+    `reported`, `requested`: the numbers of its last report and of its last request. `told`: what it was told last of the passage on its
+    way.
     """
 
     address: str
@@ -57,6 +58,48 @@ class RobotRecord(Struct, kw_only=True):
     progress: int = 0
     reported: int = 0
     requested: int = 0
+    told: PassageNotice | None = None
+
+
+class PassageNotice(Struct, frozen=True, array_like=True):
+    """A robot was told that the passage before the next place of its way is open, or that it is closed. `progress`: how many places it had
+    come to."""
+
+    progress: int
+    place: int
+    is_open: bool
+
+
+class Call(Struct, frozen=True, kw_only=True):
+    """What a passage is called for. The meaning is that of CallPassage."""
+
+    level: float | None = None
+    destination: float | None = None
+    robots: tuple[str, ...] = ()
+
+
+class PassageRecord(Struct, kw_only=True):
+    """A lift or an automatic door whose program takes part.
+
+    `silent`: its lease has ended. `calls`: the number of the last message to it; `call`: what it is called for, None if it is released;
+    `since`: the number from which on it has been called for this floor and this robot. `reported`: the number of its last report, the
+    other values of which follow; `followed`: the number of the call that it follows.
+    """
+
+    address: str
+    fence: int
+    lease: float
+    expires_at: float
+    silent: bool = False
+    calls: int = 0
+    call: Call | None = None
+    since: int = 0
+    reported: int = 0
+    followed: int = 0
+    level: float | None = None
+    open: bool = False
+    working: bool = False
+    shared: bool = False
 
 
 class PlanQuestion(Struct, frozen=True, tag=True):
@@ -78,7 +121,7 @@ class PlannedRobot(Struct, frozen=True, array_like=True):
 
 
 class OutOfOrder(Struct, frozen=True, array_like=True):
-    """A lift or a door that nobody uses, or a no-go zone (`is_zone`), with its places and lanes."""
+    """A lift or a door that nobody enters, or a no-go zone (`is_zone`), with its places and lanes."""
 
     name: str
     places: tuple[int, ...]
@@ -177,7 +220,9 @@ class TrafficState(Struct, kw_only=True):
     that said so. `follower`: the sender that follows the map; if there is one, nobody else closes ways and holds traffic. `edition`:
     that of the roadmap; `closings`: how often other places and lanes were closed on it; `is_roadmap_expected`: another one is about to
     come. `astray`: the robots that took part on the roadmap before and not on this one yet, with the points of the places that they held,
-    in the order of their ways. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans moved nobody.
+    in the order of their ways. `closed`: what follows from the map; `idle`: the passages that are closed because their programs do not take
+    part, do not answer, or say that they do not work. `planned_at`: when the last plan was asked for. `failures`: how many of the last
+    plans moved nobody.
     `searched_at`: when ways were searched for last because a robot had not come nearer to its goal.
     """
 
@@ -188,6 +233,9 @@ class TrafficState(Struct, kw_only=True):
     planned: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
     berths: list[UsedBerth | None] = field(default_factory=list)
     closed: Closed = Closed()
+    idle: tuple[OutOfOrder, ...] = ()
+    passages: dict[str, PassageRecord] = field(default_factory=dict)
+    """The lifts and automatic doors whose programs take part, or have taken part."""
     entered: dict[str, int] = field(default_factory=dict)
     """The fences that were given, by the ids of the messages that asked for them, oldest first."""
     fences: int = 0
@@ -206,6 +254,13 @@ class TrafficState(Struct, kw_only=True):
     planned_at: float = 0.0
     failures: int = 0
     searched_at: float = 0.0
+
+    @property
+    def all_closed(self) -> Closed:
+        """What nobody is sent to, for whatever reason."""
+        named = {passage.name for passage in self.closed.passages}
+        idle = (passage for passage in self.idle if passage.name not in named)
+        return structs.replace(self.closed, passages=(*self.closed.passages, *idle))
 
     @property
     def roadmap_number(self) -> int:

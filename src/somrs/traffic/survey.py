@@ -73,8 +73,9 @@ class Surveyor:
         standing = {level: [*_standing(survey, solids, level)] for level in self._obstructions.levels}
         closed = {*closed_passages(map, ontology)}
         passages = [solid for solid in building if solid.name in closed]
-        forbidden, idle_lifts = zones_of(map, ontology).forbidden, [shaft.name for shaft in shafts]
-        closing = self._obstructions.closing(self._spaces, standing, passages, forbidden, idle_lifts)
+        occupied_lifts = {position.zone for positions in survey.astray for position in positions if position.zone is not None}
+        forbidden = zones_of(map, ontology).forbidden
+        closing = self._obstructions.closing(self._spaces, standing, passages, forbidden, sorted(occupied_lifts))
         return Surveyed(roadmap=self._roadmap, closing=closing)
 
     def _lay_out(self, survey: Survey, robots: Sequence[Solid], building: Sequence[Solid], shafts: Sequence[Shaft]) -> None:

@@ -5,17 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from somrs.protocol.messages.paging import fit_page
-from somrs.protocol.messages.traffic import RoadmapLane, RoadmapPage, RoadmapPlace, RobotInTraffic
+from somrs.protocol.messages.traffic import RoadmapLane, RoadmapPage, RoadmapPlace, RobotInTraffic, TrafficView
 from somrs.traffic.berths import Berths
+from somrs.traffic.drives import Drives
+from somrs.traffic.passages import Passages
 from somrs.traffic.planning.graph import Graph
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import RobotRecord, TrafficState
 
 
-def view(state: TrafficState, schedule: Schedule, berths: Berths) -> Iterator[RobotInTraffic]:
+def traffic_view(state: TrafficState, schedule: Schedule, berths: Berths, drives: Drives) -> TrafficView:
+    """All robots and passages."""
+    return TrafficView(
+        robots=tuple(_robots(state, schedule, berths, drives)),
+        berths=tuple(entry.berth for entry in state.berths if entry),
+        passages=tuple(drives.view()),
+        hold=state.hold,
+        edition=state.edition,
+        roadmap=state.roadmap_number,
+    )
+
+
+def _robots(state: TrafficState, schedule: Schedule, berths: Berths, drives: Drives) -> Iterator[RobotInTraffic]:
     """All robots, with the places that they hold, and whom they wait for."""
     for name, record in state.robots.items():
-        trip = record.trip
+        trip, (passage, is_inside) = record.trip, drives.awaited_by(name)
         yield RobotInTraffic(
             robot=name,
             held=tuple(map(berths.name, schedule.held(name))),
@@ -25,6 +39,8 @@ def view(state: TrafficState, schedule: Schedule, berths: Berths) -> Iterator[Ro
             silent=record.silent,
             trip=trip.id if trip is not None else None,
             destination=berths.name(trip.destination) if trip is not None else None,
+            passage=passage,
+            inside=is_inside,
         )
 
 
@@ -38,10 +54,10 @@ def _waits_for(name: str, record: RobotRecord, schedule: Schedule) -> tuple[str,
     return (holder,) if holder is not None else ()
 
 
-def roadmap_page(state: TrafficState, graph: Graph, offset: int) -> RoadmapPage:
+def roadmap_page(state: TrafficState, graph: Graph, passages: Passages, offset: int) -> RoadmapPage:
     """The places of the roadmap from this number on, as many as fit on a page. `graph`: that of the whole roadmap."""
     places, offset = state.roadmap.places, max(offset, 0)
-    closed_places, closed_lanes = state.closed.all_places, state.closed.all_lanes
+    closed_places, closed_lanes = state.all_closed.all_places, state.all_closed.all_lanes
     items = (
         RoadmapPlace(
             name=place.name,
@@ -51,7 +67,12 @@ def roadmap_page(state: TrafficState, graph: Graph, offset: int) -> RoadmapPage:
             radius=place.radius,
             zone=place.zone,
             lanes=tuple(
-                RoadmapLane(end=places[end].name, seconds=graph.length(number, end), closed=(number, end) in closed_lanes)
+                RoadmapLane(
+                    end=places[end].name,
+                    seconds=graph.length(number, end),
+                    closed=(number, end) in closed_lanes,
+                    passages=passages.entered(number, end),
+                )
                 for end in graph.successors[number]
             ),
             closed=number in closed_places,

@@ -42,6 +42,8 @@ TrafficBody = (
     | traffic.CancelTrip | traffic.TripEnded | traffic.Granted | traffic.LeaveTraffic | traffic.TrafficLeft
     | traffic.CloseWays | traffic.HoldTraffic | traffic.ReadTraffic | traffic.TrafficView
     | traffic.ReadRoadmap | traffic.RoadmapPage | traffic.RoadmapReplaced | traffic.PassageOpen
+    | traffic.PassageClosed | traffic.EnterPassage | traffic.PassageEntered | traffic.ReportPassage | traffic.CallPassage
+    | traffic.ReleasePassage
 )  # fmt: skip
 if TYPE_CHECKING:
     # For type checkers, `Body` is the common base class: checking a union of this size would take half of their time.
@@ -94,6 +96,8 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     traffic.LeaveTraffic: (traffic.TrafficLeft,),
     traffic.ReadTraffic: (traffic.TrafficView,),
     traffic.ReadRoadmap: (traffic.RoadmapPage,),
+    traffic.EnterPassage: (traffic.PassageEntered,),
+    traffic.ReportPassage: (traffic.PassageEntered,),
     frp.Query: (frp.Status,),
 }
 """The requests that are always answered, with their answers; a Fault may come instead. All other messages are one-way."""

@@ -1,4 +1,5 @@
-"""The bodies of the traffic protocol: robots enter, ask for trips, drive where they are granted places, and say where they are.
+"""The bodies of the traffic protocol: robots enter, ask for trips, drive where they are granted places, and say where they are; lifts and
+doors are called for them, and say when they are open.
 
 A robot has a *fence*, a number that grows each time it enters: a message with an earlier one comes from before, and is refused. A roadmap
 has an *edition*, a number that grows each time it is made: names of places are those of one edition.
@@ -152,11 +153,11 @@ class Granted(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class PassageOpen(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The cabin of the lift `passage` is there, and its doors are open: the robot may come to `place`, the next one of its way. The doors
-    stay open until it has reported that place, and so on.
+    """The cabin of the lift `passage` is there with open doors, or the automatic door `passage` is open: the robot may come to `place`, the
+    next one of its way. It stays open until the robot has reported that place, and so on.
 
-    Sent for each lane that leads into a lift or out of it, and for each ride, after which the robot is at `place` without having moved.
-    `progress`: how many places the robot had come to by its last report.
+    Sent for each lane with `passages`; after a ride, the robot is at `place` without having moved. `progress`: how many places the robot
+    had come to by its last report. A robot that gives its way back forgets it.
     """
 
     robot: str
@@ -164,6 +165,77 @@ class PassageOpen(MessageBody, frozen=True, kw_only=True, tag=True):
     progress: int
     passage: str
     place: str
+
+
+class PassageClosed(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Nobody enters `passage` now, through which the way leads to `place`, the next one of the robot's way: a robot that has not departed
+    gives its way back. It is out of order, or its program does not answer. `progress`: as in PassageOpen."""
+
+    robot: str
+    fence: int
+    progress: int
+    passage: str
+    place: str
+
+
+class EnterPassage(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The program of a lift or of an automatic door, which is its sender, moves it for robots. It renews its lease with each report, within
+    `lease` seconds. `passage`: the name on the map. The answer is PassageEntered."""
+
+    passage: str
+    lease: float
+
+
+class PassageEntered(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Traffic calls the passage when robots need it. `fence`: grows each time it enters; `until`, `renew_within`: as in TrafficEntered."""
+
+    passage: str
+    fence: int
+    until: float
+    renew_within: float
+
+
+class ReportPassage(MessageBody, frozen=True, kw_only=True, tag=True):
+    """How the passage is now: whenever something of it changes, and to renew the lease. The answer is PassageEntered.
+
+    `number` grows with each report. `call`: the number of the last CallPassage or ReleasePassage that the program follows. `level`: the
+    height of the floor at which the cabin of a lift stands, none while it moves. `open`: robots can drive through its doors there; they
+    stay open until the next call or release. `working`: it has no fault and is in service. `shared`: people or other systems use it now, so
+    that robots wait.
+    """
+
+    passage: str
+    fence: int
+    number: int
+    call: int
+    level: float | None = None
+    open: bool = False
+    working: bool = True
+    shared: bool = False
+
+
+class CallPassage(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Robots need the passage: a door is to be open; a lift is to take its cabin to the floor of the height `level`, and to keep its doors
+    open there. It stays so until the next call, or ReleasePassage.
+
+    `robots`: those of a lift. `destination`: the height of the floor to which their ride leads, as far as it is known. `number` grows with
+    each call and each release; the last one counts.
+    """
+
+    passage: str
+    fence: int
+    number: int
+    level: float | None = None
+    destination: float | None = None
+    robots: tuple[str, ...] = ()
+
+
+class ReleasePassage(MessageBody, frozen=True, kw_only=True, tag=True):
+    """No robot needs the passage any more: it may shut its doors, and others may use it. `number`: as in CallPassage."""
+
+    passage: str
+    fence: int
+    number: int
 
 
 class LeaveTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -222,11 +294,13 @@ class ReadRoadmap(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class RoadmapLane(Struct, frozen=True, kw_only=True):
-    """A lane to the place `end`. `seconds`: how long a robot is taken to need. `closed`: nobody is sent there now."""
+    """A lane to the place `end`. `seconds`: how long a robot is taken to need. `closed`: nobody is sent there now. `passages`: the lift,
+    and the automatic doors, that have to be open: the robot waits for PassageOpen before it departs."""
 
     end: str
     seconds: float
     closed: bool = False
+    passages: tuple[str, ...] = ()
 
 
 class RoadmapPlace(Struct, frozen=True, kw_only=True):
@@ -272,7 +346,8 @@ class RobotInTraffic(Struct, frozen=True, kw_only=True):
     """A robot: the places that it holds (the first is where it is), those planned after them, and the robots that have to go first: by the
     plan, or because they stand in its way and none is planned.
 
-    `silent`: its lease has ended, and nobody knows where on its way it is.
+    `silent`: its lease has ended, and nobody knows where on its way it is. `passage`: the lift or the door that it waits for, or the lift
+    in which it is (`inside`).
     """
 
     robot: str
@@ -283,12 +358,29 @@ class RobotInTraffic(Struct, frozen=True, kw_only=True):
     silent: bool = False
     trip: str | None = None
     destination: str | None = None
+    passage: str | None = None
+    inside: bool = False
+
+
+class PassageInTraffic(Struct, frozen=True, kw_only=True):
+    """A lift or an automatic door, as its program has reported it. `usable`: robots are let in. `silent`: its program does not answer, or
+    has not entered. `robots`: those for which it is called."""
+
+    passage: str
+    usable: bool
+    silent: bool
+    level: float | None = None
+    open: bool = False
+    shared: bool = False
+    robots: tuple[str, ...] = ()
 
 
 class TrafficView(MessageBody, frozen=True, kw_only=True, tag=True):
     robots: tuple[RobotInTraffic, ...]
     berths: tuple[Berth, ...] = ()
     """The points beside the roadmap that have names in it."""
+    passages: tuple[PassageInTraffic, ...] = ()
+    """The lifts and automatic doors of the roadmap."""
     hold: str = ""
     """Why nobody is granted a way; empty if traffic is not held."""
     edition: int = 0

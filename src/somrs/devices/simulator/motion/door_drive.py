@@ -145,7 +145,8 @@ class DoorDrive(StationaryDevice):
         position = self.scene.leaf_position(self._leaf)
         if self._is_wanted_open:
             return self._leaf.is_open(position) and (self.stays_open or self._is_needed)
-        return self._leaf.is_shut(position)
+        is_noted = not self.scene.world.solids[self.solid.name].open
+        return is_noted and self._leaf.is_shut(position)
 
     def _move_by_itself(self) -> None:
         """Move the leaf of an automatic door for one control period, unless it is where it is to be."""

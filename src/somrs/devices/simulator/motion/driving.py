@@ -200,8 +200,6 @@ def drive_on(robot: Robot) -> Generator[None, None, bool]:
         assert target is not None, "it was granted"
         yield from _drive_lane(robot, position, target)
         road.arrive()
-        if lift is not None and road.zone is None:
-            lift.release(robot.name)
         position, has_moved = target, True
     return has_moved
 
@@ -219,11 +217,10 @@ def _wait_for(robot: Robot, lift: Lift) -> Generator[None, None, bool]:
     while True:
         robot.need_drive()
         if not lift.is_usable and road.zone is None and not road.is_on_its_way:
-            lift.release(robot.name)
             road.give_back(robot.pose()[:2], partial(sees, robot))
             yield from wait(robot, LOOK)
             return False
-        if lift.call(robot.name, road.level):
+        if lift.is_open(road.level):
             return True
         yield
         if robot.road is not road or road.next_place is None:
@@ -256,7 +253,7 @@ def _ride(robot: Robot) -> Routine:
     road, level = robot.road, robot.road.next_level
     lift = robot.fleet.lifts[road.zone or road.next_zone or ""]
     road.depart()
-    while not lift.call(robot.name, level):
+    while not lift.is_open(level):
         if robot.road is not road:
             return
         yield

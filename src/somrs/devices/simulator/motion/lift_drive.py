@@ -41,7 +41,8 @@ class LiftDrive(StationaryDevice):
         self.is_paused = False
         """Whether an operator has stopped it."""
         self._robots = robots
-        self._holder: str | None = None
+        self._is_taken = False
+        """Whether a robot has it, by its places in traffic."""
         self._goal = self._nearest_level()
         self._commanded: tuple[float, OnEnd] | None = None
         """The height to which the command in progress is to take the cabin, and what is called with its result."""
@@ -69,20 +70,18 @@ class LiftDrive(StationaryDevice):
         is_settled = self._is_level() and all(self._is_at_goal(leaf, level) for leaf, level in self._leaves())
         return self.works and not (is_settled and self._commanded is None)
 
-    def call(self, robot: str, level: float) -> bool:
-        """Let a robot have the lift, and send the cabin to a floor. Returns whether the robot can enter or leave it there now."""
-        if self._holder != robot:
-            holder = self._robots.get(self._holder) if self._holder is not None else None
-            if holder is not None and self.carries(holder):
-                return False  # it is still in the cabin
-            self._holder = robot
-        self._goal = level
-        return self.works and self._is_level() and all(leaf.is_open(self.scene.leaf_position(leaf)) for leaf in self._doors(level))
+    def call(self, level: float) -> None:
+        """A robot has the lift, and needs the cabin at a floor, with open doors."""
+        self._is_taken, self._goal = True, level
 
-    def release(self, robot: str) -> None:
-        """The robot needs the lift no more."""
-        if self._holder == robot:
-            self._holder = None
+    def release(self) -> None:
+        """No robot needs the lift any more."""
+        self._is_taken = False
+
+    def is_open(self, level: float) -> bool:
+        """Whether the robot that has it can enter or leave it at a floor now."""
+        is_there = self._is_wanted_open(level) and abs(self._goal - level) < LEVEL
+        return self.works and is_there and all(leaf.is_open(self.scene.leaf_position(leaf)) for leaf in self._doors(level))
 
     def carries(self, robot: Robot) -> bool:
         """Whether a robot is in the cabin."""
@@ -126,8 +125,8 @@ class LiftDrive(StationaryDevice):
         """Move the doors, or else the cabin, for one control period."""
         if not self.works:
             return
-        if self._commanded is not None and not self._is_taken():
-            self._holder, self._goal = None, self._commanded[0]
+        if self._commanded is not None and not self._is_taken:
+            self._goal = self._commanded[0]
         is_shut = True
         for leaf, level in self._leaves():
             is_wanted_open = self._is_wanted_open(level)
@@ -138,16 +137,9 @@ class LiftDrive(StationaryDevice):
             is_shut &= leaf.is_shut(self.scene.leaf_position(leaf))
         if is_shut and not self._is_level():
             self._move_cabin()
-        elif is_shut and self._commanded is not None and self._holder is None:
+        elif is_shut and self._commanded is not None and not self._is_taken:
             (_, on_end), self._commanded, self.activity = self._commanded, None, None
             on_end(CommandDone(state=self.state()))
-
-    def _is_taken(self) -> bool:
-        """Whether a robot has the lift, and needs it still."""
-        holder = self._robots.get(self._holder) if self._holder is not None else None
-        if holder is None:
-            return self._holder is not None  # a robot that is not simulated releases it
-        return self.carries(holder) or self.name in (holder.road.zone, holder.road.next_zone)
 
     def _move(self, leaf: Leaf, goal: float) -> None:
         if not goal and obstacle_in_sweep(self.scene, leaf, self._robots.values()) is not None:
@@ -184,7 +176,7 @@ class LiftDrive(StationaryDevice):
 
     def _is_wanted_open(self, level: float) -> bool:
         """Whether the doors of a floor are to be open: only while somebody has the lift, and its cabin is there."""
-        return self._holder is not None and self._is_level() and abs(self.solid.z - level) < LEVEL
+        return self._is_taken and self._is_level() and abs(self.solid.z - level) < LEVEL
 
     def _is_at_goal(self, leaf: Leaf, level: float) -> bool:
         position = self.scene.leaf_position(leaf)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterator
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from somrs.devices.simulator.battery import PER_ARM_SECOND, PER_METRE, PER_RADIAN, Battery
 from somrs.devices.simulator.link.commands import Fault, RobotState
@@ -307,13 +307,17 @@ class Lift(Protocol):
     def hindrance(self) -> str | None:
         """Why it moves nobody now; None if it does."""
 
-    def call(self, robot: str, level: float) -> bool:
-        """Let a robot have the lift, and send the cabin to a floor. Returns whether the robot can enter or leave it there now."""
+    def call(self, level: float) -> None:
+        """A robot has the lift, and needs the cabin at a floor, with open doors."""
 
-    def release(self, robot: str) -> None:
-        """The robot needs the lift no more."""
+    def release(self) -> None:
+        """No robot needs the lift any more."""
+
+    def is_open(self, level: float) -> bool:
+        """Whether the robot that has it can enter or leave it at a floor now."""
 
 
+@runtime_checkable
 class AutomaticDoor(Protocol):
     """A door that opens for robots, as they use it."""
 

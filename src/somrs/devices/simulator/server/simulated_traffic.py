@@ -10,8 +10,7 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.driving import sees, things_on_floor
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.devices.simulator.motion.robot import Fleet, Lift, Robot
-from somrs.devices.simulator.server.automatic_doors import AutomaticDoors
-from somrs.devices.simulator.server.foreign_rides import ForeignRides
+from somrs.devices.simulator.server.simulated_passages import SimulatedPassages
 from somrs.devices.simulator.server.traffic_office import RENEWAL, Deliver, TrafficOffice
 from somrs.devices.simulator.world.scene import Scene
 from somrs.kernel.component import Send
@@ -27,7 +26,6 @@ from somrs.space.zones import Zones
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import Layout, OpenBuilding, lay_out
 from somrs.traffic.obstructions import discs_along
-from somrs.traffic.passages import lifts_held
 from somrs.traffic.roadmap import Roadmap
 from somrs.traffic.state import MAP_FOLLOWER, Position
 from somrs.traffic.ways import Ways
@@ -57,8 +55,7 @@ class SimulatedTraffic:
         self._stored_positions: Mapping[str, tuple[Position, ...]] = {}
         traffic = Traffic(address, Roadmap(places=(), lanes=()), follower=MAP_FOLLOWER, edition=int(time.time()))
         self.office = TrafficOffice(traffic, self._send)
-        self._rides = ForeignRides(robots.lifts, self._send)
-        self._doors = AutomaticDoors(robots.doors)
+        self._passages = SimulatedPassages(robots.lifts, robots.doors)
         self.layouter: Layouter | None = None
         """Makes roadmaps beside the simulation, which goes on meanwhile; without it, the simulation makes them itself."""
         self._under_way: Layout | None = None
@@ -98,8 +95,7 @@ class SimulatedTraffic:
         foreign, astray = self.office.foreign, {*self.office.component.state.astray}
         self.office.receive(message, self._scene.time)
         self.changed |= (foreign, astray) != (self.office.foreign, {*self.office.component.state.astray})
-        self._rides.advance(self.office.component, self.office.foreign)
-        self._doors.advance(self.office.component)  # the simulation rests until a door has to move
+        self._passages.advance(self.office)  # the simulation rests until a door has to move
 
     def fixed_foreigners(self) -> Iterator[tuple[float, Disc]]:
         """Where robots that are not simulated stand, or may be, which cannot move, are silent, or have not entered anew; with the heights
@@ -224,9 +220,9 @@ class SimulatedTraffic:
             self._close()
         if now >= self._join_time + RENEWAL:
             self._join()
+        renews = now >= self.office.renewed_at + RENEWAL
         self.office.advance(now, lambda name: _is_silent(self._robots[name]))
-        self._doors.advance(self.office.component)
-        self._rides.advance(self.office.component, self.office.foreign)
+        self._passages.advance(self.office, renews=renews)
 
     def note_mobility(self, robot: Robot, mobility: Mobility) -> None:
         """Say whether a robot can make room, unless it is silent."""
@@ -261,7 +257,7 @@ class SimulatedTraffic:
         astray = self.office.component.state.astray
         for level, disc in self._astray_discs():
             standing.setdefault(level, []).append(disc)
-        occupied_lifts = {lift for robot in astray for lift in lifts_held(self.office.component, robot)}
+        occupied_lifts = {position.zone for positions in astray.values() for position in positions if position.zone is not None}
         rounded = {level: [Disc(round(disc.x, 2), round(disc.y, 2), disc.radius) for disc in discs] for level, discs in standing.items()}
         broken_lifts = (name for name, lift in self._robots.lifts.items() if not lift.is_usable)
         broken_doors = (name for name, door in self._robots.doors.items() if not door.is_usable)

@@ -38,6 +38,9 @@ RENEWAL = 3.0
 Deliver = Callable[[Message], None]
 """Sends a message to its recipient."""
 
+ReceivePassage = Callable[[Body], None]
+"""Takes a message to a lift or a door."""
+
 
 class TrafficOffice:
     """Traffic on a roadmap, on the simulated clock. `deliver`: sends the messages for robots that are not simulated."""
@@ -49,12 +52,13 @@ class TrafficOffice:
         self._random = Random()
         self._planner = TrafficPlanner(roadmap, self._random)
         self._users: dict[str, RoadUser] = {}
+        self._passages: dict[str, ReceivePassage] = {}
         self._timers: dict[Hashable, float] = {}
         self._problems: dict[Hashable, PlanTraffic] = {}
         """The plans that are asked for. They are made in the next period."""
         self._ids = count()
         self._now = 0.0
-        self._renewed_at = 0.0
+        self.renewed_at = 0.0
         self._closed = CloseWays()
         self._obstructions = Obstructions(self.roadmap)
 
@@ -72,6 +76,10 @@ class TrafficOffice:
         """Deliver the messages to a robot."""
         self._users[user.robot] = user
 
+    def join_passage(self, passage: str, receive: ReceivePassage) -> None:
+        """Deliver the messages to a lift or an automatic door of the simulation."""
+        self._passages[passage] = receive
+
     def leave(self, robot: str) -> None:
         self._users.pop(robot, None)
 
@@ -87,6 +95,11 @@ class TrafficOffice:
         robot = getattr(message.body, "robot", None)
         if robot in self._users:
             text = f"{robot} is a robot of the simulator, which moves it and reports where it is: let your robot have another name"
+            self._deliver(reply(message, Fault(code="Sender", text=text), self.component.state.address))
+            return
+        passage = getattr(message.body, "passage", None)
+        if passage in self._passages:
+            text = f"{passage} is moved by the simulator, which calls it for robots: only a real lift or door has a program of its own"
             self._deliver(reply(message, Fault(code="Sender", text=text), self.component.state.address))
             return
         self._handle(Received(message))
@@ -139,8 +152,8 @@ class TrafficOffice:
     def advance(self, now: float, silent: Callable[[str], bool]) -> None:
         """Let time pass: timers fire, plans come in, and leases are renewed, but not by robots that are `silent`."""
         self._now = now
-        if now >= self._renewed_at + RENEWAL:
-            self._renewed_at = now
+        if now >= self.renewed_at + RENEWAL:
+            self.renewed_at = now
             for name, user in self._users.items():
                 if not silent(name):
                     user.report()
@@ -161,6 +174,8 @@ class TrafficOffice:
                     answer = message.body
                 case Send(message) if message.header.recipient in self._users:
                     self._users[message.header.recipient].receive(message.body)
+                case Send(message) if message.header.recipient in self._passages:
+                    self._passages[message.header.recipient](message.body)
                 case Send(message):
                     self._deliver(message)
                 case SetTimer(timer, None):

@@ -1,0 +1,167 @@
+"""The base classes for lifts and automatic doors of any make: traffic calls them for robots, besides their services.
+
+    class AcmeLift(LiftDevice):
+        async def serve(self, call: PassageCall) -> None: ...
+        async def release(self) -> None: ...
+
+The program that runs the device talks to traffic.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from msgspec import Struct
+
+from somrs.service_manager.sdk.device import Device, Situation, Task, service
+from somrs.service_manager.sdk.orders import Refusal
+
+STANDING = 0.1
+"""Difference in height up to which a cabin stands at a storey, m."""
+MOVE_TIME = "30 s"
+"""What a move is taken to need in a quote."""
+
+
+class PassageCall(Struct, frozen=True, kw_only=True):
+    """What a passage is needed for. A lift: at the floor of the height `level`, in metres, for a robot of `robots`, whose ride leads to the
+    floor of the height `destination`, as far as that is known. A door: nothing else."""
+
+    level: float | None = None
+    destination: float | None = None
+    robots: tuple[str, ...] = ()
+
+
+class PassageStatus(Struct, frozen=True, kw_only=True):
+    """How a passage is. `level`: the height of the floor at which a cabin stands, in metres; None while it moves. `working`: it has no
+    fault. `shared`: people or other systems use it now."""
+
+    level: float | None = None
+    working: bool = True
+    shared: bool = False
+
+
+def _tell_nobody(status: PassageStatus) -> None:
+    """Do nothing: no program runs the device."""
+
+
+class PassageDevice(Device):
+    """A passage that moves for robots. It calls `status` whenever something of it changes, and once in `open`."""
+
+    status_observer: Callable[[PassageStatus], None] = staticmethod(_tell_nobody)
+    """Receives the status; the program that runs the device sets it."""
+    current_status: PassageStatus | None = None
+    """What was reported last."""
+
+    def __init__(self, name: str, simulator: str | None = None) -> None:
+        super().__init__(name, simulator)
+        self.call: PassageCall | None = None
+        """What robots need it for now; None if none does."""
+        self._change = asyncio.Condition()
+        self._move = asyncio.Lock()
+
+    async def serve(self, call: PassageCall) -> None:
+        """Open the passage, at the floor of the call, and return when robots can come. It has to stay open until the next call or
+        `release`.
+
+        It is cancelled when there is another call, and called again after an exception."""
+        raise NotImplementedError
+
+    async def release(self) -> None:
+        """No robot needs the passage any more: it may shut, and others may use it."""
+        raise NotImplementedError
+
+    def status(self, *, level: float | None = None, working: bool = True, shared: bool = False) -> None:
+        """Say how the passage is now; the map learns whether it works."""
+        earlier, self.current_status = self.current_status, PassageStatus(level=level, working=working, shared=shared)
+        if earlier is None or earlier.working != working:
+            self.observed(f"{self.name}.Working = {str(working).upper()}")
+        self.status_observer(self.current_status)
+
+    async def follow(self, call: PassageCall | None) -> None:
+        """Do what traffic calls the passage for. The program that runs the device calls it."""
+        await self._note_call(call)
+        async with self._move:
+            await (self.serve(call) if call is not None else self.release())
+
+    async def _note_call(self, call: PassageCall | None) -> None:
+        async with self._change:
+            self.call = call
+            self._change.notify_all()
+
+    async def _unused(self) -> None:
+        """Wait until no robot needs the passage."""
+        async with self._change:
+            await self._change.wait_for(lambda: self.call is None)
+
+
+async def _stops_there(device: LiftDevice, task: Task) -> None:
+    """Check that the lift works, and stops at the storey. Raises Refusal."""
+    storey, stops = str(task.inputs["Storey"]), await device.stops()
+    if storey not in stops:
+        raise Refusal(f"{device.name} does not stop at {storey}; it stops at {', '.join(stops) or 'no storey'}")
+    _check_working(device)
+
+
+def _check_working(device: PassageDevice) -> None:
+    if device.current_status is None or not device.current_status.working:
+        raise Refusal(f"{device.name} does not work", not_now=True)
+
+
+class LiftDevice(PassageDevice):
+    """A lift. The map learns at which storey its cabin stands."""
+
+    type = "Lift"
+
+    async def stops(self) -> dict[str, float]:
+        """The heights of the floors of the storeys at which it stops, m."""
+        rows = await self.map.query(f"{self.name} stopsAt ?Storey AND ?Storey.Elevation = ?Height")
+        return {str(row["Storey"]): float(str(row["Height"])) for row in rows}
+
+    @service("CallLift", duration=MOVE_TIME, able=_stops_there, inputs=("Storey",))
+    async def call_lift(self, task: Task) -> Situation:
+        storey = str(task.inputs["Storey"])
+        level = (await self.stops())[storey]
+        await self._unused()
+        async with self._move:
+            await self.serve(PassageCall(level=level))
+            await self.release()
+        return f"{self.name}.PositionZ = {level} AND {self.name} standsAt {storey}"
+
+
+async def _is_this_door(device: DoorDevice, task: Task) -> None:
+    """Check that the order is for this door, and that it works. Raises Refusal."""
+    if task.inputs["Door"] != device.name:
+        raise Refusal(f"{device.name} opens and closes only itself")
+    _check_working(device)
+
+
+class DoorDevice(PassageDevice):
+    """An automatic door. `OpenDoor` has it stay open, until `CloseDoor`."""
+
+    type = "AutomaticDoor"
+
+    def __init__(self, name: str, simulator: str | None = None) -> None:
+        super().__init__(name, simulator)
+        self._stays_open = False
+
+    async def follow(self, call: PassageCall | None) -> None:
+        if call is None and self._stays_open:
+            await self._note_call(None)
+        else:
+            await super().follow(call)
+
+    @service("OpenDoor", duration=MOVE_TIME, able=_is_this_door, inputs=("Door",))
+    async def open_door(self, task: Task) -> Situation:
+        self._stays_open = True
+        async with self._move:
+            await self.serve(PassageCall())
+        return f"{self.name}.Open = TRUE"
+
+    @service("CloseDoor", duration=MOVE_TIME, able=_is_this_door, inputs=("Door",))
+    async def close_door(self, task: Task) -> Situation:
+        self._stays_open = False
+        await self._unused()
+        async with self._move:
+            await self.release()
+        return f"{self.name}.Open = FALSE"
