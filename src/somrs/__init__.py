@@ -15,11 +15,18 @@ from somrs.version import __version__ as __version__
 if TYPE_CHECKING:
     from somrs.api.system_client import Client
     from somrs.deployment.device import run
-    from somrs.service_manager import Device, DoorDevice, LiftDevice, PassageCall, Refusal, ServiceFailed, Situation, Task, service
+    from somrs.devices.passage import DoorDevice, LiftDevice, PassageCall
+    from somrs.service_manager import Device, Refusal, ServiceFailed, Situation, Task, service
 
 __all__ = ["Client", "Device", "DoorDevice", "LiftDevice", "PassageCall", "Refusal", "ServiceFailed", "Situation", "Task", "run", "service"]
 
-_MODULES = {"Client": "somrs.api.system_client", "run": "somrs.deployment.device"}
+_MODULES = {
+    "Client": "somrs.api.system_client",
+    "DoorDevice": "somrs.devices.passage",
+    "LiftDevice": "somrs.devices.passage",
+    "PassageCall": "somrs.devices.passage",
+    "run": "somrs.deployment.device",
+}
 """Where the public names live; those that are not listed, in `somrs.service_manager`."""
 
 

@@ -10,8 +10,9 @@ from random import Random
 from msgspec import structs
 
 from somrs.protocol.messages.traffic import Berth
+from somrs.space.solids import Role, Solid
 from somrs.traffic.roadmap import Lane, Place, Roadmap
-from verification.traffic_runs.scenario import Hold, Incident, Scenario, Trouble
+from verification.traffic_runs.scenario import GateIncident, GateTrouble, Hold, Incident, Scenario, Trouble
 
 RADIUS = 0.3
 """The radius of robots that go to berths, in metres: robots on lanes of 1 m whose ends are 0.9 m apart do not touch each other."""
@@ -42,6 +43,8 @@ def draw(seed: int) -> Scenario:
     worker = ISLAND.name if Random(-1 - seed).random() < 0.4 else None
     if worker is not None:
         roadmap = structs.replace(roadmap, places=(*roadmap.places, ISLAND))
+    gate_dice = Random(f"gates {seed}")
+    roadmap = _with_gates(gate_dice, roadmap)
     incidents = tuple(_incident(dice, count) for _ in range(dice.choice((0, 0, 1, 2, 3))))
     return Scenario(
         seed=seed,
@@ -54,6 +57,38 @@ def draw(seed: int) -> Scenario:
         incidents=incidents,
         worker=worker,
         holds=_holds(Random(f"holds {seed}")),
+        gate_incidents=_gate_incidents(gate_dice, roadmap),
+    )
+
+
+def _with_gates(dice: Random, roadmap: Roadmap) -> Roadmap:
+    """In two of three runs with lifts, these have programs; in one of three of all runs, there is an automatic door in a lane."""
+    zones = sorted({place.zone for place in roadmap.places if place.zone is not None})
+    places = {place.name: place for place in roadmap.places}
+    lifts = tuple(zones) if dice.random() < 0.67 else ()
+    doors: tuple[Solid, ...] = ()
+    level_lanes = [lane for lane in roadmap.lanes if places[lane.start].level == places[lane.end].level]
+    if dice.random() < 0.33:
+        lane = dice.choice(level_lanes)
+        start, end = places[lane.start], places[lane.end]
+        x, y = (start.x + end.x) / 2, (start.y + end.y) / 2
+        doors = (
+            Solid(name="Door0", type="AutomaticDoor", role=Role.DOOR, x=x, y=y, z=start.level, yaw=0.0, form="Box", width=0.2, depth=0.2),
+        )
+    return structs.replace(roadmap, lifts=lifts, doors=doors)
+
+
+def _gate_incidents(dice: Random, roadmap: Roadmap) -> tuple[GateIncident, ...]:
+    gates = [*roadmap.lifts, *(door.name for door in roadmap.doors)]
+    return tuple(
+        GateIncident(
+            trouble=dice.choice(tuple(GateTrouble)),
+            gate=gate,
+            at=dice.uniform(0, SPAN),
+            seconds=dice.choice((2.0, 20.0, 60.0)),
+        )
+        for gate in gates
+        for _ in range(dice.choice((0, 1, 2)))
     )
 
 

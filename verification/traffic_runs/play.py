@@ -17,13 +17,15 @@ from somrs.runtime.virtual_time import QUIET, Work, World
 from somrs.space.lines import segment_distance
 from somrs.traffic.berths import SPEED
 from somrs.traffic.component import SCHEMA, Traffic
+from somrs.traffic.passage_program import PassageProgram
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.planning.graph import Graph
 from somrs.traffic.roadmap import NumberedRoadmap
 from somrs.traffic.state import PlanTraffic
 from verification.traffic_runs.alarm import Alarm
 from verification.traffic_runs.draw import RADIUS
-from verification.traffic_runs.scenario import Incident, Scenario, Trouble
+from verification.traffic_runs.hardware import Hardware, Violation
+from verification.traffic_runs.scenario import GateIncident, GateTrouble, Incident, Scenario, Trouble
 from verification.traffic_runs.vehicle import Robot, Vehicle
 
 TRAFFIC, ALARM = "traffic", "alarm"
@@ -43,10 +45,6 @@ class Outcome:
 
 MOST_ROBOTS, MOST_PLACES = 3, 16
 """The sizes up to which all configurations are searched, when a robot is told that there is no room."""
-
-
-class Violation(Exception):
-    """Something happened that must not."""
 
 
 class Play:
@@ -69,6 +67,10 @@ class Play:
             Robot(name=f"Robot{number}", place=start, trips=list(trips), berths=own)
             for number, (start, trips, own) in enumerate(zip(scenario.starts, scenario.trips, scenario.berths, strict=True))
         ]
+        self._hardware = Hardware(scenario.roadmap, self._dice, self.robots, self.world.notify)
+        self._lanes: dict[str, tuple[str, str | None]] = {}
+        """By robot: the lane on which it was seen last."""
+        self._program_count = 0
         self._leaving = False
         """Whether the granted way of a robot ends in a zone, which it has to leave when traffic is held."""
         self._grants: dict[tuple[str, int], tuple[int, str]] = {}
@@ -95,6 +97,8 @@ class Play:
         self._apart()
         world.add(TRAFFIC, Traffic(TRAFFIC, self.scenario.roadmap), self._plan, journaled=SCHEMA)
         world.add(ALARM, Alarm(ALARM, TRAFFIC))
+        for gate in self._hardware.gates:
+            self._start_gate(gate)
         for number in range(len(self.robots)):
             self._start(number)
         if self._worker is not None:
@@ -115,12 +119,38 @@ class Play:
             yield hold.at, partial(self.world.notify, ALARM, "fire alarm")
             yield hold.at + hold.seconds, partial(self.world.notify, ALARM, "")
 
+        for gate_incident in self.scenario.gate_incidents:
+            yield gate_incident.at, partial(self._meddle_with_gate, gate_incident, mended=False)
+            yield gate_incident.at + gate_incident.seconds, partial(self._meddle_with_gate, gate_incident, mended=True)
+
+    def _start_gate(self, name: str) -> None:
+        self._program_count += 1
+        program = PassageProgram(name, name, TRAFFIC, str(self._program_count))
+        self.world.add(name, program, partial(self._hardware.work, name))
+        self.world.notify(name, self._hardware.gates[name].status)
+
+    def _meddle_with_gate(self, incident: GateIncident, *, mended: bool) -> None:
+        world, gate = self.world, self._hardware.gates[incident.gate]
+        match incident.trouble:
+            case GateTrouble.DIES if not mended:
+                world.remove(gate.name)
+            case GateTrouble.DIES if not world.alive(gate.name):
+                self._start_gate(gate.name)
+            case GateTrouble.FAULT:
+                gate.works = mended
+            case GateTrouble.SHARED:
+                gate.is_shared = not mended
+        if world.alive(gate.name):
+            world.notify(gate.name, gate.status)
+
     def _start(self, number: int) -> None:
         scenario, robot = self.scenario, self.robots[number]
         seconds = partial(self._seconds, scenario.slowness[number])
-        self.world.add(robot.name, Vehicle(robot, TRAFFIC, seconds, scenario.work[number]))
+        self.world.add(robot.name, Vehicle(robot, TRAFFIC, seconds, scenario.work[number], has_passage=self._hardware.has_passage))
 
     def _seconds(self, slowness: float, start: str, end: str) -> float:
+        if self._levels[start] != self._levels[end] and self._hardware.has_passage(start, end):
+            return 0.01  # the lift has taken the time
         length = self._lengths.get((start, end)) or math.dist(self._points[start], self._points[end]) / SPEED
         return length * slowness * self._dice.uniform(0.8, 1.6)
 
@@ -168,6 +198,7 @@ class Play:
 
     def _watch(self, address: str, event: Input) -> None:
         self._apart()
+        self._check_departures()
         if address == TRAFFIC:
             traffic, size = self.world.components[TRAFFIC], self._graph.graph.size
             assert isinstance(traffic, Traffic)
@@ -177,10 +208,23 @@ class Play:
             case Received(Message(body=TripEnded(result=TripResult.NO_ROOM) as ended)) if len(self.robots) <= MOST_ROBOTS:
                 self._no_room(ended)
 
+    def _check_departures(self) -> None:
+        for robot in self.robots if self._hardware.gates else ():
+            lane = robot.place, robot.towards
+            if lane != self._lanes.get(robot.name):
+                self._lanes[robot.name] = lane
+                if robot.towards is not None:
+                    self._hardware.check_departure(robot)
+
     def _no_room(self, ended: TripEnded) -> None:
         """Raise Violation if the robot could come to its goal, and the others could make room, by a search among all configurations."""
         graph, numbers = self._graph.graph, self._graph.numbers
-        if graph.size > MOST_PLACES or self._has_berths or any(robot.towards is not None or robot.broken for robot in self.robots):
+        if (
+            graph.size > MOST_PLACES
+            or self._has_berths
+            or self._hardware.gates
+            or any(robot.towards is not None or robot.broken for robot in self.robots)
+        ):
             return
         start = tuple(numbers[robot.place] for robot in self.robots)
         bodies = (message.body for message in self.world.messages)

@@ -36,11 +36,33 @@ class Hold:
     seconds: float
 
 
+class GateTrouble(StrEnum):
+    """What happens to a lift or an automatic door."""
+
+    DIES = "dies"
+    """Its program is killed, and the passage stays as it is."""
+    FAULT = "fault"
+    """It reports that it does not work."""
+    SHARED = "shared"
+    """People use it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateIncident:
+    """Something happens to a lift or a door `at` a time, for so many seconds."""
+
+    trouble: GateTrouble
+    gate: str
+    at: float
+    seconds: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """`starts` and `trips`: places, by robot. `berths`: by robot, those of its destinations that are beside the roadmap. `slowness`: by
     robot, the factor of the time for lanes. `work`: the seconds for which a robot works where it has arrived. `worker`: the place of a
-    further robot, which works all the time, and is in nobody's way. `holds`: one after the other."""
+    further robot, which works all the time, and is in nobody's way. `holds`: one after the other.
+    `gate_incidents`: for lifts and doors with programs."""
 
     seed: int
     roadmap: Roadmap
@@ -52,3 +74,4 @@ class Scenario:
     incidents: tuple[Incident, ...]
     worker: str | None = None
     holds: tuple[Hold, ...] = ()
+    gate_incidents: tuple[GateIncident, ...] = ()

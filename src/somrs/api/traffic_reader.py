@@ -31,7 +31,13 @@ class TrafficReader:
         berths = {berth.name: road_point(berth.x, berth.y, self._points[berth.places[0]][2]) for berth in view.berths}
         points = {**self._points, **berths}
         robots = {robot.robot: driving(robot, points.__getitem__) for robot in view.robots}
-        return TrafficState(roadmap=view.roadmap, robots=robots, hold=view.hold)
+        return TrafficState(
+            roadmap=view.roadmap,
+            robots=robots,
+            hold=view.hold,
+            closed_lifts=tuple(passage.passage for passage in view.passages if not passage.usable),
+            shared_lifts=tuple(passage.passage for passage in view.passages if passage.shared),
+        )
 
     async def roadmap(self) -> Roadmap:
         """The roadmap, and what of it is closed, which may be newer than its number says. Raises RemoteError."""

@@ -43,7 +43,7 @@ def waiting_text(robot: RobotInTraffic | None, state: TrafficState) -> str:
         place = "is in" if robot.riding else "waits for"
         return f"{place} {robot.lift}, which nobody may enter now: it is out of order, or does not work"
     if robot.lift is not None and not robot.riding:
-        return f"waits for {robot.lift}"
+        return f"waits for {robot.lift}{', which people or other systems use' if robot.lift in state.shared_lifts else ''}"
     reasons = [f"{name}, {_cause(state.robots.get(name))}" for name in robot.waits_for]
     return f"waits for {' and for '.join(reasons)}" if reasons else ""
 

@@ -22,6 +22,7 @@ from somrs.client.client import Addresses
 from somrs.deployment.passage import add_passage
 from somrs.deployment.programs import run_program, until_stopped
 from somrs.deployment.shared_map import SharedMap
+from somrs.devices.passage import PassageDevice
 from somrs.errors import DeviceError, InputError, RemoteError
 from somrs.kernel.component import Notified
 from somrs.protocol.messages.bodies import Body
@@ -38,7 +39,6 @@ from somrs.service_manager.sdk import orders
 from somrs.service_manager.sdk.device import Device
 from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
-from somrs.service_manager.sdk.passage import PassageDevice
 from somrs.service_manager.sdk.service_runner import carry_out
 from somrs.service_manager.sdk.tasks import TaskSubmitter
 from somrs.storage.journal import Journal

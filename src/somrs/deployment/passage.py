@@ -7,12 +7,12 @@ import uuid
 
 from msgspec import structs
 
+from somrs.devices import passage
+from somrs.devices.passage import PassageCall, PassageDevice
 from somrs.errors import RemoteError
 from somrs.kernel.component import Notified
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
-from somrs.service_manager.sdk import passage
-from somrs.service_manager.sdk.passage import PassageCall, PassageDevice
 from somrs.traffic.passage_program import Complaint, PassageProgram, PassageStatus, Release, Serve
 
 log = logging.getLogger(__name__)

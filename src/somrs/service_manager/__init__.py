@@ -5,6 +5,5 @@
 
 from somrs.service_manager.sdk.device import Device, Result, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
-from somrs.service_manager.sdk.passage import DoorDevice, LiftDevice, PassageCall
 
-__all__ = ["Device", "DoorDevice", "LiftDevice", "PassageCall", "Refusal", "Result", "ServiceFailed", "Situation", "Task", "service"]
+__all__ = ["Device", "Refusal", "Result", "ServiceFailed", "Situation", "Task", "service"]

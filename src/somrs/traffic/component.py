@@ -23,7 +23,6 @@ from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.traffic import (
     Berth,
     CancelTrip,
-    ClosedLane,
     CloseWays,
     EnterPassage,
     EnterTraffic,
@@ -47,10 +46,8 @@ from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
-    Closed,
     LeasesDue,
     Notice,
-    OutOfOrder,
     PlanDue,
     PlanQuestion,
     PlanTraffic,
@@ -62,6 +59,7 @@ from somrs.traffic.state import (
     TrafficPlan,
     TrafficState,
     Trip,
+    closed_by,
     names_of,
 )
 from somrs.traffic.view import roadmap_page, traffic_view
@@ -132,9 +130,7 @@ class Traffic:
                 return
             case Started(address):
                 self.state.address = address
-                for record in (*self.state.robots.values(), *self.state.passages.values()):
-                    if not record.silent:  # while traffic was away, nobody could report
-                        record.expires_at = max(record.expires_at, now + record.lease)
+                self.state.extend_leases(now)
             case Received(message):
                 try:
                     yield from self._handle_request(message, now)
@@ -347,15 +343,7 @@ class Traffic:
         self._schedule.graph = self._berths.graph
 
     def _close(self, body: CloseWays) -> None:
-        number = self._berths.roadmap.number
-
-        def lanes(closed: tuple[ClosedLane, ...]) -> tuple[tuple[int, int], ...]:
-            return tuple((number(lane.start), number(lane.end)) for lane in closed)
-
-        passages = tuple(
-            OutOfOrder(passage.name, tuple(map(number, passage.places)), lanes(passage.lanes), passage.zone) for passage in body.passages
-        )
-        self.state.closed = Closed(tuple(map(number, body.places)), lanes(body.lanes), passages)
+        self.state.closed = closed_by(body, self._berths.roadmap.number)
         self._apply_closed()
 
     def _apply_closed(self) -> None:

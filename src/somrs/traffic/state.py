@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from msgspec import Struct, field, structs
 
-from somrs.protocol.messages.traffic import CloseWays, Mobility
+from somrs.protocol.messages.traffic import ClosedLane, CloseWays, Mobility
 from somrs.traffic.roadmap import Roadmap, UsedBerth
 
 MAP_FOLLOWER = "map"
@@ -153,6 +153,16 @@ class Closed(Struct, frozen=True, array_like=True):
         return {*self.lanes, *(lane for passage in self.passages for lane in passage.lanes)}
 
 
+def closed_by(body: CloseWays, number: Callable[[str], int]) -> Closed:
+    """What is closed by a message. `number`: that of the place of a name."""
+
+    def lanes(closed: tuple[ClosedLane, ...]) -> tuple[tuple[int, int], ...]:
+        return tuple((number(lane.start), number(lane.end)) for lane in closed)
+
+    passages = (OutOfOrder(entry.name, tuple(map(number, entry.places)), lanes(entry.lanes), entry.zone) for entry in body.passages)
+    return Closed(tuple(map(number, body.places)), lanes(body.lanes), tuple(passages))
+
+
 class PlannedBerth(Struct, frozen=True, array_like=True):
     """A berth in a problem. The meaning is that of `PrivatePlace`."""
 
@@ -254,6 +264,13 @@ class TrafficState(Struct, kw_only=True):
     planned_at: float = 0.0
     failures: int = 0
     searched_at: float = 0.0
+
+    def extend_leases(self, now: float) -> None:
+        """Traffic was started: while it was away, nobody could report."""
+        records: tuple[RobotRecord | PassageRecord, ...] = (*self.robots.values(), *self.passages.values())
+        for record in records:
+            if not record.silent:
+                record.expires_at = max(record.expires_at, now + record.lease)
 
     @property
     def all_closed(self) -> Closed:

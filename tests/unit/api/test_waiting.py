@@ -46,6 +46,8 @@ def test_in_a_fire_robots_wait_because_traffic_is_held_and_not_for_each_other() 
 def test_a_robot_waits_for_a_lift_until_it_comes_or_because_it_is_out_of_order() -> None:
     assert text(robot(lift="Lift1")) == "waits for Lift1"
     assert waits_for(robot(lift="Lift1")) == ("Lift1",)
+    state = TrafficState(roadmap=1, robots={"Robot1": robot(lift="Lift1")}, shared_lifts=("Lift1",))
+    assert waiting_text(robot(lift="Lift1"), state) == "waits for Lift1, which people or other systems use"
     assert text(robot(lift="Lift1"), closed_lifts=("Lift1",)).startswith("waits for Lift1, which nobody may enter now")
     assert text(robot(lift="Lift1", riding=True), closed_lifts=("Lift1",)).startswith("is in Lift1, which")
 

@@ -39,8 +39,8 @@ class RobotInTraffic(Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     `granted`: the way along which it may drive, from the place where it is; `planned`: on from there, as far as it is planned;
     `destination`: the end of its trip, if it has one. `waits_for`: the robots that go before it, if it was granted nothing; `lift`: the
-    lift that it waits for, or that it is in. `command`: what it carries out, and `object`: with what; `paused`: an operator has stopped
-    it.
+    lift or the door that it waits for, or the lift that it is in. `command`: what it carries out, and `object`: with what; `paused`: an
+    operator has stopped it.
     """
 
     granted: tuple[RoadPoint, ...] = ()
@@ -59,13 +59,14 @@ class RobotInTraffic(Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class TrafficState(Struct, frozen=True, kw_only=True):
-    """Traffic now: the number of the `roadmap`, the robots by name, why nobody is granted a way (`hold`), and the lifts that nobody may
-    enter."""
+    """Traffic now: the number of the `roadmap`, the robots by name, why nobody is granted a way (`hold`), the lifts and automatic doors
+    that nobody may enter, and those that people or other systems use."""
 
     roadmap: int
     robots: dict[str, RobotInTraffic]
     hold: str = ""
     closed_lifts: tuple[str, ...] = ()
+    shared_lifts: tuple[str, ...] = ()
 
 
 def road_point(x: float, y: float, level: float) -> RoadPoint:
@@ -80,6 +81,8 @@ def driving(view: RobotView, point: PointOf) -> RobotInTraffic:
         planned=tuple(map(point, view.planned)),
         destination=point(view.destination) if view.destination is not None else None,
         waits_for=view.waits_for if len(view.held) == 1 else (),
+        lift=view.passage,
+        riding=view.inside,
         mobility=view.mobility,
         silent=view.silent,
     )

@@ -1,0 +1,101 @@
+"""A building without a simulator, whose lift and door have programs of their own, as the examples have: whole processes, and real
+sockets."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from subprocess import PIPE, Popen
+
+import pytest
+import zeep.exceptions
+
+from somrs.client.client import Addresses, Client
+from somrs.deployment.system import System
+from somrs.ontology.files.dump import dump_map
+from somrs.ontology.files.loading import upper
+from somrs.ontology.objects import Map
+from tests.support import warm
+from tests.support.foreign_robot import ForeignRobot
+from tests.support.paths import ROOT
+from tests.support.simulated_tower import HEIGHT, tower
+from tests.support.simulator_room import box, robot
+
+pytestmark = pytest.mark.long
+
+LEASE = 600.0
+LONGEST = 300.0
+"""Seconds after which a test gives up. It takes fifteen on an idle machine."""
+
+
+def building() -> Map:
+    """Two storeys with a lift, and an automatic door in a wall across the lower one."""
+    walls = [box("Screen1", "Wall", (4, 1.2, 0), (0.1, 2.4, 2.5)), box("Screen2", "Wall", (4, 4.8, 0), (0.1, 2.4, 2.5))]
+    door = box("Door1", "AutomaticDoor", (4, 3, 0), (0.1, 1.2, 2.1))
+    return tower(extra_objects=[*walls, door, robot("Foreigner", (1, 1, 0), type="MobileRobot")])
+
+
+@contextmanager
+def program(example: str, name: str, data: Path) -> Iterator[Popen[str]]:
+    """An example as a program, from when it has joined the system."""
+    with Popen([sys.executable, ROOT / "examples" / example, "--name", name, "--data", data], stdout=PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline(), "it says that it is ready"
+            yield process
+        finally:
+            process.terminate()
+
+
+def refusal(foreigner: ForeignRobot, trip: str, goal: str) -> str:
+    """Why a trip is refused; empty if it is not."""
+    try:
+        foreigner.request(trip, goal)
+    except zeep.exceptions.Fault as fault:
+        return str(fault)
+    return ""
+
+
+def travel(traffic: str, data: Path) -> None:
+    """A robot of another make drives through the door and up with the lift, whose program is killed in the middle of the ride."""
+    foreigner = ForeignRobot("Foreigner", traffic, LONGEST)
+    while not foreigner.places:
+        foreigner.read_roadmap()
+        foreigner.take_message(0.02)
+    start, beside, goal = foreigner.nearest(1, 1), foreigner.nearest(6.5, 1), foreigner.nearest(5, 4, HEIGHT)
+    foreigner.enter(start, LEASE, Edition=foreigner.edition)
+    while "Door1 is out of order" not in refusal(foreigner, "too early", beside):
+        foreigner.take_message(0.05)
+    with program("automatic_door.py", "Door1", data):
+        while refusal(foreigner, "through the door", beside):
+            foreigner.take_message(0.05)
+        foreigner.drive_until(lambda: "through the door" in foreigner.ended)
+        assert foreigner.ended["through the door"] == ("arrived", [])
+        assert "Lift1 is out of order" in refusal(foreigner, "without a lift", goal)
+        with program("lift.py", "Lift1", data) as lift:
+            while refusal(foreigner, "up", goal):
+                foreigner.take_message(0.05)
+            foreigner.drive_until(lambda: foreigner.places[foreigner.place].zone == "Lift1")
+            lift.kill()
+        with program("lift.py", "Lift1", data):
+            foreigner.drive_until(lambda: "up" in foreigner.ended)
+            assert foreigner.ended["up"] == ("arrived", [])
+            assert foreigner.places[foreigner.place].level == HEIGHT
+    foreigner.close()
+
+
+def test_a_robot_of_another_make_passes_a_real_door_and_a_real_lift(tmp_path: Path) -> None:
+    site, data = tmp_path / "site.yaml", tmp_path / "data"
+    site.write_text(dump_map(building(), upper()))
+
+    async def run() -> None:
+        async with asyncio.timeout(LONGEST), System([site], data, simulates=False, launcher=warm.launcher()):
+            addresses = Addresses.read(data)
+            await asyncio.to_thread(travel, addresses.traffic or "", data)
+            async with Client(addresses) as client:
+                assert (await client.query("Lift1.Working = TRUE")).rows
+
+    asyncio.run(run())
