@@ -9,7 +9,9 @@ import pytest
 
 from somrs.protocol.messages.traffic import TripResult
 from somrs.traffic.dispatcher import Dispatcher
+from somrs.traffic.drives import Drives
 from somrs.traffic.schedule import Schedule
+from somrs.traffic.state import Call, PassageRecord
 from somrs.traffic.surroundings import Surroundings
 from verification.traffic_runs.draw import draw
 from verification.traffic_runs.play import Outcome, Play
@@ -71,3 +73,19 @@ def test_a_way_that_is_said_to_have_no_room_is_looked_for() -> None:
     assert outcome.results[TripResult.NO_ROOM]
     assert not outcome.violation
     assert not scenario.incidents, "nothing went wrong that would explain it"
+
+
+def test_it_is_noticed_if_robots_are_let_in_before_a_passage_is_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Drives, "_is_open_for", lambda *_: True)
+    assert any("is not open there" in outcome.violation for outcome in outcomes(range(10)))
+
+
+def test_it_is_noticed_if_a_passage_is_released_too_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = Drives._wanted
+
+    def hasty(drives: Drives, name: str, record: PassageRecord) -> Call | None:
+        is_told = any(robot.told is not None and robot.told.is_open for robot in drives._state.robots.values())
+        return None if is_told else wanted(drives, name, record)
+
+    monkeypatch.setattr(Drives, "_wanted", hasty)
+    assert any("shuts while" in outcome.violation for outcome in outcomes(range(20)))

@@ -248,7 +248,8 @@ class Traffic:
 
     def _enter(self, body: EnterTraffic | EnterPassage, address: str, now: float) -> TrafficEntered | PassageEntered:
         if address == ANONYMOUS:
-            raise UsageError("whoever takes part needs an address, to which grants and calls go: state it in wsa:From")
+            what = "a robot needs an address, to which places are granted" if isinstance(body, EnterTraffic) else "it needs an address"
+            raise UsageError(f"{what}: state it in wsa:From")
         if isinstance(body, EnterPassage):
             return self._drives.enter(body, address, now)
         if body.edition not in (None, self.state.edition):
