@@ -160,7 +160,7 @@ class ForeignRobot:
                 self._open = int(texts["Progress"][0]), texts["Place"][0]
             case "PassageClosed" if (int(texts["Fence"][0]), int(texts["Progress"][0])) == (self.fence, self.progress):
                 if self.way[:1] == texts["Place"]:
-                    self.way = []
+                    self.way, self._open = [], None
                     self.report(Mobility="busy")
                     self.report()
             case "RoadmapReplaced" if int(texts["Fence"][0]) == self.fence:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from subprocess import PIPE, Popen
@@ -59,7 +59,7 @@ def refusal(foreigner: ForeignRobot, trip: str, goal: str) -> str:
     return ""
 
 
-def travel(traffic: str, data: Path) -> None:
+def travel(traffic: str, data: Path, holds: Callable[[str], bool]) -> None:
     """A robot of another make drives through the door and up with the lift, whose program is killed in the middle of the ride."""
     foreigner = ForeignRobot("Foreigner", traffic, LONGEST)
     while not foreigner.places:
@@ -84,6 +84,8 @@ def travel(traffic: str, data: Path) -> None:
             foreigner.drive_until(lambda: "up" in foreigner.ended)
             assert foreigner.ended["up"] == ("arrived", [])
             assert foreigner.places[foreigner.place].level == HEIGHT
+            while not holds("Lift1 standsAt Storey2 AND Lift1.Working = TRUE"):
+                foreigner.take_message(0.05)
     foreigner.close()
 
 
@@ -93,9 +95,12 @@ def test_a_robot_of_another_make_passes_a_real_door_and_a_real_lift(tmp_path: Pa
 
     async def run() -> None:
         async with asyncio.timeout(LONGEST), System([site], data, simulates=False, launcher=warm.launcher()):
-            addresses = Addresses.read(data)
-            await asyncio.to_thread(travel, addresses.traffic or "", data)
+            loop, addresses = asyncio.get_running_loop(), Addresses.read(data)
             async with Client(addresses) as client:
-                assert (await client.query("Lift1.Working = TRUE")).rows
+
+                def holds(formula: str) -> bool:
+                    return bool(asyncio.run_coroutine_threadsafe(client.query(formula), loop).result().rows)
+
+                await asyncio.to_thread(travel, addresses.traffic or "", data, holds)
 
     asyncio.run(run())

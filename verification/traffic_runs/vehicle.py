@@ -96,6 +96,8 @@ class Vehicle:
         self._begun: str | None = None
         """The last trip that was not refused."""
         self._refusals = 0
+        self._returning: str | None = None
+        """The report by which it gives its way back, until that is answered."""
         robot.lives += 1
 
     def handle(self, event: Input, now: float) -> list[Effect]:
@@ -111,12 +113,15 @@ class Vehicle:
                 yield from self._enter(now)
             case Received(Message(body=TrafficEntered() | Fault(), header=Header(relates_to=request))) if request not in self._requests:
                 pass  # to an earlier life of this program, which was somewhere else
-            case Received(Message(body=TrafficEntered() as entered)) if entered.fence >= participant.fence:
+            case Received(Message(body=TrafficEntered() as entered, header=header)) if entered.fence >= participant.fence:
                 if participant.entered(entered):
                     if participant.towards is not None:
                         yield SetTimer(Arrives(), now + self._seconds(participant.place, participant.towards))
                     yield SetTimer(TripDue(), now)
                 yield SetTimer(ReportDue(), now + entered.renew_within)
+                if self._returning is not None and header.relates_to == self._returning:
+                    self._returning = None  # a later report must not overtake the one by which it gives its way back
+                    yield self._report()
             case Received(Message(body=Granted() as granted)) if participant.granted(granted):
                 yield from self._go_on(now)
                 if self._mobility is not Mobility.FREE and len(granted.way) > 1:
@@ -124,9 +129,9 @@ class Vehicle:
             case Received(Message(body=PassageOpen() as opened)) if participant.opened(opened):
                 yield from self._go_on(now)
             case Received(Message(body=PassageClosed() as closed)) if participant.is_refused(closed):
-                participant.give_back()
-                yield self._send(participant.report(Mobility.BUSY))
-                yield self._report()
+                refusal = self._send(participant.report(Mobility.BUSY))
+                self._returning = refusal.message.header.message_id
+                yield refusal
             case Received(Message(body=PassageOpen() | PassageClosed())):
                 pass
             case Received(Message(body=TripEnded() as ended)) if ended.trip == self._trip:
@@ -164,7 +169,7 @@ class Vehicle:
     def _mobility(self) -> Mobility:
         if self.robot.broken:
             return Mobility.IMMOBILE
-        return Mobility.BUSY if self._works else Mobility.FREE
+        return Mobility.BUSY if self._works or self._returning is not None else Mobility.FREE
 
     def _report(self) -> Send:
         return self._send(self._participant.report(self._mobility))

@@ -109,9 +109,18 @@ def _check_working(device: PassageDevice) -> None:
 
 
 class LiftDevice(PassageDevice):
-    """A lift. The map learns at which storey its cabin stands."""
+    """A lift. The map learns at which storey its cabin stands when no robot has it any more."""
 
     type = "Lift"
+    _reported_level: float | None = None
+
+    async def follow(self, call: PassageCall | None) -> None:
+        await super().follow(call)
+        level = self.current_status.level if self.current_status is not None else None
+        if call is None and level is not None and level != self._reported_level:
+            storeys = [storey for storey, height in (await self.stops()).items() if abs(height - level) < STANDING]
+            self._reported_level = level
+            self.observed(" AND ".join([f"{self.name}.PositionZ = {level}", *(f"{self.name} standsAt {name}" for name in storeys[:1])]))
 
     async def stops(self) -> dict[str, float]:
         """The heights of the floors of the storeys at which it stops, m."""

@@ -66,7 +66,7 @@ class Participant:
         return self.may_pass
 
     def is_refused(self, notice: PassageClosed) -> bool:
-        """Whether the way leads through a passage that is closed: then report busy, and free again, which gives the way back."""
+        """Whether the way leads through a passage that is closed: then report busy, which gives the way back, and free after the answer."""
         is_next = self.towards is None and self.way[:1] == (notice.place,)
         return notice.fence == self.fence and notice.progress == self._progress and is_next
 
@@ -74,10 +74,6 @@ class Participant:
     def may_pass(self) -> bool:
         """Whether the passages before the next place are open, if there are any."""
         return self._let_in is not None and self._let_in == (self._progress, next(iter(self.way), None))
-
-    def give_back(self) -> None:
-        """The robot does not take the way that it was granted: to be called before it reports that."""
-        self.way, self._let_in = (), None
 
     def depart(self) -> str | None:
         """Drive to the next place that was granted, and return it; None if there is none."""
@@ -93,7 +89,10 @@ class Participant:
         self._progress += 1
 
     def report(self, mobility: Mobility = Mobility.FREE) -> ReportPlace:
-        """Say where the robot is: after each arrival, when its mobility changes, and to renew its lease."""
+        """Say where the robot is: after each arrival, when its mobility changes, and to renew its lease. One that is not free gives back
+        what it was granted."""
+        if mobility is not Mobility.FREE:
+            self.way, self._let_in = (), None
         return ReportPlace(
             robot=self.robot,
             fence=self.fence,

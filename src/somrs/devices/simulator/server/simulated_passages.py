@@ -68,6 +68,5 @@ class SimulatedPassages:
         for name, device in devices.items():
             if name not in self._parts:
                 self._parts[name] = device, SimulatedPassage(name, device)
-            part = self._parts[name][1]
-            office.join_passage(name, part.receive)
-            part.advance(office, renews=renews)
+                office.passages[name] = self._parts[name][1].receive
+            self._parts[name][1].advance(office, renews=renews)

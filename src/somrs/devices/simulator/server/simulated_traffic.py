@@ -184,7 +184,9 @@ class SimulatedTraffic:
         """Have traffic on another roadmap. Robots that are not simulated are where they were, until they enter anew."""
         traffic = Traffic.restored(self.office.component.state)
         effects = [*traffic.renew(roadmap, int(time.time()), [*self._robots])]
+        passages = self.office.passages
         self.office = TrafficOffice(traffic, self._send)
+        self.office.passages = passages
         for effect in effects:
             if isinstance(effect, Send) and effect.message.header.recipient not in self._robots:
                 self._send(effect.message)

@@ -52,7 +52,8 @@ class TrafficOffice:
         self._random = Random()
         self._planner = TrafficPlanner(roadmap, self._random)
         self._users: dict[str, RoadUser] = {}
-        self._passages: dict[str, ReceivePassage] = {}
+        self.passages: dict[str, ReceivePassage] = {}
+        """The lifts and automatic doors of the simulation, by name: where messages to them go."""
         self._timers: dict[Hashable, float] = {}
         self._problems: dict[Hashable, PlanTraffic] = {}
         """The plans that are asked for. They are made in the next period."""
@@ -76,10 +77,6 @@ class TrafficOffice:
         """Deliver the messages to a robot."""
         self._users[user.robot] = user
 
-    def join_passage(self, passage: str, receive: ReceivePassage) -> None:
-        """Deliver the messages to a lift or an automatic door of the simulation."""
-        self._passages[passage] = receive
-
     def leave(self, robot: str) -> None:
         self._users.pop(robot, None)
 
@@ -98,7 +95,7 @@ class TrafficOffice:
             self._deliver(reply(message, Fault(code="Sender", text=text), self.component.state.address))
             return
         passage = getattr(message.body, "passage", None)
-        if passage in self._passages:
+        if passage in self.passages:
             text = f"{passage} is moved by the simulator, which calls it for robots: only a real lift or door has a program of its own"
             self._deliver(reply(message, Fault(code="Sender", text=text), self.component.state.address))
             return
@@ -174,8 +171,8 @@ class TrafficOffice:
                     answer = message.body
                 case Send(message) if message.header.recipient in self._users:
                     self._users[message.header.recipient].receive(message.body)
-                case Send(message) if message.header.recipient in self._passages:
-                    self._passages[message.header.recipient](message.body)
+                case Send(message) if message.header.recipient in self.passages:
+                    self.passages[message.header.recipient](message.body)
                 case Send(message):
                     self._deliver(message)
                 case SetTimer(timer, None):
