@@ -18,15 +18,22 @@ from somrs.traffic.passage_program import Complaint, PassageProgram, PassageStat
 log = logging.getLogger(__name__)
 
 
+async def _follow(device: PassageDevice, call: PassageCall | None) -> None:
+    """Have the device moved. An error of the author's code is logged; the work is tried again."""
+    try:
+        await device.follow(call)
+    except Exception:
+        log.exception("%s could not be %s", device.name, "opened" if call is not None else "released")
+        raise
+
+
 def add_passage(runtime: Host, device: PassageDevice, traffic: str) -> Node:
     """Have a device take part in the traffic at an address."""
 
     async def carry_out(task: object, report: Report) -> object:
         match task:
-            case Serve():
-                await device.follow(PassageCall(**structs.asdict(task)))
-            case Release():
-                await device.follow(None)
+            case Serve() | Release():
+                await _follow(device, PassageCall(**structs.asdict(task)) if isinstance(task, Serve) else None)
             case Complaint(text):
                 log.warning("%s does not take part in traffic: %s", device.name, text)
             case _:

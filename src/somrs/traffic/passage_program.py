@@ -26,7 +26,7 @@ from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.traffic import CallPassage, EnterPassage, PassageEntered, ReleasePassage, ReportPassage
 from somrs.traffic.participant import PassageParticipant
 
-LEASE = 10.0
+LEASE = 30.0
 """The lease of a passage, in seconds."""
 PAUSE = 2.0
 """The time after which something is tried again that was refused or failed, in seconds."""
