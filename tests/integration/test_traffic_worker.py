@@ -31,13 +31,14 @@ LAYOUT = Layout(map=BUILDING, ontology=ONTOLOGY, levels=(0.0, HEIGHT), radii=(0.
 
 
 def problem(roadmap: Roadmap) -> PlanTraffic:
-    """What is to be planned when a robot has asked for a trip across the roadmap."""
+    """What is to be planned when a robot has asked for a trip across a storey."""
     traffic = Traffic("traffic", roadmap)
+    start, *_, destination = (place.name for place in roadmap.places if place.level == 0.0 and not place.zone)
     header = Header(sender="Robot1", recipient="traffic", message_id="m1", reply_to="Robot1")
-    traffic.handle(Received(Message(header=header, body=EnterTraffic(robot="Robot1", place=roadmap.places[0].name, lease=60.0))), 1.0)
+    traffic.handle(Received(Message(header=header, body=EnterTraffic(robot="Robot1", place=start, lease=60.0))), 1.0)
     traffic.handle(Answered(PlanQuestion(traffic.state.serial), TrafficPlan(ways={})), 2.0)
     fence = traffic.state.robots["Robot1"].fence
-    trip = RequestTrip(robot="Robot1", fence=fence, number=1, trip="trip", destination=roadmap.places[-1].name)
+    trip = RequestTrip(robot="Robot1", fence=fence, number=1, trip="trip", destination=destination)
     effects = traffic.handle(Received(Message(header=header, body=trip)), 10.0)
     return next(effect.task for effect in effects if isinstance(effect, Ask) and isinstance(effect.task, PlanTraffic))
 

@@ -360,7 +360,12 @@ test("traffic is read only while it is shown", async () => {
 
 test("neither traffic nor its roadmap is replaced by an older one that comes late", async () => {
   const late = { "/api/traffic": [], "/api/traffic/roadmap": [] };
-  for (const path of Object.keys(late)) server.answers[path] = () => new Promise((done) => late[path].push(done));
+  for (const path of Object.keys(late)) {
+    server.answers[path] = () =>
+      new Promise((done) => {
+        late[path].push(done);
+      });
+  }
   one.element.querySelector('button[aria-label="Traffic"]').click();
   await settled();
   server.socket("/api/live").open();

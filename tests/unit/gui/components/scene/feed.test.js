@@ -69,7 +69,10 @@ test("what stands on what is told at once", async () => {
 // A server that answers in the order in which the test has it answer: functions that answer the requests with what is so then.
 function slowServer() {
   const answers = [];
-  server.answers["/api/scene"] = ({ query }) => new Promise((done) => answers.push((content) => done({ names: query.get("names"), content })));
+  server.answers["/api/scene"] = ({ query }) =>
+    new Promise((done) => {
+      answers.push((content) => done({ names: query.get("names"), content }));
+    });
   return answers;
 }
 
