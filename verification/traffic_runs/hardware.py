@@ -9,7 +9,7 @@ from random import Random
 
 from somrs.runtime.virtual_time import QUIET, Work
 from somrs.traffic.berths import Berths
-from somrs.traffic.passage_program import PassageStatus, Release, Serve
+from somrs.traffic.passage_program import Complaint, PassageStatus, Release, Serve
 from somrs.traffic.passages import Passages
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from verification.traffic_runs.vehicle import Robot
@@ -68,7 +68,10 @@ class Hardware:
 
     def work(self, name: str, task: object) -> Work:
         """What the program of a gate has done by its hardware."""
-        assert isinstance(task, Serve | Release), "programs request nothing else"
+        assert isinstance(task, Serve | Release | Complaint), "programs request nothing else"
+        if isinstance(task, Complaint):  # messages of its program before the last start may come late
+            yield 0.0, None
+            return
         gate = self.gates[name]
         if isinstance(task, Release):
             self._shut(gate)
