@@ -52,20 +52,10 @@ def test_a_door_is_opened_from_the_side_that_the_robot_reaches() -> None:
     run(test())
 
 
-def test_a_door_in_front_of_which_there_is_no_room_is_refused() -> None:
+@pytest.mark.parametrize("obstacle", [BLOCK, PILLAR], ids=["no room", "room for half of the way"])
+def test_a_door_that_cannot_be_moved_to_its_end_is_refused(obstacle: str) -> None:
     async def test() -> None:
-        async with _harness(BLOCK) as harness:
-            with pytest.raises(Refusal, match="finds no path to a place from which it could move the door of Door1"):
-                await harness.quote("OpenDoor", Door="Door1")
-
-    run(test())
-
-
-def test_a_door_that_can_only_be_moved_half_way_is_refused() -> None:
-    """From the only side that is free, a pillar keeps the robot from following the handle."""
-
-    async def test() -> None:
-        async with _harness(PILLAR) as harness:
+        async with _harness(obstacle) as harness:
             with pytest.raises(Refusal, match="finds no path to a place from which it could move the door of Door1"):
                 await harness.quote("OpenDoor", Door="Door1")
 
