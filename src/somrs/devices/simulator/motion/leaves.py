@@ -140,17 +140,21 @@ def moving_bases(robot: Robot, leaf: Leaf, way: tuple[float, float], level: floa
     chosen: list[Array] = [np.zeros((0, 2))]
     for side in leaf.sides:
         bases, ends = leading_bases(robot, leaf, side, way, level)
-        for _ in range(STAGES):
-            if not len(ends) or _is_moved(leaf, position := _farthest(ends, way), way[1]):
-                break
-            ends = leading_bases(robot, leaf, side, (position, way[1]), level)[1]
-        if len(ends) and _is_moved(leaf, _farthest(ends, way), way[1]):
+        if _gets_on(robot, leaf, side, ends, way[1], level):
             chosen.append(bases)
     return np.concatenate(chosen)
 
 
-def _farthest(ends: Array, way: tuple[float, float]) -> float:
-    return float(ends.max() if way[1] > way[0] else ends.min())
+def _gets_on(robot: Robot, leaf: Leaf, side: int, ends: Array, goal: float, level: float) -> bool:
+    """Whether the robot can bring a leaf to its goal on one side, when it has brought it to the best of these positions."""
+    for _ in range(STAGES):
+        if not len(ends):
+            return False
+        position = float(ends.max() if goal else ends.min())
+        if _is_moved(leaf, position, goal):
+            return True
+        ends = leading_bases(robot, leaf, side, (position, goal), level)[1]
+    return False
 
 
 def _is_moved(leaf: Leaf, position: float, goal: float) -> bool:
