@@ -185,10 +185,10 @@ class DeviceRunner:
         await node.flush(2.0)
 
     async def _close_device(self) -> None:
-        """Release the hardware. An error of the author's code must not hide the one for which the device stops."""
+        """Release the hardware."""
         try:
             await self.device.close()
-        except Exception:
+        except Exception:  # an author's mistake must not hide the error for which the device stops
             # When `open` has failed, there may be nothing to close.
             log.log(logging.ERROR if self._node is not None else logging.DEBUG, "%s cannot be closed", self.device.name, exc_info=True)
 
