@@ -15,8 +15,9 @@ from somrs.version import __version__ as __version__
 if TYPE_CHECKING:
     from somrs.api.system_client import Client
     from somrs.deployment.device import run
-    from somrs.devices.passage import DoorDevice, LiftDevice, PassageCall
+    from somrs.devices.passage import DoorDevice, LiftDevice
     from somrs.service_manager import Device, Refusal, ServiceFailed, Situation, Task, service
+    from somrs.traffic.passage_call import PassageCall
 
 __all__ = ["Client", "Device", "DoorDevice", "LiftDevice", "PassageCall", "Refusal", "ServiceFailed", "Situation", "Task", "run", "service"]
 
@@ -24,7 +25,7 @@ _MODULES = {
     "Client": "somrs.api.system_client",
     "DoorDevice": "somrs.devices.passage",
     "LiftDevice": "somrs.devices.passage",
-    "PassageCall": "somrs.devices.passage",
+    "PassageCall": "somrs.traffic.passage_call",
     "run": "somrs.deployment.device",
 }
 """Where the public names live; those that are not listed, in `somrs.service_manager`."""

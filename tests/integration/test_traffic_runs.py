@@ -10,8 +10,9 @@ import pytest
 from somrs.protocol.messages.traffic import TripResult
 from somrs.traffic.dispatcher import Dispatcher
 from somrs.traffic.drives import Drives
+from somrs.traffic.passage_call import PassageCall
 from somrs.traffic.schedule import Schedule
-from somrs.traffic.state import Call, PassageRecord
+from somrs.traffic.state import PassageRecord
 from somrs.traffic.surroundings import Surroundings
 from verification.traffic_runs.draw import draw
 from verification.traffic_runs.play import Outcome, Play
@@ -83,7 +84,7 @@ def test_it_is_noticed_if_robots_are_let_in_before_a_passage_is_open(monkeypatch
 def test_it_is_noticed_if_a_passage_is_released_too_early(monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = Drives._wanted
 
-    def hasty(drives: Drives, name: str, record: PassageRecord) -> Call | None:
+    def hasty(drives: Drives, name: str, record: PassageRecord) -> PassageCall | None:
         is_told = any(robot.told is not None and robot.told.is_open for robot in drives._state.robots.values())
         return None if is_told else wanted(drives, name, record)
 

@@ -9,7 +9,8 @@ from random import Random
 
 from somrs.runtime.virtual_time import QUIET, Work
 from somrs.traffic.berths import Berths
-from somrs.traffic.passage_program import Complaint, PassageStatus, Release, Serve
+from somrs.traffic.passage_call import PassageCall, PassageStatus
+from somrs.traffic.passage_program import Complaint, Release
 from somrs.traffic.passages import Passages
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from verification.traffic_runs.vehicle import Robot
@@ -68,7 +69,7 @@ class Hardware:
 
     def work(self, name: str, task: object) -> Work:
         """What the program of a gate has done by its hardware."""
-        assert isinstance(task, Serve | Release | Complaint), "programs request nothing else"
+        assert isinstance(task, PassageCall | Release | Complaint), "programs request nothing else"
         if isinstance(task, Complaint):  # messages of its program before the last start may come late
             yield 0.0, None
             return

@@ -5,24 +5,22 @@ from __future__ import annotations
 import logging
 import uuid
 
-from msgspec import structs
-
-from somrs.devices import passage
-from somrs.devices.passage import PassageCall, PassageDevice
+from somrs.devices.passage import PassageDevice
 from somrs.errors import RemoteError
 from somrs.kernel.component import Notified
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
-from somrs.traffic.passage_program import Complaint, PassageProgram, PassageStatus, Release, Serve
+from somrs.traffic.passage_call import PassageCall, PassageStatus
+from somrs.traffic.passage_program import Complaint, PassageProgram, Release
 
 log = logging.getLogger(__name__)
 
 
 async def _follow(device: PassageDevice, call: PassageCall | None) -> None:
-    """Have the device moved. An error of the author's code is logged; the work is tried again."""
+    """Have the device moved."""
     try:
         await device.follow(call)
-    except Exception:
+    except Exception:  # an author's mistake may be anything; it is logged with its trace, and the work is tried again
         log.exception("%s could not be %s", device.name, "opened" if call is not None else "released")
         raise
 
@@ -32,16 +30,16 @@ def add_passage(runtime: Host, device: PassageDevice, traffic: str) -> Node:
 
     async def carry_out(task: object, report: Report) -> object:
         match task:
-            case Serve() | Release():
-                await _follow(device, PassageCall(**structs.asdict(task)) if isinstance(task, Serve) else None)
+            case PassageCall() | Release():
+                await _follow(device, task if isinstance(task, PassageCall) else None)
             case Complaint(text):
                 log.warning("%s does not take part in traffic: %s", device.name, text)
             case _:
                 raise RemoteError(f"a passage cannot do {type(task).__name__}")
         return None
 
-    def tell(status: passage.PassageStatus) -> None:
-        node.feed(Notified(PassageStatus(level=status.level, working=status.working, shared=status.shared)))
+    def tell(status: PassageStatus) -> None:
+        node.feed(Notified(status))
 
     life = uuid.uuid4().hex
     node = runtime.add(f"/passages/{device.name}", lambda address: PassageProgram(device.name, address, traffic, life), carry_out=carry_out)

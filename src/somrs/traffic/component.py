@@ -15,7 +15,6 @@ from typing import Self
 from somrs.errors import InputError, UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Answered, Effect, Effects, ErrorAnswer, Input, Notified, Received, Send, SetTimer, Started, TimerFired
-from somrs.ontology.modes import why_closed
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
@@ -42,7 +41,7 @@ from somrs.protocol.messages.traffic import (
 from somrs.traffic.berths import Berths
 from somrs.traffic.dispatcher import Dispatcher
 from somrs.traffic.drives import Drives
-from somrs.traffic.planning.graph import FAR, Graph
+from somrs.traffic.planning.graph import Graph
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
@@ -58,9 +57,7 @@ from somrs.traffic.state import (
     Timer,
     TrafficPlan,
     TrafficState,
-    Trip,
     closed_by,
-    names_of,
 )
 from somrs.traffic.view import roadmap_page, traffic_view
 
@@ -363,13 +360,8 @@ class Traffic:
 
     def _drop_berths(self) -> None:
         """Forget the berths that nobody uses any more, but not while a plan is being made in which they may occur."""
-        state = self.state
-        if not state.is_planning and state.berths:
-            used_numbers = {record.trip.destination for record in state.robots.values() if record.trip is not None}
-            used_numbers.update(place for held in state.held.values() for place in held)
-            used_numbers.update(place for planned in state.planned.values() for _, place in planned)
-            if self._berths.keep(used_numbers):
-                self._schedule.graph = self._berths.graph
+        if not self.state.is_planning and self.state.berths and self._berths.keep(self.state.used_places):
+            self._schedule.graph = self._berths.graph
 
     # Trips
 
@@ -379,23 +371,7 @@ class Traffic:
             raise UsageError(f"{body.robot} has asked for another trip since")
         if body.berth is not None:
             self._use_berth(body.robot, body.berth)
-        destination, start = self._berths.number(body.destination, body.robot), self._schedule.last(body.robot)
-        distance = self._berths.graph.distance(start, destination)
-        if distance == FAR:
-            reason = self._why_no_way(body.robot, start, destination)
-            raise UsageError(f"no lanes lead from {self._berths.name(start)} to {body.destination}{reason}")
-        if body.number > record.requested:  # the same request may arrive again
-            record.requested = body.number
-            record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance, progressed_at=now)
-            self.state.changed, self.state.failures = True, 0
-            self._dispatcher.concern(body.robot)
-        return TripBegun(trip=body.trip, length=distance)
-
-    def _why_no_way(self, robot: str, start: int, destination: int) -> str:
-        passages = self._dispatcher.closed_passages(robot, destination)
-        if passages:
-            return f": {why_closed(*names_of(passages))}"
-        return " now, because of doors that are shut, or of what stands there" if self._berths.is_shut(start, destination) else ""
+        return self._dispatcher.begin_trip(body, now)
 
 
 def robot_address(header: Header) -> str:

@@ -1,13 +1,15 @@
-"""Sends robots on: ends their trips, grants them places in the order of the plan, and asks for the next plan."""
+"""Sends robots on: begins and ends their trips, grants them places in the order of the plan, and asks for the next plan."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+from somrs.errors import UsageError
 from somrs.kernel.component import Ask, Effects, Send, SetTimer
+from somrs.ontology.modes import why_closed
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id
-from somrs.protocol.messages.traffic import Granted, Mobility, RoadmapReplaced, TripEnded, TripResult
+from somrs.protocol.messages.traffic import Granted, Mobility, RequestTrip, RoadmapReplaced, TripBegun, TripEnded, TripResult
 from somrs.traffic.berths import Berths
 from somrs.traffic.closures import Closures
 from somrs.traffic.exits import Exits
@@ -58,6 +60,28 @@ class Dispatcher:
 
     # Trips
 
+    def begin_trip(self, body: RequestTrip, now: float) -> TripBegun:
+        """Begin the trip of a robot that takes part, unless it has begun: the same request may arrive again. Raises UsageError without a
+        way."""
+        record = self.state.robots[body.robot]
+        destination, start = self._berths.number(body.destination, body.robot), self._schedule.last(body.robot)
+        distance = self._berths.graph.distance(start, destination)
+        if distance == FAR:
+            reason = self._why_no_way(body.robot, start, destination)
+            raise UsageError(f"no lanes lead from {self._berths.name(start)} to {body.destination}{reason}")
+        if body.number > record.requested:
+            record.requested = body.number
+            record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance, progressed_at=now)
+            self.state.changed, self.state.failures = True, 0
+            self.concern(body.robot)
+        return TripBegun(trip=body.trip, length=distance)
+
+    def _why_no_way(self, robot: str, start: int, destination: int) -> str:
+        passages = self._closed_passages(robot, destination)
+        if passages:
+            return f": {why_closed(*names_of(passages))}"
+        return " now, because of doors that are shut, or of what stands there" if self._berths.is_shut(start, destination) else ""
+
     def end_trips(self) -> Effects:
         """End the trips of robots that have arrived, and of those that cannot arrive any more."""
         circumstances = self._schedule.graph.public, self._closures.places
@@ -72,14 +96,14 @@ class Dispatcher:
             elif record.mobility is Mobility.IMMOBILE:
                 yield self._end_trip(name, TripResult.IMMOBILE)
             elif (blockers := self._closures.blockers(name, record.trip, closed)) is not None:
-                passages = self.closed_passages(name, record.trip.destination) if not blockers else ()
+                passages = self._closed_passages(name, record.trip.destination) if not blockers else ()
                 yield self._end_trip(name, TripResult.CLOSED, blockers, passages)
 
     def concern(self, name: str) -> None:
         """Have it looked at whether the trip of this robot ends."""
         self._concerned[name] = None
 
-    def closed_passages(self, name: str, destination: int) -> tuple[OutOfOrder, ...]:
+    def _closed_passages(self, name: str, destination: int) -> tuple[OutOfOrder, ...]:
         """The passages that are out of order, and the no-go zones, on the robot's way to a place to which no other way leads."""
         return self._berths.closed_passages(name, self._schedule.last(name), destination)
 

@@ -24,9 +24,10 @@ from somrs.protocol.messages.traffic import (
     ReportPassage,
 )
 from somrs.traffic.berths import Berths
+from somrs.traffic.passage_call import PassageCall
 from somrs.traffic.passages import Passages
 from somrs.traffic.schedule import Schedule
-from somrs.traffic.state import Call, OutOfOrder, PassageNotice, PassageRecord, TrafficState
+from somrs.traffic.state import OutOfOrder, PassageNotice, PassageRecord, TrafficState
 
 AT_FLOOR = 0.1
 """Difference in height up to which a cabin is at a floor, in metres: programs may round what the map states."""
@@ -46,7 +47,7 @@ class Drives:
         """By robot: the doors in its way."""
         self._lifts: dict[str, str] = {}
         """By lift: the robot that has it."""
-        self._rides: dict[str, tuple[object, Call]] = {}
+        self._rides: dict[str, tuple[object, PassageCall]] = {}
         """By lift: what it was wanted for last, with what that follows from."""
         self._awaited: dict[str, tuple[str, ...]] = {}
         """By robot: the passages that have to be open before it comes to the next place of its way."""
@@ -175,11 +176,11 @@ class Drives:
             if doors := self.passages.doors_on(held):
                 self._doors[robot] = doors
 
-    def _wanted(self, name: str, record: PassageRecord) -> Call | None:
+    def _wanted(self, name: str, record: PassageRecord) -> PassageCall | None:
         """What a passage is to be called for; None if nobody needs it."""
         if name not in self.passages.lifts:
             is_needed = any(name in doors for needs in (self._doors, self._astray) for doors in needs.values())
-            return Call() if is_needed else None
+            return PassageCall() if is_needed else None
         robot = self._lifts.get(name)
         if robot is None:
             is_astray = any(position.zone == name for way in self._state.astray.values() for position in way)
@@ -189,7 +190,7 @@ class Drives:
         ground = robot, tuple(held), goal, self._schedule.graph.public
         if name not in self._rides or self._rides[name][0] != ground:
             destination = self.passages.destination(name, robot, held, goal)
-            self._rides[name] = ground, Call(level=self.passages.level(name, held), destination=destination, robots=(robot,))
+            self._rides[name] = ground, PassageCall(level=self.passages.level(name, held), destination=destination, robots=(robot,))
         return self._rides[name][1]
 
     def _tell(self, robot: str, passages: tuple[str, ...]) -> Effects:

@@ -25,6 +25,7 @@ from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.traffic import CallPassage, EnterPassage, PassageEntered, ReleasePassage, ReportPassage
 from somrs.traffic.participant import PassageParticipant
+from somrs.traffic.passage_call import PassageCall, PassageStatus
 
 LEASE = 30.0
 """The lease of a passage, in seconds."""
@@ -46,15 +47,6 @@ class Work(Struct, frozen=True, tag=True):
     number: int
 
 
-class Serve(Struct, frozen=True, kw_only=True):
-    """The work for the hardware: to open the passage and keep it open. It is done when robots can come. The meaning is that of
-    CallPassage."""
-
-    level: float | None = None
-    destination: float | None = None
-    robots: tuple[str, ...] = ()
-
-
 class Release(Struct, frozen=True):
     """The work for the hardware: nobody needs the passage any more."""
 
@@ -65,16 +57,9 @@ class Complaint(Struct, frozen=True, tag=True):
     text: str
 
 
-class PassageStatus(Struct, frozen=True, kw_only=True):
-    """How the passage is, besides what it is called for. The meaning is that of ReportPassage."""
-
-    level: float | None = None
-    working: bool = True
-    shared: bool = False
-
-
 class PassageProgram:
-    """The program of one passage. It is notified of a PassageStatus whenever that changes; `life`: another one for each start."""
+    """The program of one passage. It is notified of a PassageStatus whenever that changes, and asks for the work of the hardware: a
+    PassageCall is done when robots can come. `life`: another one for each start."""
 
     def __init__(self, passage: str, address: str, traffic: str, life: str) -> None:
         self._address, self._traffic, self._life = address, traffic, life
@@ -130,7 +115,9 @@ class PassageProgram:
         call, self._is_open = self._participant.call, False
         self._work_count += 1
         self._work = Work(self._work_count)
-        yield Ask(self._work, Serve(level=call.level, destination=call.destination, robots=call.robots) if call is not None else Release())
+        yield Ask(
+            self._work, PassageCall(level=call.level, destination=call.destination, robots=call.robots) if call is not None else Release()
+        )
 
     def _report(self) -> Send:
         status = self._status

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import chain
 
 from msgspec import Struct, field, structs
 
 from somrs.protocol.messages.traffic import ClosedLane, CloseWays, Mobility
+from somrs.traffic.passage_call import PassageCall
 from somrs.traffic.roadmap import Roadmap, UsedBerth
 
 MAP_FOLLOWER = "map"
@@ -70,14 +72,6 @@ class PassageNotice(Struct, frozen=True, array_like=True):
     is_open: bool
 
 
-class Call(Struct, frozen=True, kw_only=True):
-    """What a passage is called for. The meaning is that of CallPassage."""
-
-    level: float | None = None
-    destination: float | None = None
-    robots: tuple[str, ...] = ()
-
-
 class PassageRecord(Struct, kw_only=True):
     """A lift or an automatic door whose program takes part.
 
@@ -92,7 +86,7 @@ class PassageRecord(Struct, kw_only=True):
     expires_at: float
     silent: bool = False
     calls: int = 0
-    call: Call | None = None
+    call: PassageCall | None = None
     since: int = 0
     reported: int = 0
     followed: int = 0
@@ -271,6 +265,13 @@ class TrafficState(Struct, kw_only=True):
         for record in records:
             if not record.silent:
                 record.expires_at = max(record.expires_at, now + record.lease)
+
+    @property
+    def used_places(self) -> set[int]:
+        """The places that robots hold, or where they are to go."""
+        goals = (record.trip.destination for record in self.robots.values() if record.trip is not None)
+        planned = (place for places in self.planned.values() for _, place in places)
+        return {*goals, *chain.from_iterable(self.held.values()), *planned}
 
     @property
     def all_closed(self) -> Closed:

@@ -26,7 +26,8 @@ from somrs.protocol.messages.traffic import (
 from somrs.runtime.virtual_time import QUIET, Work, World
 from somrs.space.solids import Role, Solid
 from somrs.traffic.component import SCHEMA, Traffic
-from somrs.traffic.passage_program import LEASE, PassageProgram, PassageStatus, Release, Serve
+from somrs.traffic.passage_call import PassageCall, PassageStatus
+from somrs.traffic.passage_program import LEASE, PassageProgram, Release
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import Lane, Place, Roadmap
 from somrs.traffic.state import PlanTraffic
@@ -68,7 +69,7 @@ class Hardware:
     """The cabin or the leaf that a program moves. `served`: what it was called for."""
 
     level: float | None = None
-    served: list[Serve | Release] = field(default_factory=list)
+    served: list[PassageCall | Release] = field(default_factory=list)
     works: bool = True
 
 
@@ -104,7 +105,7 @@ class Lab:
         self.world.notify(name, PassageStatus(level=self.hardware[name].level, working=working, shared=shared))
 
     def _work(self, hardware: Hardware, task: object) -> Work:
-        assert isinstance(task, Serve | Release)
+        assert isinstance(task, PassageCall | Release)
         hardware.served.append(task)
         name = next(name for name, candidate in self.hardware.items() if candidate is hardware)
         if isinstance(task, Release):
@@ -168,7 +169,7 @@ def test_a_robot_drives_through_a_door_when_it_is_open_and_it_is_released_behind
     lab.world.run(30.0)
     assert [body.place for body in lab.sent("Cart1") if isinstance(body, PassageOpen)] == ["L3"]
     served = lab.hardware["Door1"].served
-    assert served[:2] == [Release(), Serve()]
+    assert served[:2] == [Release(), PassageCall()]
     assert served[-1] == Release()
 
 
