@@ -12,36 +12,17 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from msgspec import Struct
-
 from somrs.entish.formula import Number
 from somrs.ontology.types import Value
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal
 from somrs.service_manager.sdk.values import term
+from somrs.traffic.passage_call import PassageCall, PassageStatus
 
 STANDING = 0.1
 """Difference in height up to which a cabin stands at a storey, m."""
 MOVE_TIME = "30 s"
 """What a move is taken to need in a quote."""
-
-
-class PassageCall(Struct, frozen=True, kw_only=True):
-    """What a passage is needed for. A lift: at the floor of the height `level`, in metres, for a robot of `robots`, whose ride leads to the
-    floor of the height `destination`, as far as that is known. A door: nothing else."""
-
-    level: float | None = None
-    destination: float | None = None
-    robots: tuple[str, ...] = ()
-
-
-class PassageStatus(Struct, frozen=True, kw_only=True):
-    """How a passage is. `level`: the height of the floor at which a cabin stands, in metres; None while it moves. `working`: it has no
-    fault. `shared`: people or other systems use it now."""
-
-    level: float | None = None
-    working: bool = True
-    shared: bool = False
 
 
 def _tell_nobody(status: PassageStatus) -> None:
@@ -83,17 +64,17 @@ class PassageDevice(Device):
 
     async def follow(self, call: PassageCall | None) -> None:
         """Do what traffic calls the passage for. The program that runs the device calls it."""
-        await self._note_call(call)
-        async with self._move:
-            await (self.serve(call) if call is not None else self.release())
-
-    async def _note_call(self, call: PassageCall | None) -> None:
         async with self._change:
             self.call = call
             self._change.notify_all()
+        async with self._move:
+            await self._carry_out(call)
+
+    async def _carry_out(self, call: PassageCall | None) -> None:
+        await (self.serve(call) if call is not None else self.release())
 
     async def _unused(self) -> None:
-        """Wait until no robot needs the passage."""
+        """Wait until no robot needs the passage. Who takes `_move` then, without waiting before, comes before all later calls."""
         async with self._change:
             await self._change.wait_for(lambda: self.call is None)
 
@@ -164,23 +145,21 @@ class DoorDevice(PassageDevice):
         super().__init__(name, simulator)
         self._stays_open = False
 
-    async def follow(self, call: PassageCall | None) -> None:
-        if call is None and self._stays_open:
-            await self._note_call(None)
-        else:
-            await super().follow(call)
+    async def _carry_out(self, call: PassageCall | None) -> None:
+        if call is not None or not self._stays_open:
+            await super()._carry_out(call)
 
     @service("OpenDoor", duration=MOVE_TIME, able=_is_this_door, inputs=("Door",))
     async def open_door(self, task: Task) -> Situation:
-        self._stays_open = True
         async with self._move:
             await self.serve(PassageCall())
+            self._stays_open = True
         return f"{self.name}.Open = TRUE"
 
     @service("CloseDoor", duration=MOVE_TIME, able=_is_this_door, inputs=("Door",))
     async def close_door(self, task: Task) -> Situation:
-        self._stays_open = False
         await self._unused()
         async with self._move:
             await self.release()
+            self._stays_open = False
         return f"{self.name}.Open = FALSE"
