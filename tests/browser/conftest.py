@@ -73,6 +73,9 @@ WebSocket.prototype.send = function (message) {
   setTimeout(deliver, DELAY);
 };
 addEventListener("pagehide", () => onTheWay.forEach((deliver) => deliver())); // what a page has sent arrives although the page is left
+const { fetch } = window;
+const pause = () => new Promise((resolve) => setTimeout(resolve, DELAY));
+window.fetch = (...request) => pause().then(() => fetch(...request)).finally(pause); // the answer waits for the second pause, too
 """
 
 
