@@ -7,12 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.envelope import Header
+from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.previews import Preview, Previewed
 from somrs.protocol.messages.records import TaskRecord
 from somrs.protocol.messages.submission import Policy
+from somrs.runtime.virtual_network import LATENCY
+from somrs.task_manager.pace import LEAST_VALUES
 from tests.integration.test_task_manager import GOAL
 from tests.support.examples import examples
 from tests.support.lab import request
@@ -176,6 +178,23 @@ def test_it_takes_a_few_seconds_however_long_the_plan_is_and_however_slow_the_se
     assert relay.world.now - start_time < 7
     assert len(result.unserved) == len(result.steps)
     assert {quotation.reason for quotation in result.quotations} == {"has not answered yet", "was not asked: there was no time left"}
+
+
+def test_services_that_are_all_slow_have_more_time_in_later_previews() -> None:
+    def slow_terms(message: Message) -> tuple[float, ...]:
+        return (6.0 if isinstance(message.body, frp.Terms) else LATENCY,)
+
+    system = VirtualSystem(Robot("Robot1", 10, 60), medium=slow_terms)
+    prices = [preview(system, GOAL).price for _ in range(LEAST_VALUES + 1)]
+    assert prices == [None] * LEAST_VALUES + [10]
+
+
+def test_services_that_stay_silent_are_never_awaited_longer_than_a_client_waits() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, mute=True))
+    for _ in range(20):
+        start_time = system.world.now
+        assert "has not answered yet" in preview(system, GOAL).unserved["step1"]
+        assert system.world.now - start_time < 20
 
 
 def test_a_task_that_would_wait_says_for_whom() -> None:

@@ -3,8 +3,8 @@
 A preview plans the task. If the client wants quotes, it then asks services for terms as a task does: step by step in causal order, each
 step after the promised finish of the steps before it. It accepts no terms, and dismisses all services.
 
-A preview takes a few seconds at most. For a service that has not answered by then, its last terms are the estimate. Its state is in
-`preview_state.py`.
+A preview takes a few seconds, and less than a minute if all services are late. For a service that has not answered by then, its last terms
+are the estimate. Its state is in `preview_state.py`.
 """
 
 from __future__ import annotations
@@ -40,6 +40,9 @@ from somrs.task_manager.transaction.views import foreseen_views, preview_reply, 
 
 REPLY_TIME = 2.0
 """Seconds that services have to answer for one step; more if all are late. A task gives them more."""
+
+MOST_REPLY_TIME = 15.0
+"""Maximum seconds for one step, so that a preview ends before its client gives up."""
 
 MOST_ROUNDS = 3
 """A preview asks services for as long as so many steps in a row without an answer; the terms of the others are estimated."""
@@ -210,7 +213,7 @@ class PreviewExecutor:
 
     @property
     def _reply_time(self) -> float:
-        return self._context.pace.answer_time(REPLY_TIME)
+        return min(self._context.pace.answer_time(REPLY_TIME), MOST_REPLY_TIME)
 
     @property
     def _latest_finish(self) -> float | None:
@@ -223,6 +226,8 @@ class PreviewExecutor:
         """Close a call and choose the best bid, without accepting it."""
         state, run = self._state, self._arrangement.run(call)
         yield from state.calls.close(call)
+        if self._arrangement.is_unanswered(call):
+            self._context.pace.answered(now - call.asked_at)  # the next preview gives them more time
         conditions = Conditions(state.conditions, self._arrangement, self._context.quotes)
         has_time = now < state.bidding_start + MOST_ROUNDS * self._reply_time
         if state.owner is None and has_time and conditions.consider(call, state.task, (), now):

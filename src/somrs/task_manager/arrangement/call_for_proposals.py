@@ -136,6 +136,10 @@ class Arrangement:
         """Whether no answer is missing."""
         return all(member.state is not State.ARRANGING for member in self.invited(call))
 
+    def is_unanswered(self, call: CallForProposals) -> bool:
+        """Whether no answer has come: all may be late, rather than silent."""
+        return {member.state for member in self.invited(call)} == {State.ARRANGING}
+
     def run(self, call: CallForProposals) -> StepRun:
         return self._workflow.runs[call.step]
 

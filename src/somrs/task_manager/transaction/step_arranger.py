@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from somrs.kernel.component import Effects, EffectsReturning
 from somrs.protocol.messages import events, frp
-from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import service_names
 from somrs.task_manager.arrangement.call_for_proposals import REPLY_TIME, Arrangement, CallForProposals
 from somrs.task_manager.arrangement.conditions import Conditions
@@ -90,8 +89,8 @@ class StepArranger:
         """Close a call and accept the best bid. Without one, the step is open again, and the remaining services are asked."""
         yield from self._calls.close(call)
         state, context, services = self._scope.state, self._scope.context, self._scope.services
-        if all(member.state is State.ARRANGING for member in self._arrangement.invited(call)):
-            self._pace.answered(now - call.asked_at)  # all are late: the next call gives them more time
+        if self._arrangement.is_unanswered(call):
+            self._pace.answered(now - call.asked_at)  # the next call gives them more time
         conditions = Conditions(self._execution.conditions, self._arrangement, context.quotes)
         if not self._execution.fixed and conditions.consider(call, state.task, services.broken, now):
             yield from self._arrangement.withdraw(call, "the plan is to meet conditions", now)
