@@ -367,6 +367,18 @@ def test_what_is_done_before_the_page_is_connected_is_done_in_order(open_page: C
     expect(page.get_by_role("group", name="Plan preview").get_by_text("Carton001, Shelf001")).to_have_count(1)
 
 
+def test_what_is_typed_into_a_list_is_chosen_although_its_choices_come_late(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    page.add_init_script(slow_network(1000))
+    page.reload()
+    for box, name in (("Thing", "Carton001"), ("Related object", "Shelf001")):
+        page.get_by_role("combobox", name=box).click()
+        page.keyboard.type(name)
+        page.keyboard.press("Tab")
+        expect(page.get_by_role("combobox", name=box)).to_have_value(name)
+    expect(field(page)).to_have_value("Carton001 isOn Shelf001")
+
+
 def test_an_impossible_wish_says_why(open_page: Callable[..., Page]) -> None:
     page = open_page()
     field(page).fill("Table001.Color = Red")

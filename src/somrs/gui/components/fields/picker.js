@@ -12,7 +12,7 @@ export default {
         :placeholder="placeholder" :aria-label="label" :disabled="disable" aria-autocomplete="list" :aria-expanded="open"
         :aria-controls="name + '-list'" :aria-activedescendant="open && chosen >= 0 ? name + '-' + chosen : undefined"
         :aria-invalid="bad" :title="bad || undefined"
-        @focus="begin" @click="begin" @input="onInput" @keydown="onKey" @blur="end" />
+        @focus="begin" @click="begin" @input="onInput" @keydown="onKey" @blur="leave" />
       <i class="material-icons somrs-pick-turn" aria-hidden="true" @mousedown.prevent="open ? end() : $refs.input.focus()">expand_more</i>
       <ul v-show="open" ref="list" class="somrs-fe-list" role="listbox" :id="name + '-list'" :aria-label="label" :style="at">
         <template v-for="(item, index) in items" :key="item.value">
@@ -36,6 +36,8 @@ export default {
   },
   created() {
     this.asked = 0;
+    this.moved = false; // whether the user has moved in the list since typing
+    this.takesFirst = false; // whether the first choice of the answer under way is taken: Enter or Tab was pressed before it came
   },
   mounted() {
     this.recognise();
@@ -55,28 +57,35 @@ export default {
     symbol() { return this.typed === null ? this.item?.symbol : "search"; },
     shown() { return this.typed ?? this.item?.text ?? this.picked; },
     bad() { return this.problem || ""; },
+    searching() { return Boolean(this.waiting && this.typed); },
   },
   watch: {
     value(value) { this.picked = value ?? ""; this.recognise(); },
+    source(source, sourceBefore) {
+      if (JSON.stringify(source) !== JSON.stringify(sourceBefore)) this.items = [];
+    },
     options() {
       // Choices may come after the user has opened the list, and typed.
-      if (!this.open || this.source) return;
-      const marked = this.items[this.chosen]?.value;
-      this.look(this.typed ?? "");
-      const place = this.items.findIndex((one) => one.value === marked);
-      if (place >= 0) this.chosen = place;
+      if (this.open && !this.source) this.look(this.typed ?? "");
     },
   },
   methods: {
     begin() {
       if (this.open || this.disable) return;
       this.open = true;
+      this.moved = this.takesFirst = false;
       this.$refs.input.select();
+      this.chosen = this.items.findIndex((one) => one.value === this.picked);
       this.look("");
     },
+    leave() {
+      if (this.takesFirst) this.open = false;
+      else this.end();
+    },
     end() {
+      clearTimeout(this.timer);
       this.asked++;
-      this.open = false;
+      this.open = this.takesFirst = false;
       this.typed = null;
       // Show the chosen value again.
       if (this.$refs.input) this.$refs.input.value = this.shown;
@@ -84,18 +93,29 @@ export default {
     onInput(event) {
       this.typed = event.target.value;
       this.open = true;
+      this.moved = this.takesFirst = false;
       clearTimeout(this.timer);
-      if (this.source) this.timer = setTimeout(() => this.look(this.typed), PAUSE);
-      else this.look(this.typed);
+      if (this.source) {
+        this.narrow();
+        this.timer = setTimeout(() => this.look(this.typed), PAUSE);
+      } else this.look(this.typed);
+    },
+    narrow() {
+      // Filter the list at once, and choose nothing from it: the answer may have a better match.
+      this.asked++;
+      this.waiting = true;
+      const wanted = this.typed.toLowerCase();
+      this.items = this.items.filter(({ value, detail }) => `${value} ${detail}`.toLowerCase().includes(wanted));
+      this.chosen = -1;
     },
     async look(typed) {
       const asked = ++this.asked;
+      let found;
       if (this.source) {
         this.waiting = true;
-        const found = await this.ask(typed);
+        found = await this.ask(typed);
         if (asked !== this.asked) return;
         this.waiting = false;
-        this.items = found;
       } else {
         const wanted = typed.toLowerCase();
         const match = ({ value, text, detail }) => {
@@ -104,10 +124,19 @@ export default {
         };
         const ranked = this.options.map((item) => [match(item), item]).filter(([rank]) => rank < 3);
         // Without a search, keep groups together.
-        this.items = (wanted ? ranked.sort((a, b) => a[0] - b[0]) : ranked).slice(0, LISTED).map(([, item]) => item);
+        found = (wanted ? ranked.sort((a, b) => a[0] - b[0]) : ranked).slice(0, LISTED).map(([, item]) => item);
         this.more = ranked.length > LISTED;
       }
-      this.chosen = typed ? (this.items.length ? 0 : -1) : this.items.findIndex((one) => one.value === this.picked);
+      const marked = this.moved ? this.items[this.chosen]?.value : undefined;
+      this.items = found;
+      this.chosen = found.findIndex((one) => one.value === (marked ?? this.picked));
+      if (typed && (marked === undefined || this.chosen < 0)) this.chosen = found.length ? 0 : -1;
+      if (this.takesFirst) {
+        this.takesFirst = false;
+        if (found.length) this.take(0);
+        else if (document.activeElement !== this.$refs.input) this.end();
+        return;
+      }
       this.$nextTick(() => {
         this.place();
         this.show();
@@ -151,17 +180,22 @@ export default {
       this.end();
       this.$emit("pick", item.value);
     },
+    takeSoon() {
+      // Take what is chosen, or else the first match once it is known.
+      if (this.chosen >= 0) this.take(this.chosen);
+      else this.takesFirst = true;
+    },
     onKey(event) {
       const moves = { ArrowDown: 1, ArrowUp: -1, PageDown: 8, PageUp: -8 };
       if (event.key in moves) {
         if (!this.open) this.begin();
-        else this.chosen = Math.max(0, Math.min(this.items.length - 1, this.chosen + moves[event.key]));
+        else [this.moved, this.chosen] = [true, Math.max(0, Math.min(this.items.length - 1, this.chosen + moves[event.key]))];
         this.$nextTick(this.show);
-      } else if (event.key === "Enter" && this.open && this.chosen >= 0) this.take(this.chosen);
+      } else if (event.key === "Enter" && this.open && (this.chosen >= 0 || this.searching)) this.takeSoon();
       else if (event.key === "Escape" && this.open) this.end();
-      else if (event.key === "Tab" && this.open && this.typed !== null && this.chosen >= 0) {
+      else if (event.key === "Tab" && this.open && this.typed !== null && (this.chosen >= 0 || this.searching)) {
         // Tab after typing takes the first match.
-        this.take(this.chosen);
+        this.takeSoon();
         return;
       } else return;
       event.preventDefault();

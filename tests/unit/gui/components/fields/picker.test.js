@@ -83,3 +83,79 @@ test("of a large map, the server is asked, and the last answer counts", async ()
   await clock.pass(100);
   assert.equal(text(one.element.querySelector(".somrs-pick-none")), "The system does not answer.");
 });
+
+// A field whose server takes a second for an answer.
+async function slowPicker(value = "") {
+  const names = ["Chair001", "Jar001", "Jar002", "Jar003"];
+  server.answers["/api/formulas/things"] = async ({ query }) => {
+    await new Promise((answer) => {
+      setTimeout(answer, 1000);
+    });
+    const typed = query.get("typed").toLowerCase();
+    const things = (typed ? names : names.slice(0, 2)).filter((name) => name.toLowerCase().includes(typed));
+    return { things: things.map((name) => ({ name, type: name.slice(0, -3), symbol: "inventory", label: "", where: "" })), more: false };
+  };
+  one = await mounted(picker, { value, source: { type: "Thing" }, label: "Thing", id: "c3" });
+  await clock.pass(2000);
+  input().focus();
+  await settled();
+}
+
+test("a choice from an earlier list is not taken for what has been typed since", async () => {
+  await slowPicker("Chair001");
+  await clock.pass(1000);
+  assert.match(text(one.element.querySelector('[aria-selected="true"]')), /Chair001/);
+  await write(input(), "jar");
+  assert.deepEqual(options(), ["Jar001"], "what fits of those that are known");
+  await write(input(), "jar003");
+  assert.equal(text(one.element.querySelector(".somrs-pick-none")), "Searching…");
+  await press(input(), "Enter");
+  assert.deepEqual(one.told, []);
+});
+
+for (const key of ["Enter", "Tab"])
+  test(`${key} before the answer takes its first choice when it comes`, async () => {
+    await slowPicker();
+    await write(input(), "jar003");
+    await press(input(), key);
+    if (key === "Tab") input().blur();
+    assert.deepEqual([input().value, one.told], ["jar003", []], "it stays until then");
+    await clock.pass(500);
+    assert.deepEqual([input().value, one.told], ["jar003", []], "also if the answer to an earlier question comes");
+    await clock.pass(1000);
+    assert.deepEqual([one.told, input().value, open()], [[["pick", "Jar003"]], "Jar003", false]);
+  });
+
+test("what nothing is found for is taken back when the answer comes", async () => {
+  await slowPicker("Chair001");
+  await write(input(), "jug");
+  await press(input(), "Tab");
+  input().blur();
+  await clock.pass(1500);
+  assert.deepEqual([one.told, input().value, open()], [[], "Chair001", false]);
+});
+
+test("whoever types on after Enter, or clicks elsewhere, gets no choice of its own", async () => {
+  await slowPicker();
+  await write(input(), "jar");
+  await press(input(), "Enter");
+  await write(input(), "jar00");
+  await clock.pass(1500);
+  assert.deepEqual([one.told, options()], [[], ["Jar001", "Jar002", "Jar003"]]);
+  await write(input(), "jar003");
+  input().blur();
+  await clock.pass(1500);
+  assert.deepEqual([one.told, input().value], [[], ""]);
+});
+
+test("the choice that somebody has moved to stays chosen when the answer comes", async () => {
+  await slowPicker("Chair001");
+  await write(input(), "a");
+  await clock.pass(1500);
+  await write(input(), "ar");
+  await press(input(), "ArrowDown");
+  await press(input(), "ArrowDown");
+  await clock.pass(1500);
+  await press(input(), "Enter");
+  assert.deepEqual(one.told, [["pick", "Jar002"]]);
+});
