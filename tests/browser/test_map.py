@@ -412,6 +412,27 @@ def test_what_is_typed_while_another_value_is_on_its_way_is_kept(restored_system
     expect(label).to_have_value("Theirs")
 
 
+def test_what_is_moved_again_before_the_page_knows_of_the_first_move_is_where_it_was_moved_last(
+    restored_system: RunningSystem, window: OpenWindow
+) -> None:
+    page = open_map(window, restored_system)
+    page.add_init_script(slow_network(1000))
+    page.reload()
+    body(page, "Chair003").wait_for()
+    wait_until_still(body(page, "Chair003"))
+    (x, y), scale = MapState(restored_system).position("Chair003"), _scale(page)
+    for _ in range(3):
+        start = screen_position(page, "Chair003")
+        drag(page, start, (start[0] + 0.5 * scale, start[1]))
+    page.keyboard.press("Control+z")
+    start = screen_position(page, "Chair003")
+    drag(page, start, (start[0], start[1] - 0.5 * scale))
+    wait_until(page, lambda: MapState(restored_system).position("Chair003")[1] > y, "it was moved up last")
+    assert MapState(restored_system).position("Chair003") == pytest.approx((x + 1.5, y + 0.5), abs=0.06)
+    assert page.get_by_text("Another user changed").count() == 0
+    wait_until(page, lambda: is_close_to(page, "Chair003", (start[0], start[1] - 0.5 * scale)), "it is drawn there")
+
+
 def test_a_drag_that_was_overtaken_goes_back(restored_system: RunningSystem, window: OpenWindow) -> None:
     page = open_map(window, restored_system)
     start = screen_position(page, "Chair003")

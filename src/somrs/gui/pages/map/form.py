@@ -15,6 +15,7 @@ from somrs.gui.author import author
 from somrs.gui.pages.map.change_text import format_value
 from somrs.gui.pages.map.fields import Field, Raw, Spot
 from somrs.gui.pages.map.object_drafts import ObjectDrafts
+from somrs.gui.pages.map.refusals import overtaken_objects
 from somrs.gui.shell import notify
 from somrs.ontology.objects import Change, Object, ValueSet
 from somrs.ontology.types import Kind, Ontology, Value
@@ -25,8 +26,6 @@ _PLACE = ("Position", "Rotation")
 _FORM = "Shape.Form"
 SIZES = {"Box": {"Width", "Depth", "Height"}, "Cylinder": {"Radius", "Height"}, "Polygon": {"Outline", "Height"}}
 """The sizes that each form has."""
-VERSION_CONFLICT = "overtaken"
-"""The rule that the Repository reports when another client changed the object first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +204,7 @@ class ObjectForm:
         return changes
 
     def _refused(self, error: Refused) -> None:
-        if any(broken_rule.rule == VERSION_CONFLICT for broken_rule in error.broken):
+        if overtaken_objects(error):
             notify(f"Another user changed {self.name} at the same time. Your input is kept: check it and save again.", bad=True)
             return
         messages = [broken_rule.message for broken_rule in error.broken if not self._show_in_field(broken_rule)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from typing import Any
 from urllib.parse import parse_qs, quote, urlencode
 
@@ -13,7 +12,6 @@ from nicegui.events import KeyEventArguments, ValueChangeEventArguments
 from somrs.api.map_news import MapNews
 from somrs.api.remote import LiveApi
 from somrs.client.hub import News
-from somrs.client.refusals import Refused
 from somrs.entish.parse import nearest
 from somrs.errors import SomrsError
 from somrs.gui.address import AddressBanner
@@ -23,18 +21,18 @@ from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.news import follow
 from somrs.gui.pages.map.add_panel import AddPanel
 from somrs.gui.pages.map.changes import ChangeList
-from somrs.gui.pages.map.form import VERSION_CONFLICT
 from somrs.gui.pages.map.map_view import ALL_STOREYS, PLAN, SCENE, VIEWS, MapView
-from somrs.gui.pages.map.moves import Move, move_changes, shape_changes
 from somrs.gui.pages.map.object_drafts import ObjectDrafts
 from somrs.gui.pages.map.past_sheet import PastSheet
+from somrs.gui.pages.map.plan_moves import PlanMoves
+from somrs.gui.pages.map.refusals import refusal_text
 from somrs.gui.pages.map.removal import remove
 from somrs.gui.pages.map.search_panel import SearchPanel
 from somrs.gui.pages.map.sheet import Sheet, SheetActions
 from somrs.gui.pages.map.version_slider import VersionSlider
 from somrs.gui.pages.map.zone_dialog import ZoneTool
 from somrs.gui.shell import guarded, notify, page, page_at
-from somrs.ontology.objects import Change, Map
+from somrs.ontology.objects import Change
 from somrs.protocol.messages.knowledge import UpdateMap
 
 PATH = "/map"
@@ -66,8 +64,8 @@ class MapPage:
         """Versions made on this page, newest last, for undo."""
         self._version_in_address: str | None = None
         """The version to show first; None for the current one, and once it has been shown."""
-        self._undoing = asyncio.Lock()
-        """Held during an undo: only then is the next version to undo known."""
+        self._changing = asyncio.Lock()
+        """Held during a move and an undo: only then is it known what the next one is based on."""
         self._sheet: Sheet | None = None
         with ui.element("div").classes("somrs-map"):
             self._bar()
@@ -138,6 +136,7 @@ class MapPage:
         plan = self._plan
         plan.on_select(lambda event: self._chosen(event["name"]))
         plan.on_open(lambda event: self._chosen(event["name"]))
+        self._moves = PlanMoves(self._api, plan, self._record_version, self._wait_for_version)
         plan.on_moved(self._moved)
         plan.on_shaped(self._shaped)
         plan.on_placed(self._add_panel.place_object)
@@ -256,7 +255,7 @@ class MapPage:
             update = UpdateMap(changes=changes, author=author(), expected_version=expected_version)
             version = (await self._api.map.change(update)).version
         except SomrsError as error:
-            notify(_refusal_text(error), bad=True)
+            notify(refusal_text(error), bad=True)
             return None
         self._record_version(version)
         notify(message)
@@ -266,41 +265,12 @@ class MapPage:
         self._mine.append(version)
 
     async def _moved(self, event: dict[str, Any]) -> None:
-        """Handle a move on the plan."""
-        move = Move(name=str(event["name"]), x=event["x"], y=event["y"], turned=event["turned"], target=event["target"])
-        await self._carry_out(move.name, event["version"], lambda map: move_changes(map, self._api.context.ontology, move))
+        async with self._changing:
+            await self._moves.moved(event)
 
     async def _shaped(self, event: dict[str, Any]) -> None:
-        """Handle a zone of which corners were moved on the plan."""
-        name, corners = str(event["name"]), [(float(x), float(y)) for x, y in event["corners"]]
-        await self._carry_out(name, event["version"], lambda map: shape_changes(map, name, corners))
-
-    async def _carry_out(self, name: str, version_before: int, find_changes: Callable[[Map], tuple[Change, ...]]) -> None:
-        """Change the map as an object was moved on the plan, then confirm or reject the move."""
-        map = self._api.context.map
-        if name not in map.objects:
-            self._plan.reject_move(name)
-            notify(f"{name} is no longer on the map: another user removed or renamed it.", bad=True)
-            return
-        try:
-            update = UpdateMap(changes=find_changes(map), author=author(), expected_version=version_before)
-            version = (await self._api.map.change(update)).version
-        except Refused as error:
-            self._plan.reject_move(name)
-            if any(broken_rule.rule == VERSION_CONFLICT for broken_rule in error.broken):
-                subjects = ", ".join(dict.fromkeys(broken_rule.subject for broken_rule in error.broken))
-                notify(
-                    f"Another user changed {subjects} while you moved {name}. The other change is kept; move it again if needed.",
-                    bad=True,
-                )
-            else:
-                notify(f"{name} was moved back: {_refusal_text(error)}", bad=True)
-        except SomrsError as error:
-            self._plan.reject_move(name)
-            notify(f"{name} was moved back: {_refusal_text(error)}", bad=True)
-        else:
-            self._record_version(version)
-            self._plan.confirm_move(name, version)
+        async with self._changing:
+            await self._moves.shaped(event)
 
     async def _open_created(self, name: str, version: int) -> None:
         await self._wait_for_version(version)
@@ -323,7 +293,7 @@ class MapPage:
 
     async def _undo(self) -> None:
         """Undo the latest change made on this page, or else the latest change of this user."""
-        async with self._undoing:
+        async with self._changing:
             version = self._mine[-1] if self._mine else await self._last_of_mine()
             if version is None:
                 notify("You have no change to undo.")
@@ -344,7 +314,8 @@ class MapPage:
         return next((event.version for event in mine if event.changes), None)
 
     async def _undo_version(self, version: int) -> None:
-        await self._api.map.undo(version, author())
+        undo_version = (await self._api.map.undo(version, author())).version
+        self._moves.undone(version, undo_version)
         if version in self._mine:
             self._mine.remove(version)
         notify(f"Version {version} undone")
@@ -389,13 +360,3 @@ class MapPage:
 
     def _show_count(self) -> None:
         self._count.text = f"{len(self._api.context.map.objects)} objects"
-
-
-def _refusal_text(error: SomrsError) -> str:
-    """The reason of a refusal, as a text."""
-    if isinstance(error, Refused) and error.broken:
-        if any(broken_rule.rule == VERSION_CONFLICT for broken_rule in error.broken):
-            subjects = ", ".join(dict.fromkeys(broken_rule.subject for broken_rule in error.broken))
-            return f"Another user changed {subjects} in the meantime; check it and try again."
-        return "\n".join(f"{broken_rule.subject}: {broken_rule.message}" for broken_rule in error.broken)
-    return str(error)

@@ -85,6 +85,44 @@ test("what is dragged goes to the grid, with what stands on it", async () => {
   assert.equal(one.shown.plan.at("Jar001").x, 4);
 });
 
+test("what is moved again before the page has answered stays where it was moved to last", async () => {
+  await drag("Table001", view().toScreen(4, 3));
+  await drag("Table001", view().toScreen(5, 3));
+  one.shown.settled("Table001", 8);
+  changed([{ type: "ValueSet", object: "Table001", path: "PositionX", value: 4 }], 8);
+  await clock.pass(50);
+  assert.equal(one.shown.plan.at("Table001").x, 5);
+  one.shown.settled("Table001", 9);
+  changed([{ type: "ValueSet", object: "Table001", path: "PositionX", value: 5 }, { type: "ValueSet", object: "Jar001", path: "PositionX", value: 5 }], 9);
+  await clock.pass(50);
+  changed([{ type: "ValueSet", object: "Table001", path: "PositionX", value: 6 }], 10);
+  await clock.pass(50);
+  assert.equal(one.shown.plan.at("Table001").x, 6, "and is where the map has it after that");
+  await clock.pass(20000);
+  assert.deepEqual(told("unanswered"), []);
+});
+
+test("keys that move something on while the answer to a move comes are all counted", async () => {
+  await clicked("Table001");
+  await press(pad, "ArrowRight");
+  await clock.pass(500);
+  await press(pad, "ArrowRight");
+  one.shown.settled("Table001", 8);
+  changed([{ type: "ValueSet", object: "Table001", path: "PositionX", value: 2.1 }], 8);
+  await clock.pass(50);
+  await press(pad, "ArrowRight");
+  await clock.pass(500);
+  assert.deepEqual(told("moved").map(({ x }) => x), [2.1, 2.3]);
+});
+
+test("a move that is refused leaves others alone", async () => {
+  await drag("Table001", view().toScreen(4, 3));
+  await clicked("Wall001");
+  await drag("Wall001", view().toScreen(0.1, 0.1));
+  one.shown.back("Wall001");
+  assert.equal(one.shown.plan.at("Table001").x, 4);
+});
+
 test("what may not stand there goes back", async () => {
   await drag("Table001", view().toScreen(0.1, 0.1), { altKey: true });
   assert.equal(told("moved").length, 1);

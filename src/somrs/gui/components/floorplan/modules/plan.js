@@ -2,6 +2,7 @@
 
 import { Corners } from "./corners.js";
 import { Frame } from "./frame.js";
+import { Held } from "./held.js";
 import { Labels } from "./labels.js";
 import { Lanes } from "./lanes.js";
 import { Layers } from "./layers.js";
@@ -15,7 +16,6 @@ import { View } from "./view.js";
 
 const LABELS_REST = 120; // milliseconds between two layouts of the labels while the plan is panned
 const DOT = 1.5; // pixels; the label of a support must not cover larger objects
-const PATIENCE = 15000; // milliseconds that a moved object waits for the page's reply
 
 export class Plan {
   constructor(element, asked) {
@@ -33,9 +33,11 @@ export class Plan {
     this.cornered = () => false; // whether the user can move the corners of an object
     this.turnable = () => false;
     this.offered = () => false; // whether the user can drag it to state a goal, so that its name matters
-    this._asked = asked; // called for moves without a reply
-    this._held = new Map(); // objects moved here and not yet on the map: { version, since }
-    this._later = null; // timer for moves without a reply
+    this._held = new Held((names) => {
+      for (const name of names) this.corners.forget(name);
+      this.refresh(new Set(names));
+      asked(names);
+    });
     this._moving = new Map(); // objects displayed elsewhere than on the map, with their map pose at that time
     this._sheets = new Sheets(element);
     this._layers = new Layers(this._sheets.groups);
@@ -56,7 +58,7 @@ export class Plan {
   end() {
     this._motion.end();
     cancelAnimationFrame(this._due);
-    clearTimeout(this._later);
+    this._held.end();
     clearTimeout(this._relabel);
     this._sheets.end();
   }
@@ -205,47 +207,46 @@ export class Plan {
       const one = this._layers.at(rider);
       if (!one) continue;
       const [dx, dy] = [one.x - from.x, one.y - from.y];
-      this._put(rider, { x: at.x + c * dx - s * dy, y: at.y + s * dx + c * dy, turned: one.turned + turn });
+      this._put(rider, { x: at.x + c * dx - s * dy, y: at.y + s * dx + c * dy, turned: one.turned + turn }, name);
     }
-    this._put(name, at);
+    this._put(name, at, name);
     this._links.follow(new Set([name, ...this.model.riders(name)]), (one) => this.spot(one));
     this.draw();
   }
 
-  _put(name, at) {
+  _put(name, at, mover) {
     this._motion.stop(name);
     this._layers.move(name, at);
-    this._held.set(name, { version: Infinity, since: Infinity });
+    this._held.keep(name, mover);
   }
 
   // Draw a zone with one of its corners elsewhere, until `settle` or `back` is called. Returns all corners.
   moveCorner(name, index, to) {
-    this._held.set(name, { version: Infinity, since: Infinity });
+    this._held.keep(name, name);
     const corners = this.corners.move(name, index, to);
     this.draw();
     return corners;
   }
 
   _letGo(name) {
-    this._held.delete(name);
+    this._held.drop(name);
     this.corners.forget(name);
   }
 
   // Start to wait for the page's reply to a move, with a time limit.
   wait(name) {
-    for (const one of this._group(name)) if (this._held.has(one)) this._held.get(one).since = performance.now();
-    this._later ??= setTimeout(() => this._waitedLong(), PATIENCE);
+    this._held.told(name);
   }
 
   // The map contains the move since this version: use the map's pose from then on.
   settle(name, version) {
-    for (const one of this._group(name)) if (this._held.has(one)) this._held.get(one).version = version;
-    this.refresh(new Set(this._group(name)));
+    this._held.answered(name, version);
+    this.refresh(new Set(this._held.movedWith(name)));
   }
 
   // Move the object back to its map pose.
   back(name) {
-    const group = [...new Set([...this._group(name), ...this._held.keys()])].filter((one) => this._held.has(one));
+    const group = this._held.movedWith(name);
     for (const one of group) this._letGo(one);
     this.refresh(new Set(group));
   }
@@ -255,22 +256,9 @@ export class Plan {
   }
 
   _release() {
-    for (const [name, held] of this._held)
-      if (this.model.version >= held.version || !this.model.objects.has(name)) {
-        this._letGo(name);
-        this._motion.go(this._layers.refresh(this.model, this.storey, new Set([name])));
-      }
-  }
-
-  _waitedLong() {
-    const now = performance.now();
-    const late = [...this._held].filter(([, held]) => now - held.since >= PATIENCE - 100).map(([name]) => name);
-    for (const name of late) this._letGo(name);
-    const next = Math.min(...[...this._held.values()].map((held) => held.since));
-    this._later = Number.isFinite(next) ? setTimeout(() => this._waitedLong(), next + PATIENCE - now) : null;
-    if (late.length) {
-      this.refresh(new Set(late));
-      this._asked(late);
+    for (const name of this._held.settledBy(this.model)) {
+      this._letGo(name);
+      this._motion.go(this._layers.refresh(this.model, this.storey, new Set([name])));
     }
   }
 
