@@ -73,7 +73,7 @@ class FreeSpace:
 
     def clearance(self, point: Point, discs: Sequence[Disc] = ()) -> float:
         """Distance from the point to the nearest obstacle, at most `FAR`; negative inside an obstacle or off the floor."""
-        return min(float(self.grid.sample(self._clearance, [point])[0]), *(d.distance(point) for d in discs), FAR)
+        return min(self.grid.value(self._clearance, point), *(d.distance(point) for d in discs), FAR)
 
     def free(self, point: Point, radius: float, discs: Sequence[Disc] = ()) -> bool:
         """Whether a robot of that radius can stand there."""

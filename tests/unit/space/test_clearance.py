@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
@@ -67,3 +68,12 @@ def test_ground_that_is_shared_stays_as_it_is() -> None:
     middle = GRID.clipped((8.0, 8.0))
     assert furnished[middle] < 0 < bare[middle]
     assert np.array_equal(clearances(GRID, [], [floor], []), bare)
+
+
+COARSE = Grid(-1.0, 2.0, 5, 7, 0.5)
+VALUES = np.random.default_rng(1).uniform(-FAR, FAR, (COARSE.rows, COARSE.columns)).astype(np.float32)
+
+
+@given(st.floats(-2.0, 4.0) | st.integers(-8, 16).map(lambda n: n / 4), st.floats(1.0, 6.0) | st.integers(4, 24).map(lambda n: n / 4))
+def test_the_value_at_a_point_is_that_of_a_sample(x: float, y: float) -> None:
+    assert COARSE.value(VALUES, (x, y)) == pytest.approx(float(COARSE.sample(VALUES, [(x, y)])[0]), abs=1e-6)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import combinations, count, product
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -155,12 +156,8 @@ def _points(berths: Berths) -> list[tuple[float, float]]:
 
 def _least_distance(line: tuple[tuple[float, float], ...], near_line: tuple[tuple[float, float], ...]) -> float:
     """The least distance between points of two lines, tried out."""
-    return min(math.dist(point, near) for point in _along(line) for near in _along(near_line))
-
-
-def _along(line: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
-    (ax, ay), (bx, by) = line[0], line[-1]
-    return [(ax + (bx - ax) * step / 20, ay + (by - ay) * step / 20) for step in range(21)]
+    points, near_points = (np.linspace(complex(*ends[0]), complex(*ends[-1]), 21) for ends in (line, near_line))
+    return float(np.abs(np.subtract.outer(points, near_points)).min())
 
 
 # Distances

@@ -134,9 +134,9 @@ def test_there_are_lanes_where_there_is_a_path_and_none_through_what_stands_ther
     free_space, numbered = FreeSpace(map, ONTOLOGY), laid_out(map)
     points = {place.name: (place.x, place.y) for place in numbered.roadmap.places}
     for lane in numbered.roadmap.lanes:
-        (ax, ay), (bx, by) = points[lane.start], points[lane.end]
-        assert math.dist(points[lane.start], points[lane.end]) <= spacing_for(RADIUS) * 1.001
-        assert min(free_space.clearance((ax + (bx - ax) * i / 40, ay + (by - ay) * i / 40)) for i in range(41)) > RADIUS - 0.02
+        start_point, end_point = points[lane.start], points[lane.end]
+        assert math.dist(start_point, end_point) <= spacing_for(RADIUS) * 1.001
+        assert free_space.clearances(np.linspace(start_point, end_point, 41)).min() > RADIUS - 0.02
     free = st.tuples(coordinate, coordinate).filter(lambda point: free_space.free(point, RADIUS + MARGIN + 0.02))
     assume(np.count_nonzero(free_space.field >= RADIUS + MARGIN + 0.05) > 400)
     start, end = data.draw(free), data.draw(free)
