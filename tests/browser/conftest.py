@@ -39,11 +39,14 @@ FLAGS = (
     "--enable-unsafe-swiftshader",
     "--disable-gpu-rasterization",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # requests to other machines are errors on the console
+    "--js-flags=--no-maglev --no-opt",  # pages of tests end before optimized code pays
     "--process-per-site",  # so that a page need not start a process, nor compile scripts: see `profiles`
     # Only the last list of features counts, so this contains the relevant part of Playwright's list. It also disables the pages that
-    # Chromium makes for its address bar behind every window, which take more time than the pages under test.
+    # Chromium makes for its address bar behind every window, which take more time than the pages under test; and scripts that are compiled
+    # while they are loaded, each time again, though the process has compiled them for the page before.
     "--disable-features=AvoidUnnecessaryBeforeUnloadCheckSync,DestroyProfileOnBrowserClose,HttpsUpgrades,LensOverlay,MediaRouter,"
-    "OptimizationHints,NetworkTimeServiceQuerying,PaintHolding,ThirdPartyStoragePartitioning,WebUIOmniboxPopup,WebUIOmniboxAimPopup",
+    "OptimizationHints,NetworkTimeServiceQuerying,PaintHolding,ScriptStreaming,ThirdPartyStoragePartitioning,WebUIOmniboxPopup,"
+    "WebUIOmniboxAimPopup",
 )
 SCREENSHOTS = ROOT / "out" / "screenshots"
 WIDTHS = {"1280": (1280, 800), "1920": (1920, 1080), "820": (820, 1180)}
