@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import WORK_TIME, RunningSystem, take_screenshot
+from .conftest import WORK_TIME, RunningSystem, resize, take_screenshot
 from .test_define import field, middle
 from .test_ontology import heading, new_type, row, save
 from .test_scene import open_scene, scene_position
@@ -44,6 +44,7 @@ def test_a_new_type_a_thing_of_it_and_a_task_with_it(system: RunningSystem, wind
     page.goto(f"{system.url}/define?effect=Vase001%20isOn%20Platform001")
     page.get_by_role("button", name="Start").click()
     page.wait_for_url("**/tasks/*")
+    resize(page, "640")
     expect(page.get_by_text("Accomplished").first).to_be_visible(timeout=WORK_TIME)
     assert formula_holds(system, "Vase001 isOn Platform001")
 
@@ -65,10 +66,14 @@ def test_a_wish_that_is_dragged_comes_true_though_a_robot_breaks(system: Running
     page.wait_for_url("**/tasks/*")
     task = page.url.rpartition("/")[2]
     story = panel(page, "Story")
+    resize(page, "640")
     expect(story).to_contain_text("Replacement", timeout=WORK_TIME)
+    resize(page, "1280")
     take_screenshot(page, "task-recovering-1280-light")
+    resize(page, "640")
     assert wait_for_task(system, task, is_ended)["view"]["outcome"] == "accomplished"
     expect(page.get_by_text("Accomplished").first).to_be_visible()
+    resize(page, "1280")
 
     open_scene(system, page)
     page.wait_for_function(

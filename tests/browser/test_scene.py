@@ -93,9 +93,8 @@ TRACE = """() => {
     const look = () => {
         const [one, two, jar] = ["Robot1", "Robot2", "Jar002"].map((name) => somrsScene.where(name));
         window.trace.push({ one, two, jar });
-        requestAnimationFrame(look);
     };
-    look();
+    setInterval(look, 100);
 }"""
 
 

@@ -124,6 +124,7 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
         head = page.locator("header").filter(has_text="Jar002 isOn Platform001")
         expect(head).to_contain_text(re.compile(r"Remaining time\s*about \d"))
         expect(head).to_contain_text(re.compile(r"Cost\s*nothing so far, 10 EUR contracted"))
+        show_floor_plan(page)
 
     story = panel(page, "Story")
     expect(story).to_contain_text("Failure 1: Robot1.TransferObject", timeout=WORK_TIME)
@@ -278,6 +279,7 @@ def test_a_task_waits_for_robots_to_be_mended_and_is_retried(system: RunningSyst
             resize(page, size)
             assert fits(page)
             take_screenshot(page, f"task-waits-to-retry-{size}-light")
+        show_floor_plan(page)
     finally:
         for robot in ("Robot1", "Robot2"):
             call(system, f"/fleet/{robot}/faults/gripper?repair=true", post=True)
