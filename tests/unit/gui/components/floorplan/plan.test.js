@@ -415,11 +415,74 @@ test("neither traffic nor its roadmap is replaced by an older one that comes lat
   assert.match(text(one.element.querySelector(".fp-traffic")), /Traffic is held: fire alarm in B1/);
   server.socket("/api/live").say({ topic: "traffic", value: { ...TRAFFIC, roadmap: 6, robots: [] } });
   await clock.pass(3000);
+  assert.equal(late["/api/traffic/roadmap"].length, 1, "one request at a time");
+  late["/api/traffic/roadmap"][0](ROADMAP);
+  await clock.pass(3000);
+  assert.ok(drawing.querySelector(".fp-road-closed"));
   late["/api/traffic/roadmap"][1]({ ...ROADMAP, number: 6, closed_lanes: [] });
   await clock.pass(50);
-  late["/api/traffic/roadmap"][0](ROADMAP);
-  await clock.pass(50);
   assert.equal(drawing.querySelector(".fp-road-closed"), null);
+  assert.ok(drawing.querySelector(".fp-road"));
+});
+
+test("the roadmap is drawn however slow the network is", async () => {
+  server.answers["/api/traffic/roadmap"] = async () => {
+    await new Promise((answer) => {
+      setTimeout(answer, 5000);
+    });
+    return ROADMAP;
+  };
+  server.answers["/api/traffic"] = TRAFFIC;
+  one.element.querySelector('button[aria-label="Traffic"]').click();
+  await settled();
+  server.socket("/api/live").open();
+  await clock.pass(20000);
+  assert.ok(drawing.querySelector(".fp-road"));
+});
+
+test("the roadmap is drawn although the map comes after it", async () => {
+  one.leave();
+  sessionStorage.setItem("somrs-plan", JSON.stringify({ storey: one.shown.plan.storey, view: { fitted: true } }));
+  sessionStorage.setItem("somrs-traffic", "shown");
+  server.answers["/api/map"] = async () => {
+    await new Promise((answer) => {
+      setTimeout(answer, 3000);
+    });
+    return building();
+  };
+  Object.assign(server.answers, { "/api/traffic": TRAFFIC, "/api/traffic/roadmap": ROADMAP });
+  server.sockets = [];
+  one = await mounted(floorplan, { mode: "edit", storey_name: one.shown.plan.storey });
+  drawing = one.element.querySelector(".fp-pad").shadowRoot;
+  for (const socket of server.sockets.filter(({ url }) => url.endsWith("/api/live"))) socket.open();
+  await clock.pass(5000);
+  assert.ok(drawing.querySelector(".fp-road"));
+});
+
+test("traffic that is hidden and shown again at once has its roadmap", async () => {
+  await showTraffic();
+  const button = one.element.querySelector('button[aria-label="Traffic"]');
+  button.click();
+  await settled();
+  button.click();
+  await settled();
+  server.socket("/api/live").open();
+  await clock.pass(5000);
+  assert.ok(drawing.querySelector(".fp-road"));
+});
+
+test("a roadmap whose answer was lost with the connection is read again", async () => {
+  server.answers["/api/traffic"] = TRAFFIC;
+  server.answers["/api/traffic/roadmap"] = () => new Promise(() => {});
+  one.element.querySelector('button[aria-label="Traffic"]').click();
+  await settled();
+  server.socket("/api/live").open();
+  await clock.pass(1000);
+  server.answers["/api/traffic/roadmap"] = ROADMAP;
+  server.socket("/api/live").close();
+  await clock.pass(1000);
+  server.socket("/api/live").open();
+  await clock.pass(1000);
   assert.ok(drawing.querySelector(".fp-road"));
 });
 

@@ -96,7 +96,7 @@ export class Plan {
     this.storey = known.some((one) => one.name === storey) ? storey : (known.find((one) => one.elevation >= 0) ?? known[0])?.name ?? "";
     if (before !== this.storey) this._motion.end();
     this.refresh();
-    if (before !== this.storey && this._roadmap) this.showRoads(this._roadmap);
+    if (this._roadmap) this.showRoads(this._roadmap);
     if (fit || before !== this.storey) this.fit();
   }
 

@@ -4,7 +4,7 @@ import { follow } from "live";
 import { get } from "./live.js";
 import { escape, svg } from "./layers.js";
 
-const AGAIN = 2000; // milliseconds between two readings of the roadmap
+const AGAIN = 2000; // milliseconds after a reading of the roadmap before the next one
 const n = (value) => +value.toFixed(2);
 
 // News of traffic from the API, while it is shown.
@@ -14,18 +14,27 @@ export class TrafficNews {
     this._told = told;
     this._number = null; // that of the roadmap that was read
     this._heard = 0; // states of traffic so far
-    this._asked = 0; // requests for the roadmap so far
+    this._reading = null; // the reading of the roadmap under way, and the pause after it
     this._close = null;
   }
 
   begin() {
-    this._close ??= follow(["traffic"], { open: () => this._read(), news: (news) => this._hear(news), lost: () => this._told({ lost: true }) });
+    const open = () => {
+      this._forgetReading(); // it may never end: its connection may be lost, too
+      this._read();
+    };
+    this._close ??= follow(["traffic"], { open, news: (news) => this._hear(news), lost: () => this._told({ lost: true }) });
   }
 
   end() {
     this._close?.();
     this._close = null;
     this._number = null;
+    this._forgetReading();
+  }
+
+  _forgetReading() {
+    this._reading = null;
     clearTimeout(this._timer);
   }
 
@@ -50,24 +59,23 @@ export class TrafficNews {
     if (!this._close) return;
     this._told({ traffic });
     this._wanted = traffic.roadmap;
-    if (this._wanted !== null && this._wanted !== this._number && !this._timer) this._readRoadmap();
+    if (!this._reading) this._readRoadmap();
   }
 
-  // Doors may move often: the roadmap is read at most once in a while.
+  // Doors may move often: the roadmap is read at most once in a while, and one reading after the other.
   async _readRoadmap() {
-    this._timer = setTimeout(() => {
-      this._timer = null;
-      if (this._close && this._wanted !== this._number) this._readRoadmap();
-    }, AGAIN);
-    const asked = ++this._asked;
-    try {
-      const roadmap = await get("/api/traffic/roadmap");
-      if (!this._close || asked !== this._asked) return; // a later request has overtaken it
+    if (this._wanted === null || this._wanted === this._number) return;
+    const reading = (this._reading = {});
+    const roadmap = await get("/api/traffic/roadmap").catch(() => null);
+    if (reading !== this._reading) return; // it is hidden, or read anew
+    if (roadmap) {
       this._number = roadmap.number;
       this._told({ roadmap });
-    } catch {
-      // It is tried again with the next news.
     }
+    this._timer = setTimeout(() => {
+      this._reading = null;
+      this._readRoadmap();
+    }, AGAIN);
   }
 }
 
