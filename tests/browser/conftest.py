@@ -87,6 +87,28 @@ def slow_network(delay: int) -> str:
     return f"{{{_SLOW_NETWORK.replace('DELAY', str(delay))}}}"
 
 
+HOLDING_NEWS = """
+const { set } = Object.getOwnPropertyDescriptor(WebSocket.prototype, "onmessage");
+const heldNews = [];
+let holdsNews = false;
+Object.defineProperty(WebSocket.prototype, "onmessage", {
+  set(handler) {
+    const hears = (event) => {
+      if (holdsNews && event.data !== "2") heldNews.push(() => hears(event)); // "2" only asks whether the page is there
+      else handler.call(this, event);
+    };
+    set.call(this, handler && hears);
+  },
+});
+window.holdNews = () => (holdsNews = true);
+window.releaseNews = () => {
+  holdsNews = false;
+  heldNews.splice(0).forEach((hear) => hear());
+};
+"""
+"""A script for pages that hear nothing from the server between `holdNews()` and `releaseNews()`."""
+
+
 class RunningSystem:
     """A system that `somrs up` runs, with its GUI."""
 

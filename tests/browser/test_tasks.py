@@ -22,7 +22,7 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from tests.support.paths import SCENARIO_1
 
-from .conftest import WIDTHS, WORK_TIME, RunningSystem, every_look, fits, resize, take_screenshot
+from .conftest import HOLDING_NEWS, WIDTHS, WORK_TIME, RunningSystem, every_look, fits, resize, take_screenshot
 
 OpenPage = Callable[..., Page]
 
@@ -416,11 +416,19 @@ def robot_pose(system: RunningSystem, robot: str) -> tuple[float, float]:
 @pytest.mark.usefixtures("jar_at_home")
 def test_a_task_is_paused_its_robot_stands_still_and_goes_on(system: RunningSystem, window: OpenPage) -> None:
     task = submit_task(system, "Jar002 isOn Table001")
-    page = window(f"{system.url}/tasks/{task}")
     state = wait_for_task(system, task, lambda state: any(work["state"] == "Executing" for work in state["view"]["work"]))
     robot = state["view"]["work"][-1]["service"].partition(".")[0]
-    page.get_by_role("button", name="Pause").click()
-    expect(page.get_by_text(re.compile("^Paused by .*; its devices stand still"))).to_be_visible()
+    page = window("about:blank")
+    page.add_init_script(f"{{{HOLDING_NEWS}}}")
+    with system.paused("simulator"):  # the robot stays on its way
+        page.goto(f"{system.url}/tasks/{task}")
+        page.get_by_role("button", name="Pause").wait_for()
+        page.evaluate("holdNews()")
+        page.get_by_role("button", name="Pause").click()
+        wait_for_task(system, task, lambda state: state["view"]["pause"] is not None)
+        page.get_by_role("button", name="Pause").click()  # once more, as nothing seems to happen
+        page.evaluate("releaseNews()")
+        expect(page.get_by_text(re.compile("^Paused by .*; its devices stand still"))).to_be_visible()
     while next(device for device in call(system, "/fleet")["devices"] if device["name"] == robot)["paused_for"] != task:
         time.sleep(0.1)
     time.sleep(1.0)

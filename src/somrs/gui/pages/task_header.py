@@ -68,7 +68,9 @@ class TaskHeader:
             with ui.button("Export", icon="download").props("flat dense no-caps"), ui.menu():
                 _file(f"/api/tasks/{view.task}/chart", f"{name}.svg", "schema", "Messages as a picture (SVG)")
                 self._record = _file("", f"{name}.json", "data_object", "Record, for programs (JSON)")
-            self._pause = ui.button("Pause", icon="pause", on_click=guarded(self._turn)).props("outline dense no-caps")
+            # Two buttons, of which one is hidden: a click on what the browser still shows never does the opposite.
+            self._pause = ui.button("Pause", icon="pause", on_click=guarded(self._pause_task)).props("outline dense no-caps")
+            self._resume = ui.button("Go on", icon="play_arrow", on_click=guarded(self._resume_task)).props("outline dense no-caps")
             self._cancel = ui.button("Cancel", icon="stop_circle", on_click=self._cancel_dialog.ask).props(
                 "outline dense no-caps color=negative"
             )
@@ -88,9 +90,9 @@ class TaskHeader:
         self._fill.style(f"width: {100 * share:.1f}%")
         tone = "good" if view.outcome == "accomplished" else "soft" if is_ended else "accent"
         self._fill.style(f"background: var(--{tone})")
-        self._cancel.visible, self._pause.visible, self._retry.visible = not is_ended, not is_ended, is_ended
-        self._pause.set_text("Go on" if view.pause is not None else "Pause")
-        self._pause.props(f"icon={'play_arrow' if view.pause is not None else 'pause'}")
+        self._cancel.visible, self._retry.visible = not is_ended, is_ended
+        self._pause.visible = not is_ended and view.pause is None
+        self._resume.visible = not is_ended and view.pause is not None
         self._cancel_dialog.render(view)
         self._record.props(f'href="/api/{"records" if is_ended else "tasks"}/{view.task}"')
         current_reasons = reasons(view)
@@ -112,11 +114,13 @@ class TaskHeader:
             self._clock.deactivate()
         self._tick()
 
-    async def _turn(self) -> None:
-        """Pause the task, or let it go on."""
-        is_paused = self._view.pause is not None
-        turned = await (self._api.tasks.resume if is_paused else self._api.tasks.pause)(self._view.task, by=author())
-        notify("The task is paused" if turned.paused else "The task goes on")
+    async def _pause_task(self) -> None:
+        await self._api.tasks.pause(self._view.task, by=author())
+        notify("The task is paused")
+
+    async def _resume_task(self) -> None:
+        await self._api.tasks.resume(self._view.task, by=author())
+        notify("The task goes on")
 
     def _tick(self) -> None:
         view, now = self._view, time.time()
