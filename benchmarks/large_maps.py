@@ -18,7 +18,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from timing import format_time
 
@@ -28,6 +28,7 @@ from somrs.kernel.durability import JournaledComponent
 from somrs.kernel.replica import Replica
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.types import Value
 from somrs.planner.model.plan import Plan
 from somrs.planner.planning import plan
 from somrs.protocol.messages.bodies import Body
@@ -39,6 +40,9 @@ from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.storage.repository_store import repository_journal
 from somrs.task_manager.context import planning_problem
+
+if TYPE_CHECKING:
+    import rdflib
 
 SIZES = (1_000, 10_000, 100_000)
 STORES = ("somrs", "rdflib", "oxigraph")
@@ -54,7 +58,7 @@ Figures = dict[str, float]
 
 def contents(size: int) -> tuple[list[Object], list[Fact]]:
     """Return the objects and facts of a building: rooms with shelves, and a jar on each shelf."""
-    floor = {"PositionX": 0.0, "PositionY": 0.0, "PositionZ": 0.0, "Shape.Form": "Box"}
+    floor: dict[str, Value] = {"PositionX": 0.0, "PositionY": 0.0, "PositionZ": 0.0, "Shape.Form": "Box"}
     floor |= {"Shape.Width": 1e4, "Shape.Depth": 1e4, "Shape.Height": 0.1}
     objects = [Object(name="Building1", type="Building"), Object(name="Storey1", type="Storey")]
     objects.append(Object(name="Floor1", type="Floor", values=floor))
@@ -62,16 +66,16 @@ def contents(size: int) -> tuple[list[Object], list[Fact]]:
     for number in range(size - len(objects)):
         room, place = divmod(number, ROOM)
         pair = room * (ROOM // 2) + (place - 1) // 2
-        where = {"PositionX": float(room % 1000 * 10), "PositionY": float(room // 1000 * 10 + place)}
+        where: dict[str, Value] = {"PositionX": float(room % 1000 * 10), "PositionY": float(room // 1000 * 10 + place)}
         if place == 0:
             objects.append(Object(name=f"Room{room}", type="Room"))
             facts.append(Fact("isPartOf", (f"Room{room}", "Storey1")))
         elif place % 2:
-            box = {"Shape.Form": "Box", "Shape.Width": 1.0, "Shape.Depth": 0.5, "Shape.Height": 1.0}
+            box: dict[str, Value] = {"Shape.Form": "Box", "Shape.Width": 1.0, "Shape.Depth": 0.5, "Shape.Height": 1.0}
             objects.append(Object(name=f"Shelf{pair}", type="Shelf", values={**where, "PositionZ": 0.0, **box}))
             facts.append(Fact("isPartOf", (f"Shelf{pair}", f"Room{room}")))
         else:
-            values = {**where, "PositionZ": 1.0, "Color": "Red" if pair % 10 else "Blue"}
+            values: dict[str, Value] = {**where, "PositionZ": 1.0, "Color": "Red" if pair % 10 else "Blue"}
             objects.append(Object(name=f"Jar{pair}", type="Jar", values=values))
             facts.append(Fact("isOn", (f"Jar{pair}", f"Shelf{pair}")))
     return objects, facts
@@ -254,7 +258,11 @@ def follower_figures(store: SomrsStore, size: int) -> Figures:
         replica_times.append(time.perf_counter() - started)
     assert replica.map.has_fact("isOn", ("Jar3", "Shelf24"))
     transfer = replica.ontology.services["TransferObject"]
-    offers = [Offer(service="urn:robot/transfer", service_type=transfer, provider="Robot1", provider_type="MobileManipulator", address="urn:robot")]
+    offers = [
+        Offer(
+            service="urn:robot/transfer", service_type=transfer, provider="Robot1", provider_type="MobileManipulator", address="urn:robot"
+        )
+    ]
 
     def plan_move(number: int) -> None:
         task = Submit(effect=f"Jar{number} isOn Shelf{number + 1}")
@@ -305,7 +313,10 @@ class RdflibStore:
 
         self._graph = rdflib.Graph()
         self._graph.parse(path, format="nt")
-        self._name = lambda name: rdflib.URIRef(NAMESPACE + name)
+        self._uri = rdflib.URIRef
+
+    def _name(self, name: str) -> rdflib.URIRef:
+        return self._uri(NAMESPACE + name)
 
     def place_of(self, jar: int) -> str:
         return str(next(self._graph.objects(self._name(f"Jar{jar}"), self._name("isOn")))).removeprefix(NAMESPACE)
@@ -355,7 +366,8 @@ class OxigraphStore:
         self._store.flush()
 
     def _column(self, query: str) -> list[str]:
-        return [row[0].value.removeprefix(NAMESPACE) for row in self._store.query(query)]
+        rows: Any = self._store.query(query)
+        return [row[0].value.removeprefix(NAMESPACE) for row in rows]
 
     def place_of(self, jar: int) -> str:
         return self._column(f"SELECT ?where {{ <{NAMESPACE}Jar{jar}> <{NAMESPACE}isOn> ?where }}")[0]

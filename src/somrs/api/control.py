@@ -189,5 +189,5 @@ class ControlService:
 
     def _known(self, name: str) -> None:
         if name not in self._context.map.objects:
-            hint = nearest(name, self._context.map.objects) or "GET /map lists the objects"
+            hint = nearest(name, self._context.map.similar_names(name)) or "GET /map lists the objects"
             raise NotFound(f"there is no {name} on the map; {hint}")

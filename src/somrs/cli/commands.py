@@ -227,7 +227,7 @@ async def show_object(name: str, data: Path, *, json: bool) -> None:
         map = await client.map()
         discovered = (await client.history(name, limit=1)).discovered if name in map.objects else None
     if name not in map.objects:
-        raise UsageError(f"there is no {name} on the map; {nearest(name, map.objects) or '`somrs map query` finds objects'}")
+        raise UsageError(f"there is no {name} on the map; {nearest(name, map.similar_names(name)) or '`somrs map query` finds objects'}")
     object, facts = map.objects[name], [str(fact) for fact in map.facts_about(name)]
     if json:
         terminal.print_json({"name": name, "type": object.type, "values": object.values, "facts": facts, "discovered": discovered})

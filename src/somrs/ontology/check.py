@@ -192,7 +192,9 @@ class _FormulaChecker:
                 if self.map is None:
                     return type_name
                 if name not in self.map.objects:
-                    raise self.reading.error(atom, term, f"there is no object {name} on the map", nearest(name, self.map.objects))
+                    raise self.reading.error(
+                        atom, term, f"there is no object {name} on the map", nearest(name, self.map.similar_names(name))
+                    )
                 object_type = self.map.objects[name].type
                 self._merge_meanings(atom, term, _Meaning(_Sort.OBJECT, object_type), expected_meaning, narrowing=False)
                 return object_type
@@ -325,7 +327,7 @@ class _FormulaChecker:
         words = {word for attribute in self.ontology.attributes.values() for word in attribute.values}
         if self.map is not None and term.name not in self.map.objects and term.name not in words:
             problem = f"{term} is neither an object on the map nor a value of an attribute"
-            raise self.reading.error(atom, term, problem, nearest(term.name, [*self.map.objects, *words]))
+            raise self.reading.error(atom, term, problem, nearest(term.name, [*self.map.similar_names(term.name), *words]))
 
     def _mismatch(self, atom: Comparison, left_meaning: _Meaning, right_meaning: _Meaning) -> FormulaError:
         hint = ""

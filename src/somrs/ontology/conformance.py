@@ -6,23 +6,20 @@ Every rule concerns one object and the facts about it, so an update is checked b
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
+from itertools import islice
 
 from somrs.entish import Name
-from somrs.entish.formula import And, Attribute, Call, Comparison, Formula, Not, Or, Term, literals, substitute, terms, variables
-from somrs.entish.normal_form import has_quantifiers
+from somrs.entish.formula import And, Comparison, Formula, Not, Or, Term, substitute
 from somrs.entish.parse import nearest, parse
-from somrs.ontology.complex_values import complex_problem, inner_constraints, limit_problem
+from somrs.ontology.complex_values import complex_problem, limit_problem
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectRemoved, objects_of
 from somrs.ontology.truth import formula_holds
-from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, ObjectType, Ontology, Value
+from somrs.ontology.type_rules import SELF_VARIABLE, TypeRules, attribute_paths, is_about_itself
+from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, Ontology, Value
 from somrs.ontology.values import compare, measure
-
-SELF_VARIABLE = "Self"
-"""In the formulas of a type's constraints, `?Self` is the object of that type."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,11 +42,16 @@ def violations(map: Map, ontology: Ontology) -> list[Violation]:
     return [*checker.rootless(), *checker.all_violations()]
 
 
+def root_violations(map: Map, ontology: Ontology) -> list[Violation]:
+    """Whether the map lacks a root, as a list of violations."""
+    return [*_Checker(map, ontology, None).rootless()]
+
+
 def violations_of(map: Map, ontology: Ontology, objects: Iterable[str], map_before: Map | None = None) -> list[Violation]:
     """The violations of these objects, the facts about them, and the objects that they are part of.
 
-    `touched_objects` finds the objects of an update. With `map_before`, a map that conformed, the values of unchanged objects are not
-    checked again.
+    `touched_objects` finds the objects of an update. With `map_before`, a map that conformed, what cannot have been broken since is not
+    checked again: the values of unchanged objects, the facts about them, and the numbers of parts of objects that have the same parts.
     """
     return [*_Checker(map, ontology, set(objects), map_before).all_violations()]
 
@@ -64,6 +66,22 @@ def touched_objects(map_before: Map, changes: Iterable[Change]) -> set[str]:
     return names
 
 
+def _enclosing_wholes(name: str, map: Map) -> Iterator[str]:
+    """What the object is part of, at any depth. An object that breaks the rules may be part of several."""
+    visited_names: set[str] = set()
+    waiting = [name]
+    while waiting:
+        for whole in _wholes(waiting.pop(0), map):
+            if whole not in visited_names:
+                visited_names.add(whole)
+                waiting.append(whole)
+                yield whole
+
+
+def _wholes(part: str, map: Map) -> Iterator[str]:
+    return (arguments[1] for arguments in map.facts_with(PART_OF, 0, part) if len(arguments) == 2)
+
+
 class _Checker:
     """One check of the map, or of the `touched` objects and the objects that they are part of."""
 
@@ -71,26 +89,31 @@ class _Checker:
         self.map, self.ontology, self.map_before = map, ontology, map_before
         self.named = touched
         self.touched = touched
-        self.schemas: dict[str, _Schema] = {}
+        self.schemas: dict[str, TypeRules] = {}
         self._rule_results: dict[tuple[object, ...], bool] = {}
         """Cached results of rules about an object's own values, by type, rule and values."""
+        self._composed: set[str] | None = None
+        """The objects whose parts may be others than before; None: all."""
         if touched is not None:
             # A whole is checked when one of its parts changes, because its rules count the parts and its formulas refer to them.
             self.touched = {whole for name in touched for whole in (name, *self._enclosing_wholes(name))}
+            if map_before is not None:
+                moved = [name for name in touched if self._is_retyped(name) or {*self._wholes(name)} != {*_wholes(name, map_before)}]
+                self._composed = {whole for name in moved for whole in (name, *self._enclosing_wholes(name))}
+                self._composed.update(whole for name in moved for whole in _enclosing_wholes(name, map_before))
+
+    def _is_retyped(self, name: str) -> bool:
+        """Whether the object was added, removed, or has another type."""
+        if self.map_before is None:
+            return True
+        old, new = self.map_before.objects.get(name), self.map.objects.get(name)
+        return (old.type if old is not None else None) != (new.type if new is not None else None)
 
     def _enclosing_wholes(self, name: str) -> Iterator[str]:
-        """What the object is part of, at any depth. An object that breaks the rules may be part of several."""
-        visited_names: set[str] = set()
-        waiting = [name]
-        while waiting:
-            for whole in self._wholes(waiting.pop(0)):
-                if whole not in visited_names:
-                    visited_names.add(whole)
-                    waiting.append(whole)
-                    yield whole
+        return _enclosing_wholes(name, self.map)
 
     def _wholes(self, part: str) -> Iterator[str]:
-        return (arguments[1] for arguments in self.map.facts_with(PART_OF, 0, part) if len(arguments) == 2)
+        return _wholes(part, self.map)
 
     def _direct_parts(self, whole: str) -> Iterator[str]:
         return (arguments[0] for arguments in self.map.facts_with(PART_OF, 1, whole) if len(arguments) == 2)
@@ -120,30 +143,33 @@ class _Checker:
             yield from self._place(object, schema)
             constraints = schema.constraints if not is_unchanged else schema.external_constraints
             yield from self._constraints(object, constraints, schema, {violation.path for violation in wrong})
-        facts = self.map.facts() if self.named is None else (fact for name in sorted(self.named) for fact in self.map.facts_about(name))
-        for fact in dict.fromkeys(facts):
+        for fact in dict.fromkeys(self._facts_to_check()):
             yield from self._fact(fact)
         by_first: dict[str, list[Fact]] = {}
-        for fact in self.map.facts() if self.named is None else (fact for name in sorted(self.named) for fact in self._facts_from(name)):
+        for fact in self.map.facts() if self.named is None else (fact for name in sorted(self.named) for fact in self.map.facts_from(name)):
             if fact.arguments:
                 by_first.setdefault(fact.arguments[0], []).append(fact)
         for facts_from in by_first.values():
             yield from self._exclusive(facts_from)
 
-    def _facts_from(self, first: str) -> Iterator[Fact]:
-        """The facts with this first argument."""
-        return (fact for fact in self.map.facts_about(first) if fact.arguments[0] == first)
+    def _facts_to_check(self) -> Iterator[Fact]:
+        if self.named is None:
+            yield from self.map.facts()
+            return
+        for name in sorted(self.named):
+            # A new fact is among those from its first object, which is named, too.
+            yield from self.map.facts_about(name) if self._is_retyped(name) else self.map.facts_from(name)
 
     def _touched_objects(self) -> Iterator[tuple[str, Object]]:
         assert self.touched is not None
         return ((name, self.map.objects[name]) for name in sorted(self.touched) if name in self.map.objects)
 
-    def _schema(self, type_name: str) -> _Schema:
+    def _schema(self, type_name: str) -> TypeRules:
         if type_name not in self.schemas:
-            self.schemas[type_name] = _Schema(self.ontology, type_name)
+            self.schemas[type_name] = TypeRules(self.ontology, type_name)
         return self.schemas[type_name]
 
-    def _values(self, object: Object, schema: _Schema) -> Iterator[Violation]:
+    def _values(self, object: Object, schema: TypeRules) -> Iterator[Violation]:
         for path, value in object.values.items():
             attribute = schema.attributes.get(path)
             message = value_problem(attribute, value) if attribute is not None else self._not_of_type(object, path, schema)
@@ -155,47 +181,68 @@ class _Checker:
                 message = f"a {object.type} must have {name}; write {name}: and its value"
                 yield Violation(subject=object.name, rule="required", message=message)
 
-    def _not_of_type(self, object: Object, path: str, schema: _Schema) -> str:
+    def _not_of_type(self, object: Object, path: str, schema: TypeRules) -> str:
         attributes = self.ontology.attributes
         if path.split(".")[0] not in attributes:
             return _unknown("attribute", path, {*schema.attributes, *attributes})
         return f"a {object.type} has no attribute {path}; it has {', '.join(sorted({p.split('.')[0] for p in schema.attributes}))}"
 
-    def _parts(self, object: Object, schema: _Schema) -> Iterator[Violation]:
-        if not schema.parts:
+    def _parts(self, object: Object, schema: TypeRules) -> Iterator[Violation]:
+        if self._composed is not None and object.name not in self._composed:
             return
-        types = Counter(self.map.objects[part].type for part in self._nested_parts(object.name) if part in self.map.objects)
         for part in schema.parts:
-            count = sum(number for type_name, number in types.items() if self.ontology.is_subtype(type_name, part.type))
+            enough = part.minimum if part.maximum is None else part.maximum + 1
+            count = self._part_count(object.name, part.type, enough) if enough else 0
             if count < part.minimum or (part.maximum is not None and count > part.maximum):
+                count = self._part_count(object.name, part.type)
                 limits = f"at least {part.minimum}" if part.maximum is None else f"{part.minimum} to {part.maximum}"
                 if part.minimum == part.maximum:
                     limits = f"exactly {part.minimum}"
                 message = f"a {object.type} has {limits} of type {part.type} among its parts; this one has {count}"
                 yield Violation(subject=object.name, rule="parts", message=message, path="parts")
 
+    def _part_count(self, whole: str, type_name: str, enough: int | None = None) -> int:
+        """The number of parts of the type, at any depth; it is counted up to `enough`."""
+        types = {*self.ontology.subtypes(type_name)}
+        candidates = [self.map.of_type(name) for name in types]
+        most = sum(map(len, candidates))
+        count = 0
+        for number, part in enumerate(self._nested_parts(whole)):
+            if number > most:
+                break
+            if part in self.map.objects and self.map.objects[part].type in types:
+                count += 1
+                if count == enough:
+                    return count
+        else:
+            return count
+        # A whole with more parts than there are objects of the type: they are climbed from instead.
+        nested = (name for names in candidates for name in names if whole in self._enclosing_wholes(name))
+        return sum(1 for _ in islice(nested, enough))
+
     def rootless(self) -> Iterator[Violation]:
-        unknown = any(object.type not in self.ontology.types for object in self.map.objects.values())  # one of these may be the root
-        if not unknown and not self._roots():
+        unknown = any(type_name not in self.ontology.types for type_name in self.map.types())  # an object of these may be the root
+        if not unknown and not self._roots:
             missing_root = "no AbstractObject (a building, a site, a room) that is part of nothing" if self.map.objects else "no object"
             yield Violation(subject="map", rule="root", message=f"the map has {missing_root}; one must hold all others")
 
+    @cached_property
     def _roots(self) -> list[str]:
-        abstract = {name for name in self.ontology.types if self.ontology.is_subtype(name, ABSTRACT)}
-        return [name for name, object in self.map.objects.items() if object.type in abstract and not any(self._wholes(name))]
+        abstract = (name for name in self.map.types() if name in self.ontology.types and self.ontology.is_subtype(name, ABSTRACT))
+        return self.map.in_order({name for type_name in abstract for name in self.map.wholes_of_type(type_name)})
 
-    def _place(self, object: Object, schema: _Schema) -> Iterator[Violation]:
+    def _place(self, object: Object, schema: TypeRules) -> Iterator[Violation]:
         """Violations of the rule for places: an object is the root, is a part, has a position, or a relation such as isOn places it."""
         wholes = [*self._enclosing_wholes(object.name)]
         if object.name in wholes and object.name == min(wholes):  # report a cycle once
             message = f"is a part of itself: {' isPartOf '.join([object.name, *wholes])}"
             yield Violation(subject=object.name, rule="cycle", message=message)
         if self.ontology.is_subtype(object.type, ABSTRACT):
-            if not wholes and (first := self._roots()[0]) != object.name:
+            if not wholes and (first := self._roots[0]) != object.name:
                 message = f"{first} is the map's root already; make {object.name} a part of it, or of one of its parts"
                 yield Violation(subject=object.name, rule="root", message=message)
             return
-        for fact in self._facts_from(object.name):
+        for fact in self.map.facts_from(object.name):
             relation = self.ontology.relations.get(fact.relation)
             if fact.relation == PART_OF or (relation is not None and relation.excludes is not None):
                 return
@@ -204,7 +251,7 @@ class _Checker:
             yield Violation(subject=object.name, rule="place", message=message)
 
     def _constraints(
-        self, object: Object, constraints: Iterable[tuple[str, Constraint]], schema: _Schema, wrong: set[str]
+        self, object: Object, constraints: Iterable[tuple[str, Constraint]], schema: TypeRules, wrong: set[str]
     ) -> Iterator[Violation]:
         """Broken constraints. Those on attributes in `wrong` are skipped; formulas are skipped if any value is wrong."""
         for owner, constraint in constraints:
@@ -218,17 +265,17 @@ class _Checker:
                 if message:
                     yield Violation(subject=object.name, rule="constraint", message=f"for a {owner}, {message}", path=constraint.attribute)
 
-    def _complex_problem(self, object: Object, constraint: Constraint, schema: _Schema) -> str:
+    def _complex_problem(self, object: Object, constraint: Constraint, schema: TypeRules) -> str:
         attribute = schema.attributes.get(constraint.attribute or "")
         if attribute is None or attribute.kind is not Kind.COMPLEX:
             return ""
         return complex_problem(constraint, {**schema.defaults, **object.values}, self.ontology)
 
     def _constraint_holds(self, object: Object, text: str) -> bool:
-        if not _is_about_itself(text):
+        if not is_about_itself(text):
             return self._holds_on_map(object, text)
         # Most objects of a type have equal values of the attributes in a rule, so results are cached.
-        key = object.type, text, *((value := object.values.get(path), type(value)) for path in _paths(text))
+        key = object.type, text, *((value := object.values.get(path), type(value)) for path in attribute_paths(text))
         if key not in self._rule_results:
             self._rule_results[key] = self._is_true(parse(text), {SELF_VARIABLE: Name(object.name)})
         return self._rule_results[key]
@@ -258,7 +305,7 @@ class _Checker:
         for name, expected_type in zip(fact.arguments, relation.joins, strict=True):
             object = self.map.objects.get(name)
             if object is None:
-                yield Violation(subject=str(fact), rule="unknown-object", message=_unknown("object", name, self.map.objects))
+                yield Violation(subject=str(fact), rule="unknown-object", message=_unknown("object", name, self.map.similar_names(name)))
             elif object.type in self.ontology.types and not self.ontology.is_subtype(object.type, expected_type):
                 message = f"{fact.relation} needs a {expected_type} where {name} stands, which is a {object.type}"
                 yield Violation(subject=str(fact), rule="relation-types", message=message)
@@ -289,45 +336,6 @@ class _Checker:
                     rule = "functional" if group == relation.name else "exclusive"
                     message = f"cannot hold together with {earlier_fact}; keep one of the two"
                     yield Violation(subject=str(fact), rule=rule, message=message)
-
-
-@lru_cache(maxsize=1024)
-def _is_about_itself(text: str) -> bool:
-    """Whether a constraint's formula only has the object's own values in it."""
-    formula = parse(text)
-    atoms = (literal.atom if isinstance(literal, Not) else literal for literal in literals(formula))
-    simple = not has_quantifiers(formula) and all(
-        isinstance(atom, Comparison) and not any(isinstance(term, Call) for term in terms(atom)) for atom in atoms
-    )
-    has_named_objects = any(isinstance(term, Attribute) and isinstance(term.owner, Name) for term in terms(formula))
-    return simple and not has_named_objects and set(variables(formula)) <= {SELF_VARIABLE}
-
-
-@lru_cache(maxsize=1024)
-def _paths(text: str) -> tuple[str, ...]:
-    """The attribute paths in a formula, each once."""
-    return tuple(dict.fromkeys(term.path for term in terms(parse(text)) if isinstance(term, Attribute)))
-
-
-class _Schema:
-    """The rules for the objects of a type, inherited ones included, computed once for all objects."""
-
-    def __init__(self, ontology: Ontology, type_name: str) -> None:
-        types: list[ObjectType] = [ontology.types[name] for name in ontology.ancestors(type_name)]
-        self.attributes: Mapping[str, AttributeType] = ontology.attributes_of(type_name)
-        self.required = tuple(dict.fromkeys(name for type in reversed(types) for name in type.required))
-        self.parts = tuple(part for type in types for part in type.parts)
-        of_attributes = ((type_name, c) for path, attribute in self.attributes.items() for c in inner_constraints(path, attribute))
-        of_types = ((type.name, c) for type in reversed(types) for c in type.constraints)
-        self.constraints: tuple[tuple[str, Constraint], ...] = (*of_attributes, *of_types)
-        self.external_constraints = tuple(
-            (owner, c) for owner, c in self.constraints if c.formula is not None and not _is_about_itself(c.formula)
-        )
-        """The constraints that changes of other objects may break."""
-        self.defaults: dict[str, Value] = {}
-        for type in reversed(types):
-            self.defaults.update(type.defaults)
-        self.defaulted = {path.split(".")[0] for path in self.defaults}
 
 
 def value_problem(attribute: AttributeType, value: Value) -> str:

@@ -12,11 +12,12 @@ from somrs.entish.parse import nearest, parse, parse_term, read
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.complex_values import inner_paths
-from somrs.ontology.conformance import SELF_VARIABLE, Violation, value_problem
+from somrs.ontology.conformance import Violation, value_problem
 from somrs.ontology.effects import vague_problem
 from somrs.ontology.schema import RESERVED
 from somrs.ontology.service_kinds import kind_problems
 from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, ServiceKind, ServiceType
+from somrs.ontology.type_rules import SELF_VARIABLE
 from somrs.ontology.types import (
     ABSTRACT,
     PHYSICAL,

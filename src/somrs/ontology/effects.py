@@ -26,7 +26,8 @@ from somrs.entish.formula import (
 )
 from somrs.entish.parse import nearest, read
 from somrs.errors import FormulaError
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet, differences
+from somrs.ontology.differences import differences
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import AttributeType, Kind, Ontology, RelationType, Value
 from somrs.ontology.units import convert_unit
@@ -257,7 +258,7 @@ class _ChangeBuilder:
 
     def _require_object(self, part: Formula, term: Term) -> None:
         if not isinstance(term, Name) or term.name not in self.map.objects:
-            raise self.error(part, term, f"there is no object {term} on the map", nearest(str(term), self.map.objects))
+            raise self.error(part, term, f"there is no object {term} on the map", nearest(str(term), self.map.similar_names(str(term))))
 
     def _orders(self, relation: RelationType, arguments: tuple[str, ...]) -> list[tuple[str, ...]]:
         return [arguments, arguments[::-1]] if relation.symmetric and len(arguments) == 2 else [arguments]

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from bisect import bisect_right
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, MutableMapping, Set
+from itertools import islice
+from typing import TypeVar
 
 from msgspec import Struct, structs
 
 from somrs.ontology.indexes import Index
-from somrs.ontology.types import PART_OF, Value
+from somrs.ontology.paged import PagedDict, mutable_copy, settled
+from somrs.ontology.types import PART_OF, UNKNOWN, Value
+
+SIMILAR_NAMES = 5000
+"""So many names with a beginning are looked through for a misspelt one on a large map."""
+
+_K = TypeVar("_K", bound=Hashable)
 
 
 class Object(Struct, frozen=True, kw_only=True):
@@ -73,20 +82,37 @@ def objects_of(change: Change) -> tuple[str, ...]:
 class Map:
     """The objects of an environment and the facts between them. One object, the root, contains all others.
 
-    A map is immutable: `changed` returns a new map that shares the unchanged data.
+    A map is immutable: `changed` returns a new map that shares the unchanged data (`paged.py`).
     """
 
     def __init__(self, objects: Iterable[Object] = (), facts: Iterable[Fact] = ()) -> None:
-        self.objects: dict[str, Object] = {object.name: object for object in objects}
-        self._facts: dict[str, dict[tuple[str, ...], None]] = {}
+        by_relation: dict[str, dict[tuple[str, ...], None]] = {}
+        for fact in facts:
+            by_relation.setdefault(fact.relation, {})[fact.arguments] = None
+        self._load({object.name: object for object in objects}, by_relation)
+
+    def _load(self, objects: Mapping[str, Object], facts: Mapping[str, Mapping[tuple[str, ...], None]]) -> None:
+        self.objects: Mapping[str, Object] = settled(objects)
+        self._facts: dict[str, Mapping[tuple[str, ...], None]] = {relation: settled(tuples) for relation, tuples in facts.items()}
         # Indexes, built on first use: the facts of a relation by the object at a place, and the most arguments that one of them had; the
-        # objects by exact type, and by the values of an attribute.
+        # objects by exact type, those of them that are part of nothing, and the objects by the values of an attribute.
         self._by_argument: dict[str, dict[int, Index[str, tuple[str, ...]]]] = {}
         self._arities: dict[str, int] = {}
         self._by_type: Index[str, str] | None = None
-        self._by_value: dict[str, Index[Value, str]] = {}
-        for fact in facts:
-            self._facts.setdefault(fact.relation, {})[fact.arguments] = None
+        self._wholes_by_type: Index[str, str] | None = None
+        self._by_value: dict[str, Index[_ValueKey, str]] = {}
+        self._index_large()
+
+    def _index_large(self) -> None:
+        """Build at once the indexes that every task needs of what is large. What a derived map builds is lost if it is dropped."""
+        for relation, tuples in self._facts.items():
+            if isinstance(tuples, PagedDict):
+                for place in range(self._arity(relation)):
+                    self._argument_index(relation, place)
+        if isinstance(self.objects, PagedDict):
+            self._type_index()
+            self._whole_index()
+            self._value_index(UNKNOWN)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Map) and self.objects == other.objects and set(self.facts()) == set(other.facts())
@@ -94,11 +120,11 @@ class Map:
     __hash__ = None  # type: ignore[assignment]  # compared by content, too large to be a key
 
     def __getstate__(self) -> tuple[dict[str, Object], dict[str, dict[tuple[str, ...], None]]]:
-        return self.objects, self._facts  # building the indexes is faster than loading them
+        # Building the indexes is faster than loading them.
+        return dict(self.objects.items()), {relation: dict(tuples.items()) for relation, tuples in self._facts.items()}
 
     def __setstate__(self, state: tuple[dict[str, Object], dict[str, dict[tuple[str, ...], None]]]) -> None:
-        Map.__init__(self)
-        self.objects, self._facts = state
+        self._load(*state)
 
     def has_fact(self, relation: str, arguments: tuple[str, ...]) -> bool:
         """Whether the fact is on the map as written. `truth.py` handles symmetric relations."""
@@ -125,30 +151,88 @@ class Map:
     def _argument_index(self, relation: str, place: int) -> Index[str, tuple[str, ...]]:
         places = self._by_argument.setdefault(relation, {})
         if place not in places:
-            tuples = self._facts.get(relation, ())
-            places[place] = Index((arguments[place], arguments) for arguments in tuples if place < len(arguments))
+            tuples = self._facts.get(relation, {})
+            pairs = ((arguments[place], arguments) for arguments in tuples if place < len(arguments))
+            places[place] = Index(pairs, isinstance(tuples, PagedDict))
         return places[place]
+
+    def _arity(self, relation: str) -> int:
+        """The most arguments that a fact of the relation had."""
+        if (arity := self._arities.get(relation)) is None:
+            arity = self._arities[relation] = max(map(len, self._facts[relation]), default=0)
+        return arity
 
     def facts_about(self, name: str) -> Iterator[Fact]:
         """The facts in which the object takes part."""
-        for relation, tuples in self._facts.items():
-            if (arity := self._arities.get(relation)) is None:
-                arity = self._arities[relation] = max(map(len, tuples), default=0)
-            argument_tuples = (arguments for place in range(arity) for arguments in self.facts_with(relation, place, name))
+        for relation in self._facts:
+            argument_tuples = (arguments for place in range(self._arity(relation)) for arguments in self.facts_with(relation, place, name))
             yield from (Fact(relation, arguments) for arguments in dict.fromkeys(argument_tuples))
+
+    def facts_from(self, name: str) -> Iterator[Fact]:
+        """The facts that have the object as their first argument."""
+        for relation in self._facts:
+            yield from (Fact(relation, arguments) for arguments in self.facts_with(relation, 0, name))
+
+    def facts_without_arguments(self) -> Iterator[Fact]:
+        return (Fact(relation, ()) for relation in self._facts if self.has_fact(relation, ()))
 
     def of_type(self, type_name: str) -> Collection[str]:
         """The names of the objects of exactly this type, without its subtypes."""
+        return self._type_index().values_for(type_name)
+
+    def types(self) -> Iterator[str]:
+        """The types that objects have."""
+        return self._type_index().keys()
+
+    def _type_index(self) -> Index[str, str]:
         if self._by_type is None:
-            self._by_type = Index((object.type, object.name) for object in self.objects.values())
-        return self._by_type.values_for(type_name)
+            self._by_type = self._index((object.type, object.name) for object in self.objects.values())
+        return self._by_type
+
+    def wholes_of_type(self, type_name: str) -> Collection[str]:
+        """Those objects of exactly this type that are part of nothing."""
+        return self._whole_index().values_for(type_name)
+
+    def _whole_index(self) -> Index[str, str]:
+        if self._wholes_by_type is None:
+            self._wholes_by_type = self._index(
+                (object.type, object.name) for object in self.objects.values() if self._is_whole(object.name)
+            )
+        return self._wholes_by_type
+
+    def _is_whole(self, name: str) -> bool:
+        return not self.facts_with(PART_OF, 0, name)
 
     def with_value(self, path: str, value: Value) -> Collection[str]:
         """The names of the objects that set the value themselves, without those that have it by default."""
+        return self._value_index(path).values_for(_value_key(value))
+
+    def _value_index(self, path: str) -> Index[_ValueKey, str]:
         if path not in self._by_value:
             value_pairs = ((object.values.get(path), object.name) for object in self.objects.values())
-            self._by_value[path] = Index((value, name) for value, name in value_pairs if value is not None)
-        return self._by_value[path].values_for(value)
+            self._by_value[path] = self._index((_value_key(value), name) for value, name in value_pairs if value is not None)
+        return self._by_value[path]
+
+    def _index(self, pairs: Iterable[tuple[_K, str]]) -> Index[_K, str]:
+        """An index of objects."""
+        return Index(pairs, isinstance(self.objects, PagedDict))
+
+    def names_after(self, name: str) -> Iterator[str]:
+        """The names of the objects that follow this one in their order; all for an empty name."""
+        if isinstance(self.objects, PagedDict):
+            return self.objects.keys_after(name)
+        names = sorted(self.objects)
+        return iter(names[bisect_right(names, name) :])
+
+    def in_order(self, names: Set[str]) -> list[str]:
+        """The objects with these names, in the order of the map."""
+        return sorted(names) if len(names) < 2 or isinstance(self.objects, PagedDict) else [name for name in self.objects if name in names]
+
+    def similar_names(self, name: str) -> Iterable[str]:
+        """The names among which a misspelt one is looked for: all, or on a large map the first ones that begin alike."""
+        if not isinstance(self.objects, PagedDict):
+            return self.objects
+        return (similar for beginning in (name[:-1], name[:1]) for similar in islice(self.names_after(beginning), SIMILAR_NAMES))
 
     def parts(self, whole: str) -> Iterator[Object]:
         """The direct sub-objects."""
@@ -160,123 +244,168 @@ class Map:
 
     def roots(self) -> list[str]:
         """The objects that are part of no other; a valid map has one abstract object among them."""
-        parts = {arguments[0] for arguments in self._facts.get(PART_OF, ())}
-        return [name for name in self.objects if name not in parts]
+        return [name for name in self.objects if self._is_whole(name)]
 
     def changed(self, changes: Iterable[Change]) -> Map:
         """The map after the changes. `conformance.py` checks whether it conforms to the ontology."""
-        map_after = Map()
-        map_after.objects = self.objects
-        map_after._facts = dict(self._facts)
-        map_after._by_argument, map_after._arities = dict(self._by_argument), dict(self._arities)
-        map_after._by_type = self._by_type.copy() if self._by_type is not None else None
-        map_after._by_value = dict(self._by_value)
-        owned_keys: set[str] = set()
-        """The relations and attributes whose facts and indexes `map_after` has copied already."""
+        draft = _Draft(self)
         for change in changes:
-            if map_after.objects is self.objects and not isinstance(change, FactAdded | FactRemoved):
-                map_after.objects = dict(self.objects)
-            match change:
-                case ObjectAdded(object):
-                    map_after._unindex_object(object.name, owned_keys)
-                    map_after._insert_object(object, owned_keys)
-                case ObjectRemoved(name):
-                    map_after._unindex_object(name, owned_keys)
-                    map_after.objects.pop(name, None)
-                    for fact in [fact for fact in map_after.facts() if name in fact.arguments]:
-                        map_after._remove(fact, owned_keys)
-                case ValueSet(name, path, value):
-                    object = map_after.objects[name]
-                    map_after._set(object, path, value, owned_keys)
-                    values = {**object.values, path: value} if value is not None else {p: v for p, v in object.values.items() if p != path}
-                    map_after.objects[name] = structs.replace(object, values=values)
-                case FactAdded(fact):
-                    map_after._own_relation(fact.relation, owned_keys)[fact.arguments] = None
-                    if len(fact.arguments) > map_after._arities.get(fact.relation, len(fact.arguments)):
-                        map_after._arities[fact.relation] = len(fact.arguments)
-                    for place, index in map_after._by_argument.get(fact.relation, {}).items():
-                        if place < len(fact.arguments):
-                            index.add(fact.arguments[place], fact.arguments)
-                case FactRemoved(fact):
-                    map_after._remove(fact, owned_keys)
-        return map_after
+            draft.apply(change)
+        return draft.finished()
 
-    # Changes in place, of a map that no other code refers to yet
 
-    def _insert_object(self, object: Object, owned_keys: set[str]) -> None:
-        self.objects[object.name] = object
-        if self._by_type is not None:
-            self._by_type.add(object.type, object.name)
-        for path in self._by_value:
+class _Draft:
+    """A map that is being derived from another: it is changed in place, and copies what both share before that."""
+
+    def __init__(self, base: Map) -> None:
+        self.base = base
+        self.map = map = Map.__new__(Map)
+        map.objects, map._facts = base.objects, dict(base._facts)
+        map._by_argument, map._arities = dict(base._by_argument), dict(base._arities)
+        map._by_type, map._wholes_by_type, map._by_value = base._by_type, base._wholes_by_type, dict(base._by_value)
+        self._objects: MutableMapping[str, Object] | None = None
+        self._relations: dict[str, MutableMapping[tuple[str, ...], None]] = {}
+        """The facts of the relations that have changed."""
+        self._regrouped: dict[str, None] = {}
+        """The objects that were added or removed, or that became part of something else."""
+
+    def apply(self, change: Change) -> None:
+        match change:
+            case ObjectAdded(object):
+                self._unindex_object(object.name)
+                self._insert_object(object)
+            case ObjectRemoved(name):
+                self._unindex_object(name)
+                self._own_objects().pop(name, None)
+                for fact in [*self.map.facts_about(name)]:
+                    self._remove(fact)
+            case ValueSet(name, path, value):
+                object = self.map.objects[name]
+                self._reindex_value(object, path, value)
+                values = {**object.values, path: value} if value is not None else {p: v for p, v in object.values.items() if p != path}
+                self._own_objects()[name] = structs.replace(object, values=values)
+            case FactAdded(fact):
+                self._add(fact)
+            case FactRemoved(fact):
+                self._remove(fact)
+
+    def finished(self) -> Map:
+        """The map, when all changes have been applied; the old one, if they changed nothing."""
+        map, base = self.map, self.base
+        if self._objects is None and not self._relations:
+            return base
+        for relation in self._relations:
+            map._facts[relation] = settled(map._facts[relation])
+            if isinstance(map._facts[relation], PagedDict) is not isinstance(base._facts.get(relation), PagedDict):
+                map._by_argument.pop(relation, None)  # the order of its facts is another one
+            for index in map._by_argument.get(relation, {}).values():
+                index.settle()
+        if self._objects is not None:
+            map.objects = settled(self._objects)
+            if isinstance(map.objects, PagedDict) is not isinstance(base.objects, PagedDict):
+                map._by_type, map._wholes_by_type, map._by_value = None, None, {}
+        if self._regrouped and map._wholes_by_type is not None:
+            self._reindex_wholes(map._wholes_by_type.copy())
+        if map._by_type is not None:
+            map._by_type.settle()
+        for values in map._by_value.values():
+            values.settle()
+        map._index_large()
+        return map
+
+    def _own_objects(self) -> MutableMapping[str, Object]:
+        if self._objects is None:
+            self.map.objects = self._objects = mutable_copy(self.map.objects)
+        return self._objects
+
+    def _insert_object(self, object: Object) -> None:
+        self._own_objects()[object.name] = object
+        self._regrouped[object.name] = None
+        if self.map._by_type is not None:
+            self._own_types().add(object.type, object.name)
+        for path in self.map._by_value:
             if (value := object.values.get(path)) is not None:
-                self._own_values(path, owned_keys).add(value, object.name)
+                self._own_values(path).add(_value_key(value), object.name)
 
-    def _unindex_object(self, name: str, owned_keys: set[str]) -> None:
+    def _unindex_object(self, name: str) -> None:
         """Remove an object from the indexes, if it is there."""
-        object = self.objects.get(name)
+        object = self.map.objects.get(name)
         if object is None:
             return
-        if self._by_type is not None:
-            self._by_type.remove(object.type, name)
-        for path in self._by_value:
-            self._set(object, path, None, owned_keys)
+        self._regrouped[name] = None
+        if self.map._by_type is not None:
+            self._own_types().remove(object.type, name)
+        for path in self.map._by_value:
+            self._reindex_value(object, path, None)
 
-    def _set(self, object: Object, path: str, value: Value | None, owned_keys: set[str]) -> None:
+    def _reindex_value(self, object: Object, path: str, value: Value | None) -> None:
         """Replace the old value of an object in the index of the attribute's values."""
-        if path not in self._by_value:
+        old_value = object.values.get(path)
+        if path not in self.map._by_value or (old_value is None and value is None):
             return
-        index = self._own_values(path, owned_keys)
-        if (old_value := object.values.get(path)) is not None:
-            index.remove(old_value, object.name)
+        index = self._own_values(path)
+        if old_value is not None:
+            index.remove(_value_key(old_value), object.name)
         if value is not None:
-            index.add(value, object.name)
+            index.add(_value_key(value), object.name)
 
-    def _remove(self, fact: Fact, owned_keys: set[str]) -> None:
-        if not self.has_fact(fact.relation, fact.arguments):
+    def _reindex_wholes(self, index: Index[str, str]) -> None:
+        for name in self._regrouped:
+            old_object, new_object = self.base.objects.get(name), self.map.objects.get(name)
+            if old_object is not None and self.base._is_whole(name):
+                index.remove(old_object.type, name)
+            if new_object is not None and self.map._is_whole(name):
+                index.add(new_object.type, name)
+        index.settle()
+        self.map._wholes_by_type = index
+
+    def _add(self, fact: Fact) -> None:
+        relation, arguments = fact.relation, fact.arguments
+        if self.map.has_fact(relation, arguments):
             return
-        del self._own_relation(fact.relation, owned_keys)[fact.arguments]
-        for place, index in self._by_argument.get(fact.relation, {}).items():
+        self._own_relation(relation)[arguments] = None
+        if len(arguments) > self.map._arities.get(relation, len(arguments)):
+            self.map._arities[relation] = len(arguments)
+        for place, index in self.map._by_argument.get(relation, {}).items():
+            if place < len(arguments):
+                index.add(arguments[place], arguments)
+        self._note_part(fact)
+
+    def _remove(self, fact: Fact) -> None:
+        if not self.map.has_fact(fact.relation, fact.arguments):
+            return
+        del self._own_relation(fact.relation)[fact.arguments]
+        for place, index in self.map._by_argument.get(fact.relation, {}).items():
             if place < len(fact.arguments):
                 index.remove(fact.arguments[place], fact.arguments)
+        self._note_part(fact)
 
-    def _own_relation(self, name: str, owned_keys: set[str]) -> dict[tuple[str, ...], None]:
-        if name not in owned_keys:
-            owned_keys.add(name)
-            self._facts[name] = dict(self._facts.get(name, ()))
-            if name in self._by_argument:
-                self._by_argument[name] = {place: index.copy() for place, index in self._by_argument[name].items()}
-        return self._facts[name]
+    def _note_part(self, fact: Fact) -> None:
+        if fact.relation == PART_OF and fact.arguments:
+            self._regrouped[fact.arguments[0]] = None
 
-    def _own_values(self, path: str, owned_keys: set[str]) -> Index[Value, str]:
-        if "." + path not in owned_keys:
-            owned_keys.add("." + path)
-            self._by_value[path] = self._by_value[path].copy()
-        return self._by_value[path]
+    def _own_relation(self, name: str) -> MutableMapping[tuple[str, ...], None]:
+        if name not in self._relations:
+            self.map._facts[name] = self._relations[name] = mutable_copy(self.map._facts.get(name, {}))
+            if name in self.map._by_argument:
+                self.map._by_argument[name] = {place: index.copy() for place, index in self.map._by_argument[name].items()}
+        return self._relations[name]
 
+    def _own_types(self) -> Index[str, str]:
+        assert self.map._by_type is not None
+        if self.map._by_type is self.base._by_type:
+            self.map._by_type = self.map._by_type.copy()
+        return self.map._by_type
 
-def differences(map_before: Map, map_after: Map) -> Iterator[Change]:
-    """The changes from one map to the other. This is fast when one map was derived from the other with `changed`."""
-    for relation in map_after._facts.keys() | map_before._facts.keys():
-        old, new = map_before._facts.get(relation, {}), map_after._facts.get(relation, {})
-        if old is not new:
-            yield from (FactRemoved(Fact(relation, arguments)) for arguments in old if arguments not in new)
-    if map_before.objects is not map_after.objects:
-        yield from _object_differences(map_before.objects, map_after.objects)
-    removed_names = map_before.objects.keys() - map_after.objects.keys() if map_before.objects is not map_after.objects else set()
-    for relation, new in map_after._facts.items():
-        old = map_before._facts.get(relation, {})
-        if old is not new or removed_names:
-            yield from (FactAdded(Fact(relation, args)) for args in new if args not in old or not removed_names.isdisjoint(args))
+    def _own_values(self, path: str) -> Index[_ValueKey, str]:
+        if self.map._by_value[path] is self.base._by_value.get(path):
+            self.map._by_value[path] = self.map._by_value[path].copy()
+        return self.map._by_value[path]
 
 
-def _object_differences(objects_before: dict[str, Object], objects_after: dict[str, Object]) -> Iterator[Change]:
-    yield from (ObjectRemoved(name) for name in objects_before if name not in objects_after)
-    for name, object in objects_after.items():
-        old = objects_before.get(name)
-        if old is None or (old is not object and old.type != object.type):
-            yield ObjectAdded(object)
-        elif old is not object:
-            for path in old.values.keys() | object.values.keys():
-                value = object.values.get(path)
-                if value != old.values.get(path) or type(value) is not type(old.values.get(path)):
-                    yield ValueSet(name, path, value)
+_ValueKey = tuple[bool, Value]
+"""A value as a key of an index: texts cannot be compared with numbers."""
+
+
+def _value_key(value: Value) -> _ValueKey:
+    return isinstance(value, str), value

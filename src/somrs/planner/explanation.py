@@ -232,7 +232,7 @@ class _Reasons:
         unknown = [name for name in self._objects(literal) if name not in self.problem.map.objects]
         for name in unknown:
             self.obstacles.add(Obstacle.NO_OBJECT)
-            hint = nearest(name, self.problem.map.objects)
+            hint = nearest(name, self.problem.map.similar_names(name))
             self.texts[f"{literal}: there is no object {name} on the map" + (f"; {hint}" if hint else "")] = None
         excluded_names = [name for name in names(literal) if name in self.problem.excluded]
         if excluded_names:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from somrs.entish.formula import Attribute, Comparison, literals
@@ -58,14 +58,14 @@ class Surroundings:
     """What the association knows besides the map.
 
     `anywhere`: objects whose place on the map does not count; `sought`: those of them that the report looked for.
-    `held`: objects that are on their way with a device. `moved`: objects that the map has somewhere only since after the report.
+    `held`: objects that are on their way with a device. `has_moved`: whether the map has an object somewhere only since after the report.
     `departed`: objects that were removed after the report. `provisional`: objects that are known from sightings only.
     """
 
     anywhere: Collection[str] = ()
     sought: Collection[str] = ()
     held: Collection[str] = ()
-    moved: Collection[str] = ()
+    has_moved: Callable[[str], bool] = lambda name: False
     departed: Sequence[Object] = ()
     provisional: Collection[str] = ()
 
@@ -153,7 +153,7 @@ class _Associating:
         distance = self._distance(sighting, name)
         is_near = distance is not None and distance <= NEAR
         is_free = distance is None or name in around.anywhere or self.ontology.is_subtype(object.type, DEVICE)
-        is_doubtful = name in around.held or name in around.moved
+        is_doubtful = name in around.held or around.has_moved(name)
         if not (is_near or is_free or is_doubtful) or not self._agrees(sighting, object, self.map):
             return None
         if is_near and distance is not None:

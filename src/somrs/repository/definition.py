@@ -167,7 +167,7 @@ def _wrong_renamings(ontology: Ontology, define: Define) -> Iterator[Violation]:
 def _impossible_object(map: Map, ontology: Ontology, rename: RenameObject) -> Iterator[Violation]:
     object = map.objects.get(rename.name)
     if object is None:
-        hint = nearest(rename.name, map.objects) or "add it first"
+        hint = nearest(rename.name, map.similar_names(rename.name)) or "add it first"
         yield Violation(subject=rename.name, rule="unknown-object", message=f"there is no object {rename.name} on the map; {hint}")
     elif ontology.is_device(object.type):
         message = "is a device, and its program uses this name; remove it from the map, and let it join under another name"

@@ -78,7 +78,7 @@ def _limit(limit: int) -> int:
 def _history(question: ReadHistory, events: tuple[Event, ...], contents: Contents) -> Body:
     name = question.object
     if not events and question.before is None and name not in contents.map.objects:
-        hint = nearest(name, contents.map.objects)
+        hint = nearest(name, contents.map.similar_names(name))
         return Fault(code="Sender", text=f"there never was an object {name} on the map. {hint}".rstrip())
     page = tuple(fit_page(map(shorten_event, events), _limit(question.limit)))
     return History(object=name, events=page, more=len(page) < len(events), discovered=contents.provenance.discoveries.get(name))

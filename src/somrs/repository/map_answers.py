@@ -10,7 +10,7 @@ from somrs.ontology.truth import bindings
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Row, Rows
 from somrs.protocol.messages.paging import fit_page
-from somrs.repository.pages import MapPages
+from somrs.repository.pages import map_page
 from somrs.repository.promised_maps import PromisedMaps
 
 MOST_ROWS = 1000
@@ -22,16 +22,13 @@ class MapAnswers:
 
     def __init__(self) -> None:
         self._promised = PromisedMaps()
-        self._pages = MapPages(Map())
 
     def answer(self, question: QueryMap | ReadMap, map: Map, ontology: Ontology, version: int) -> Rows | MapPage:
         """The answer to a question about a map of this version. Raises FormulaError."""
         asked_map = self._promised.map_in(question.situation, map, ontology)
         if isinstance(question, QueryMap):
             return _rows(question, asked_map, ontology, version)
-        if self._pages.map is not asked_map:
-            self._pages = MapPages(asked_map)
-        return self._pages.page(version, question.after)
+        return map_page(asked_map, version, question.after)
 
 
 def _rows(query: QueryMap, map: Map, ontology: Ontology, version: int) -> Rows:

@@ -39,7 +39,7 @@ def _impossible(map: Map, ontology: Ontology, provenance: Provenance, merge: Mer
         yield _wrong(name, "duplicate", f"is known to be {into} already")
         return
     for missing in (object_name for object_name in (name, into) if object_name not in map.objects):
-        hint = nearest(missing, map.objects) or "add it first"
+        hint = nearest(missing, map.similar_names(missing)) or "add it first"
         yield _wrong(missing, "unknown-object", f"there is no object {missing} on the map; {hint}")
     if name not in map.objects or into not in map.objects:
         return

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
-
-from somrs.ontology.objects import Fact, Map
+from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import MapPage, OntologyPage, by_kind
 from somrs.protocol.messages.paging import fit_page
@@ -18,25 +16,15 @@ def ontology_page(ontology: Ontology, version: int, offset: int, changed_at: int
     return OntologyPage(definitions=by_kind(page), version=version, next=end, more=end < len(definitions), changed_at=changed_at)
 
 
-class MapPages:
-    """The pages of a map, in the order of object names."""
-
-    def __init__(self, map: Map) -> None:
-        self.map = map
-        self._names = sorted(map.objects)
-        self._facts: dict[str, list[Fact]] = {}
-        for fact in map.facts():
-            self._facts.setdefault(fact.arguments[0] if fact.arguments else "", []).append(fact)
-
-    def page(self, version: int, last_name: str) -> MapPage:
-        """The page that follows the object `last_name`. Facts without arguments are on the first page."""
-        start = bisect_right(self._names, last_name) if last_name else 0
-        rows = ((self.map.objects[name], self._facts.get(name, [])) for name in self._names[start:])
-        page = list(fit_page(rows))
-        facts = [fact for _, facts in page for fact in facts]
-        return MapPage(
-            objects=tuple(object for object, _ in page),
-            facts=tuple(facts if last_name else [*self._facts.get("", []), *facts]),
-            version=version,
-            more=start + len(page) < len(self._names),
-        )
+def map_page(map: Map, version: int, last_name: str) -> MapPage:
+    """The page that follows the object `last_name`, in the order of names. Facts without arguments are on the first page."""
+    rows = ((map.objects[name], [*map.facts_from(name)]) for name in map.names_after(last_name))
+    page = list(fit_page(rows))
+    facts = [fact for _, facts in page for fact in facts]
+    next_name = next(map.names_after(page[-1][0].name), None) if page else None
+    return MapPage(
+        objects=tuple(object for object, _ in page),
+        facts=tuple(facts if last_name else [*map.facts_without_arguments(), *facts]),
+        version=version,
+        more=next_name is not None,
+    )

@@ -6,8 +6,9 @@ object, with its type and the next free number as its name. `provenance.py` deci
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 
 from msgspec import structs
 
@@ -36,6 +37,9 @@ from somrs.protocol.messages.observations import Observation, Reception
 from somrs.repository.association import DEVICE, Sighting, Surroundings, associate, coinciding, exclusive_relations
 from somrs.repository.merged_object import merge_changes
 from somrs.repository.provenance import Aspect, Provenance, fact_aspect, location_aspect
+
+MOST_NUMBERED = 10_000
+"""Where there are more names, a new object does not get the number after the highest, but any number after which one is free."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +149,7 @@ class _Report:
         new: dict[str, Object] = {}
         for sighting in others:
             if sighting.variable in association.new:
-                name = free_name(sighting.object.type, [*self.map.objects, *self.reserved, *(object.name for object in new.values())])
+                name = self._free_name(sighting.object.type, {object.name for object in new.values()})
                 new[sighting.variable] = Object(name=name, type=sighting.object.type)
         names = {**holders.names, **association.names, **{variable: object.name for variable, object in new.items()}}
         self.mentioned.update(names.values(), association.duplicates)
@@ -155,6 +159,12 @@ class _Report:
             duplicates=association.duplicates,
             unidentified=[name for name in variables(situation) if name not in names],
         )
+
+    def _free_name(self, type_name: str, new_names: Collection[str]) -> str:
+        names = self.map.objects, self.reserved, new_names
+        if len(self.map.objects) + len(self.reserved) <= MOST_NUMBERED:
+            return free_name(type_name, chain(*names))
+        return next_free_name(type_name, lambda name: any(name in taken for taken in names))
 
     def _surroundings(self) -> Surroundings:
         map, provenance = self.map, self.provenance
@@ -166,9 +176,7 @@ class _Report:
             anywhere={*sought, *map.with_value(UNKNOWN, True), *self._searched_things()},
             sought=sought,
             held={fact.arguments[0] for relation in holding for fact in map.facts(relation)},
-            moved={name for name, times in provenance.times.items() if _is_placed_after(times, self.at)}
-            if self.observation.as_of is not None
-            else (),
+            has_moved=lambda name: self.observation.as_of is not None and _is_placed_after(provenance.times.get(name, {}), self.at),
             departed=self._departed(),
             provisional=provenance.provisional,
         )
@@ -321,6 +329,17 @@ def free_name(type_name: str, names: Iterable[str]) -> str:
     """A name for a new object: its type and the number after the highest of the names of that form, as in `Jar007`."""
     numbers = (name.removeprefix(type_name) for name in names if name.startswith(type_name))
     return f"{type_name}{max((int(number) for number in numbers if number.isdecimal()), default=0) + 1:03d}"
+
+
+def next_free_name(type_name: str, is_taken: Callable[[str], bool]) -> str:
+    """A free name of that form, found in a few steps: the highest number is not looked for."""
+    taken, free = 0, 1
+    while is_taken(f"{type_name}{free:03d}"):
+        taken, free = free, 2 * free
+    while free - taken > 1:
+        middle = (taken + free) // 2
+        taken, free = (middle, free) if is_taken(f"{type_name}{middle:03d}") else (taken, middle)
+    return f"{type_name}{free:03d}"
 
 
 def location_facts(name: str, map: Map, ontology: Ontology) -> list[Fact]:

@@ -10,7 +10,7 @@ from msgspec import structs
 
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
-from somrs.ontology.conformance import Violation, malformed, violations, violations_of
+from somrs.ontology.conformance import Violation, malformed, root_violations, violations_of
 from somrs.ontology.objects import (
     Change,
     Fact,
@@ -77,7 +77,7 @@ def _wrong_observation(map: Map, ontology: Ontology, observation: Observation, p
     for name in dict.fromkeys((*observation.gone, *observation.searched, *observation.sought, *observation.missed)):
         object = map.objects.get(name)
         if object is None and name not in provenance.departures:
-            yield Violation(subject=name, rule="unknown-object", message=_unknown(name, dict.fromkeys(map.objects, True)))
+            yield Violation(subject=name, rule="unknown-object", message=_unknown(name, map.similar_names(name)))
         elif object is not None and name in observation.gone and ontology.is_subtype(object.type, DEVICE):
             yield Violation(subject=name, rule="device", message="is a device; a person removes it from the map, and no report does")
 
@@ -156,11 +156,12 @@ def _clear_unknown(map: Map, changes: Iterable[Change], recognized: Iterable[str
 
 def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iterator[Violation]:
     """Violations for changes that are impossible, whatever the types allow."""
-    presence = dict.fromkeys(map.objects, True)
+    presence: dict[str, bool] = {}
+    """Whether the objects that earlier changes added or removed are there."""
     for change in changes:
         match change:
             case ObjectAdded(object):
-                if presence.get(object.name):
+                if presence.get(object.name, object.name in map.objects):
                     message = "is on the map already; set its values, or give the new object another name"
                     yield Violation(subject=object.name, rule="duplicate", message=message)
                 if not is_name(object.name):
@@ -168,8 +169,9 @@ def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iter
                     yield Violation(subject=object.name, rule="name", message=message)
                 presence[object.name] = True
             case ObjectRemoved(name) | ValueSet(name):
-                if not presence.get(name):
-                    yield Violation(subject=name, rule="unknown-object", message=_unknown(name, presence))
+                if not presence.get(name, name in map.objects):
+                    known_names = (known for known in (*map.similar_names(name), *presence) if presence.get(known, True))
+                    yield Violation(subject=name, rule="unknown-object", message=_unknown(name, known_names))
                 elif isinstance(change, ObjectRemoved):
                     presence[name] = False
             case FactAdded(fact) | FactRemoved(fact):
@@ -177,8 +179,8 @@ def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iter
                     yield violation
 
 
-def _unknown(name: str, presence: dict[str, bool]) -> str:
-    hint = nearest(name, (object_name for object_name, present in presence.items() if present))
+def _unknown(name: str, known_names: Iterable[str]) -> str:
+    hint = nearest(name, known_names)
     return f"there is no object {name} on the map; {hint or 'add it first'}"
 
 
@@ -243,7 +245,10 @@ def _text_violations(changes: Iterable[Change]) -> Iterator[Violation]:
 
 def _violations(map_before: Map, outcome: Outcome, ontology: Ontology) -> list[Violation]:
     """The rules that the changes break."""
+    if not outcome.changes:
+        return []
+    broken = violations_of(outcome.map, ontology, outcome.objects, map_before)
     removed = [map_before.objects[change.name].type for change in outcome.changes if isinstance(change, ObjectRemoved)]
     if any(ontology.is_subtype(type_name, ABSTRACT) for type_name in removed):
-        return violations(outcome.map, ontology)  # the removed object may have been the root, which is part of no object
-    return violations_of(outcome.map, ontology, outcome.objects, map_before) if outcome.changes else []
+        broken += root_violations(outcome.map, ontology)  # the removed object may have been the root
+    return broken

@@ -17,7 +17,7 @@ from somrs.ontology.naming import Section
 from somrs.ontology.objects import objects_of
 from somrs.protocol.messages.knowledge import Event, MapPage, OntologyPage, ReadMap, Revision
 from somrs.repository.component import SCHEMA
-from somrs.repository.pages import MapPages, ontology_page
+from somrs.repository.pages import map_page, ontology_page
 from somrs.repository.rollback import PastState
 from somrs.repository.state import ArchivedEvents, Contents, EventsOf, HistoryOf, PageOf
 from somrs.storage import journal
@@ -63,7 +63,7 @@ class _MapHistory:
     """The archive of a Repository's journal, as `journal.Archive`: each `Event`, with the changes that revert it."""
 
     def __init__(self) -> None:
-        self._pasts: dict[int, tuple[PastState, MapPages]] = {}
+        self._pasts: dict[int, PastState] = {}
 
     def store_record(self, record: object, db: sqlite3.Connection) -> None:
         """Store an event. Raises Contradiction when a different event is stored for its version."""
@@ -84,9 +84,9 @@ class _MapHistory:
     async def answer(self, task: object, disk: Disk) -> ArchivedEvents | MapPage | OntologyPage:
         match task:
             case PageOf(question=question, at_version=version):
-                past_state, pages = self._pasts.get(version) or await self._load_past(task, disk)
+                past_state = self._pasts.get(version) or await self._load_past(task, disk)
                 if isinstance(question, ReadMap):
-                    return pages.page(version, question.after)
+                    return map_page(past_state.map, version, question.after)
                 return ontology_page(past_state.ontology, version, question.after, past_state.changed_at)
             case HistoryOf() | EventsOf():
                 rows = await asyncio.wrap_future(disk.read(read_job(task)))
@@ -94,15 +94,15 @@ class _MapHistory:
                     return await asyncio.to_thread(lambda: ArchivedEvents(tuple(map(event_of, rows))))
         raise TypeError(f"the history of a map has no {type(task).__name__}")
 
-    async def _load_past(self, page_request: PageOf, disk: Disk) -> tuple[PastState, MapPages]:
+    async def _load_past(self, page_request: PageOf, disk: Disk) -> PastState:
         way, changed_at = await asyncio.wrap_future(disk.read(lambda db: read_way_back(page_request.version, page_request.at_version, db)))
         with disk.explained():
             # Reverting ten thousand events takes a while: neither the event loop nor the disk thread waits for it.
             past_state = await asyncio.to_thread(restore_past, page_request, way, changed_at)
         while len(self._pasts) >= MAX_PAST_VERSIONS:
             del self._pasts[next(iter(self._pasts))]
-        self._pasts[page_request.at_version] = entry = past_state, MapPages(past_state.map)
-        return entry
+        self._pasts[page_request.at_version] = past_state
+        return past_state
 
 
 def _insert(event: Event, db: sqlite3.Connection) -> None:

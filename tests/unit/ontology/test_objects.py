@@ -7,6 +7,7 @@ import pickle
 import pytest
 from msgspec import structs
 
+from somrs.ontology.differences import differences
 from somrs.ontology.objects import (
     Change,
     Fact,
@@ -17,7 +18,6 @@ from somrs.ontology.objects import (
     ObjectAdded,
     ObjectRemoved,
     ValueSet,
-    differences,
     objects_of,
 )
 from somrs.ontology.types import Value

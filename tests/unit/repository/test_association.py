@@ -116,10 +116,10 @@ def test_what_is_known_from_a_sighting_alone_may_be_what_is_sought() -> None:
 def test_what_cannot_be_told_apart_is_not_decided() -> None:
     seen = sighting("A", at=(3.0, 3.0), color="Red")
     assert association(seen, held={"Red1"}).undecided == ["A"], "it may be what a device carries"
-    assert association(seen, moved={"Red1"}).undecided == ["A"], "it may have been here then"
+    assert association(seen, has_moved={"Red1"}.__contains__).undecided == ["A"], "it may have been here then"
     assert association(seen, departed=[Object(name="Red9", type="Jar", values={"Color": "Red"})]).undecided == ["A"]
     assert association(seen, departed=[Object(name="Red9", type="Jar", values={"Color": "Blue"})]).new == ["A"]
-    assert association(sighting("A", at=(1.0, 1.0), color="Red"), moved={"Red1"}).names == {"A": "Red1"}
+    assert association(sighting("A", at=(1.0, 1.0), color="Red"), has_moved={"Red1"}.__contains__).names == {"A": "Red1"}
 
 
 # The assignment, and its slow twin

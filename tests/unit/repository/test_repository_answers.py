@@ -39,7 +39,7 @@ from somrs.protocol.messages.knowledge import (
 from somrs.protocol.messages.paging import PAGE_BYTES
 from somrs.repository import component, map_answers
 from somrs.repository.component import Repository, only_reads
-from somrs.repository.pages import MapPages, ontology_page
+from somrs.repository.pages import map_page, ontology_page
 from somrs.repository.state import ArchivedEvents, Contents, DefinitionChange, EventsOf, HistoryOf, LeasesDue, PageOf, Subscription
 from tests.support.lab import CLIENT, REPOSITORY, ask, contents, deliver_request, lab, records, request, sent_bodies
 
@@ -330,14 +330,14 @@ def test_the_map_by_pages() -> None:
     size = PAGE_BYTES // 2 - 200
     objects = [Object(name=name, type="Jar", values={"Label": "x" * size}) for name in ("C", "A", "B")]
     facts = [Fact("isLit", ()), Fact("isOn", ("A", "B")), Fact("isOn", ("C", "B")), Fact("isNear", ("A", "C"))]
-    pages = MapPages(Map(objects, facts))
-    first, second = pages.page(4, ""), pages.page(4, "B")
+    map = Map(objects, facts)
+    first, second = map_page(map, 4, ""), map_page(map, 4, "B")
     assert [map_object.name for map_object in first.objects] == ["A", "B"]
     assert (first.facts[0], set(first.facts[1:])) == (facts[0], {facts[1], facts[3]})
     assert (first.version, first.more) == (4, True)
     assert second == MapPage(objects=(objects[0],), facts=(facts[2],), version=4, more=False)
-    assert pages.page(4, "Aa") == MapPage(objects=(objects[2], objects[0]), facts=(facts[2],), version=4, more=False)
-    assert pages.page(4, "C") == MapPage(objects=(), facts=(), version=4, more=False)
+    assert map_page(map, 4, "Aa") == MapPage(objects=(objects[2], objects[0]), facts=(facts[2],), version=4, more=False)
+    assert map_page(map, 4, "C") == MapPage(objects=(), facts=(), version=4, more=False)
 
 
 def test_what_changed_is_read_at_once(repository: Repository) -> None:

@@ -21,9 +21,10 @@ from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.devices.simulator.world.recognition import are_alike
 from somrs.kernel.component import Effect, Input, Started
 from somrs.kernel.replica import Replica
+from somrs.ontology.differences import differences
 from somrs.ontology.modes import closed_passages, hold_reason, modes
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import Change, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
+from somrs.ontology.objects import Change, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import PAUSED, PAUSED_FOR
 from somrs.space.solids import Role, solid_of
 from somrs.space.zones import zones_of
@@ -110,7 +111,7 @@ class Follower:
         solids, objects = simulation.scene.world.solids, self.replica.map.objects
         own_name = self._own_names.pop(name, None)
         kept_name = next((kept_name for kept_name in (own_name, into) if kept_name in objects and kept_name not in solids), None)
-        if kept_name is None and into in objects and self._stands_for(name, into, simulation):
+        if kept_name is None and into is not None and into in objects and self._stands_for(name, into, simulation):
             simulation.remove(into)
             kept_name = into
         if kept_name is not None and name in solids:

@@ -155,7 +155,7 @@ class MapPage:
         map, storeys = self._api.context.map, self._map_view.storeys()
         storey, named, self._version_in_address = (parameters.get(name) for name in ("storey", "object", "version"))
         if named is not None and named not in map.objects and self._version_in_address is None:
-            hint = nearest(named, map.objects) or "select an object on the plan, or find one by its name."
+            hint = nearest(named, map.similar_names(named)) or "select an object on the plan, or find one by its name."
             self._address.report(f"There is no object {named} on the map; {hint}")
             named = None
         if storey is not None and storey not in (ALL_STOREYS, *storeys):

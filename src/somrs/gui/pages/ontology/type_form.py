@@ -10,7 +10,7 @@ from somrs.gui.pages.ontology.drafts import BLANK_RULE, FORMULA, LIMITS
 from somrs.gui.pages.ontology.fields import Fields
 from somrs.gui.pages.ontology.form_parser import attributes_with, type_from_form
 from somrs.gui.pages.ontology.ontology_view import OntologyView
-from somrs.ontology.conformance import SELF_VARIABLE
+from somrs.ontology.type_rules import SELF_VARIABLE
 from somrs.ontology.types import AttributeType, Kind
 
 MakeAttribute = Callable[[Callable[[str], None]], None]
