@@ -6,6 +6,7 @@ Ontologies and maps are stored as lists of their elements, because rebuilding th
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 import msgspec
@@ -13,7 +14,8 @@ from msgspec import Struct
 
 from somrs.errors import UsageError
 from somrs.kernel.component import ErrorAnswer, Input, Stateful
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.kernel.parts import MapDocument, PartsReader, PartsWriter
+from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, FunctionType, ObjectType, Ontology, RelationType
 
@@ -30,56 +32,53 @@ class _Definitions(Struct, frozen=True, array_like=True):
     services: list[ServiceType]
 
 
-class _Contents(Struct, frozen=True, array_like=True):
-    """The stored form of a map."""
-
-    objects: list[Object]
-    facts: list[Fact]
-
-
-def _encode_hook(value: object) -> object:
+def _encode_hook(value: object, parts: PartsWriter | None = None) -> object:
     match value:
         case Ontology():
             sections = (value.attributes, value.relations, value.functions, value.types, value.services)
             return _Definitions(*([*section.values()] for section in sections))
         case Map():
-            return _Contents([*value.objects.values()], [*value.facts()])
+            return parts.document(value) if parts is not None else MapDocument([*value.objects.values()], [*value.facts()])
     raise NotImplementedError(f"{type(value).__name__} cannot be serialized: it is not data")
 
 
-def _decode_hook(kind: type, value: Any) -> object:
+def _decode_hook(kind: type, value: Any, parts: PartsReader) -> object:
     if kind is Ontology:
         definitions = msgspec.convert(value, _Definitions)
         return Ontology(
             [*definitions.attributes, *definitions.relations, *definitions.functions, *definitions.types, *definitions.services]
         )
     if kind is Map:
-        contents = msgspec.convert(value, _Contents)
-        return Map(contents.objects, contents.facts)
+        return parts.map(msgspec.convert(value, MapDocument))
     raise NotImplementedError(f"{kind.__name__} cannot be deserialized: it is not data")
 
 
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_encode_hook)
 
 
-def encode(value: object) -> bytes:
-    """The value as msgpack. Raises TypeError or NotImplementedError for a value that is not data."""
-    return _ENCODER.encode(value)
+def encode(value: object, parts: PartsWriter | None = None) -> bytes:
+    """The value as msgpack, without the `parts` that are put aside.
+
+    Raises TypeError or NotImplementedError for a value that is not data.
+    """
+    encoder = _ENCODER if parts is None else msgspec.msgpack.Encoder(enc_hook=partial(_encode_hook, parts=parts))
+    return encoder.encode(value)
 
 
 class Codec(Generic[T]):
-    """Decodes values of one type. Raises msgspec.ValidationError or DecodeError for other input."""
+    """Decodes values of one type, with the parts of their maps. Raises msgspec.ValidationError or DecodeError for other input."""
 
-    def __init__(self, kind: Any) -> None:
+    def __init__(self, kind: Any, parts: PartsReader | None = None) -> None:
         self._kind = kind
-        self._decoder: msgspec.msgpack.Decoder[T] = msgspec.msgpack.Decoder(kind, dec_hook=_decode_hook)
+        self._hook = partial(_decode_hook, parts=parts if parts is not None else PartsReader({}))
+        self._decoder: msgspec.msgpack.Decoder[T] = msgspec.msgpack.Decoder(kind, dec_hook=self._hook)
 
     def decode(self, document: bytes) -> T:
         return self._decoder.decode(document)
 
     def convert(self, value: object) -> T:
         """Convert the result of `decode_untyped` to the type."""
-        converted: T = msgspec.convert(value, self._kind, dec_hook=_decode_hook)
+        converted: T = msgspec.convert(value, self._kind, dec_hook=self._hook)
         return converted
 
 

@@ -34,6 +34,7 @@ from somrs.kernel.component import (
     TimerFired,
     Withdraw,
 )
+from somrs.kernel.parts import PartsReader, PartsWriter
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 
 DELIVERY_TIME = 30.0
@@ -252,13 +253,16 @@ class JournalCodec:
         self.schema = schema
         snapshot: Any = Snapshot
         entry: Any = _Entry
-        self._snapshots: Codec[Any] = Codec(snapshot[schema.state, schema.timers, schema.questions, schema.tasks])
+        self._snapshot = snapshot[schema.state, schema.timers, schema.questions, schema.tasks]
         self._entries: Codec[list[Any]] = Codec(
             list.__class_getitem__(entry[schema.timers, schema.questions, schema.answers, schema.notices])
         )
 
-    def encode_snapshot(self, journaled: JournaledComponent) -> bytes:
-        """Serialize a component with its pending effects. Raises TypeError or NotImplementedError for a value that is not data."""
+    def encode_snapshot(self, journaled: JournaledComponent, parts: PartsWriter | None = None) -> bytes:
+        """Serialize a component with its pending effects, without the `parts` that are put aside.
+
+        Raises TypeError or NotImplementedError for a value that is not data.
+        """
         pending = journaled.pending
         return codec.encode(
             Snapshot(
@@ -271,19 +275,20 @@ class JournalCodec:
                 withdrawn=[*pending.withdrawn],
                 message_count=pending.message_count,
                 delivered=journaled.delivered,
-            )
+            ),
+            parts,
         )
 
-    def decode_snapshot(self, document: bytes, version: int | None = None) -> JournaledComponent:
-        """Restore a component from a snapshot of schema version `version` (None: the current version).
+    def decode_snapshot(self, document: bytes, version: int | None = None, parts: PartsReader | None = None) -> JournaledComponent:
+        """Restore a component from a snapshot of schema version `version` (None: the current version) and its parts.
 
         Raises UsageError for a version that cannot be read, and msgspec's errors for other data.
         """
-        schema = self.schema
+        schema, snapshots = self.schema, Codec[Any](self._snapshot, parts)
         if version in (None, schema.version):
-            snapshot = self._snapshots.decode(document)
+            snapshot = snapshots.decode(document)
         else:
-            snapshot = self._snapshots.convert(schema.migrate_snapshot(codec.decode_untyped(document), version))
+            snapshot = snapshots.convert(schema.migrate_snapshot(codec.decode_untyped(document), version))
         pending = PendingEffects(
             messages=snapshot.messages,
             timers=dict(snapshot.timers),

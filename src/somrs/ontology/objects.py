@@ -19,7 +19,7 @@ SIMILAR_NAMES = 5000
 _K = TypeVar("_K", bound=Hashable)
 
 
-class Object(Struct, frozen=True, kw_only=True):
+class Object(Struct, frozen=True, kw_only=True, gc=False):
     """An instance of a type. `values` has attribute paths as keys (`PositionX`, `Shape.Height`); numbers are in the attribute's unit."""
 
     name: str
@@ -27,7 +27,7 @@ class Object(Struct, frozen=True, kw_only=True):
     values: dict[str, Value] = {}
 
 
-class Fact(Struct, frozen=True):
+class Fact(Struct, frozen=True, gc=False):
     """A relation that holds between objects."""
 
     relation: str
@@ -135,6 +135,10 @@ class Map:
         for name in (relation,) if relation is not None else self._facts:
             for arguments in self._facts.get(name, ()):
                 yield Fact(name, arguments)
+
+    def tuples(self) -> Iterable[tuple[str, Mapping[tuple[str, ...], None]]]:
+        """The relations, each with the arguments of its facts."""
+        return self._facts.items()
 
     def count(self, relation: str) -> int:
         """The number of facts of the relation."""

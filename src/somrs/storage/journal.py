@@ -11,7 +11,7 @@ import sqlite3
 import time
 import zlib
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -22,6 +22,7 @@ from somrs.errors import UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Stateful
 from somrs.kernel.durability import Entry, JournalCodec, JournaledComponent
+from somrs.kernel.parts import CHUNK, PartChanges, Parts, PartsReader, PartsWriter, chunk_document, part_changes
 from somrs.storage import archive
 from somrs.storage.archive import TaskArchive
 from somrs.storage.disk import Disk, Kind
@@ -32,13 +33,22 @@ _PROGRAM = f"SO-MRS {__version__}"
 SNAPSHOT_SHARE = 0.02
 """The maximal share of the event loop's time for snapshots."""
 
-TABLES = """
+WITH_PARTS = """
+    CREATE TABLE IF NOT EXISTS parts (component TEXT NOT NULL, part TEXT NOT NULL, key BLOB NOT NULL, value BLOB NOT NULL,
+      PRIMARY KEY (component, part, key)) WITHOUT ROWID;
+"""
+"""The large parts of the snapshots (`kernel.parts`)."""
+
+TABLES = (
+    """
     CREATE TABLE life (component TEXT PRIMARY KEY, program TEXT NOT NULL, setting TEXT NOT NULL, address TEXT NOT NULL, open TEXT NOT NULL,
       schema INTEGER NOT NULL);
     CREATE TABLE snapshot (component TEXT PRIMARY KEY, number INTEGER NOT NULL, at REAL NOT NULL, sum INTEGER NOT NULL,
       state BLOB NOT NULL);
     CREATE TABLE entries (component TEXT NOT NULL, last INTEGER NOT NULL, batch BLOB NOT NULL);
 """
+    + WITH_PARTS
+)
 """Entries have no index.
 
 Every commit adds entries, and with an index would write a page for each component; entries are looked up only when a component starts and
@@ -57,7 +67,7 @@ KIND = Kind(
     content="input, record or state",
     rival="another process",
     application=0x534F4D4A,  # `SOMJ` in ASCII
-    version=4,
+    version=5,
     tables=TABLES + archive.TABLES,
     # Devices and Registries had files of other kinds. Their earlier contracts are not known then, and are reported as unknown.
     replaces={
@@ -77,6 +87,7 @@ KIND = Kind(
         DROP TABLE old_life; DROP TABLE old_snapshot; DROP TABLE old_entries;
         """,
         3: WITHOUT_INDEX,
+        4: WITH_PARTS,
     },
 )
 
@@ -106,7 +117,7 @@ class Archive(Protocol):
 
 
 class _StoredJournal(Struct):
-    """The contents of a file: who wrote it, for which address, what was open, the snapshot, and the entries after it."""
+    """The contents of a file: who wrote it, for which address, what was open, the snapshot with its parts, and the entries after it."""
 
     program: str
     setting: str
@@ -115,6 +126,7 @@ class _StoredJournal(Struct):
     schema: int
     state: bytes
     sum: int
+    parts: dict[str, list[bytes]]
     entries: list[bytes]
 
 
@@ -146,6 +158,8 @@ class Journal:
         self._queued: deque[tuple[int, bytes]] = deque()
         self._entry_count = 0
         self._next_snapshot_time = 0.0
+        self._stored_parts: Parts = {}
+        """The parts of the last snapshot: the next one writes only what is different."""
         try:
             self._stored_journal = self.disk.write_and_wait(lambda db: _read_stored_journal(db, component))
         except UsageError:
@@ -174,7 +188,7 @@ class Journal:
             stored_journal = None
         if stored_journal is None:
             journaled = JournaledComponent(factory(address), self._written.schema)
-            self.disk.write_and_wait(lambda db: self._anew(db, address, journaled))
+            self._begin_anew(address, journaled)
             return journaled, False
         try:
             journaled = self._replayed(stored_journal)
@@ -183,7 +197,7 @@ class Journal:
         except Exception as error:  # data that do not fit may raise any exception
             raise UsageError(self._stuck(stored_journal, f"cannot be read ({type(error).__name__}: {error})")) from error
         if (stored_journal.schema, stored_journal.program) != (self._written.schema.version, _PROGRAM):
-            self.disk.write_and_wait(lambda db: self._anew(db, address, journaled))
+            self._begin_anew(address, journaled)
             self._entry_count = 0
         return journaled, True
 
@@ -210,7 +224,9 @@ class Journal:
     def _replayed(self, stored_journal: _StoredJournal) -> JournaledComponent:
         if zlib.crc32(stored_journal.state) != stored_journal.sum:
             raise UsageError(self._stuck(stored_journal, "is damaged: its state is not the one that was written"))
-        journaled = self._written.decode_snapshot(stored_journal.state, stored_journal.schema)
+        parts = PartsReader(stored_journal.parts)
+        journaled = self._written.decode_snapshot(stored_journal.state, stored_journal.schema, parts)
+        self._stored_parts = parts.parts
         entries = [entry for document in stored_journal.entries for entry in self._written.decode_batch(document, stored_journal.schema)]
         entries = [entry for entry in entries if entry.number > journaled.number]
         self._entry_count = len(entries)
@@ -259,11 +275,13 @@ class Journal:
     def snapshot(self, journaled: JournaledComponent) -> None:
         """Request that the state is written to disk and the entries before it are deleted, both or neither."""
         start_time = time.monotonic()
-        state = self._written.encode_snapshot(journaled)
-        self._entry_count = 0
+        parts = PartsWriter()
+        state = self._written.encode_snapshot(journaled, parts)
+        changes = part_changes(self._stored_parts, parts.parts)
+        self._entry_count, self._stored_parts = 0, parts.parts
         self._next_snapshot_time = time.monotonic() + (time.monotonic() - start_time) / SNAPSHOT_SHARE
         number, timestamp = journaled.number, journaled.time
-        self.disk.write(lambda db: _snapshot(db, self._component, number, timestamp, state))
+        self.disk.write(lambda db: _snapshot(db, self._component, number, timestamp, state, changes))
 
     def close(self) -> None:
         """Complete the requested writes, and close the file."""
@@ -279,8 +297,10 @@ class Journal:
         if entries:
             db.execute("INSERT INTO entries VALUES (?, ?, ?)", (self._component, last_number, JournalCodec.encode_batch(entries)))
 
-    def _anew(self, db: sqlite3.Connection, address: str, journaled: JournaledComponent) -> None:
-        begin_with(db, journaled, self._written, self._component, self._setting, address)
+    def _begin_anew(self, address: str, journaled: JournaledComponent) -> None:
+        self._stored_parts = self.disk.write_and_wait(
+            lambda db: begin_with(db, journaled, self._written, self._component, self._setting, address)
+        )
 
     async def carry_out(self, task: object, report: object = None) -> object:
         """Perform a task of the component on its archive, without blocking the event loop. There are no partial answers."""
@@ -289,13 +309,17 @@ class Journal:
 
 def begin_with(
     db: sqlite3.Connection, journaled: JournaledComponent, written: JournalCodec, component: str = "", setting: str = "", address: str = ""
-) -> None:
-    """Begin a journal with the present component, and delete its earlier contents."""
+) -> Parts:
+    """Begin a journal with the present component, and delete its earlier contents. Return the parts of the snapshot."""
     db.execute("DELETE FROM entries WHERE component = ?", (component,))
+    db.execute("DELETE FROM parts WHERE component = ?", (component,))
     is_open = msgspec.json.encode(tuple(journaled.component.open)).decode()
     life = (component, _PROGRAM, setting, address, is_open, written.schema.version)
     db.execute("INSERT OR REPLACE INTO life VALUES (?, ?, ?, ?, ?, ?)", life)
-    _snapshot(db, component, journaled.number, journaled.time, written.encode_snapshot(journaled))
+    parts = PartsWriter()
+    state = written.encode_snapshot(journaled, parts)
+    _snapshot(db, component, journaled.number, journaled.time, state, part_changes({}, parts.parts))
+    return parts.parts
 
 
 def _read_stored_journal(db: sqlite3.Connection, component: str) -> _StoredJournal | None:
@@ -314,11 +338,25 @@ def _read_stored_journal(db: sqlite3.Connection, component: str) -> _StoredJourn
         schema=schema,
         state=snapshot[0],
         sum=snapshot[1],
+        parts={part: [*_read_part(db, component, part)] for part in _part_names(db, component)},
         entries=[batch for (batch,) in db.execute("SELECT batch FROM entries WHERE component = ? ORDER BY last", (component,))],
     )
 
 
-def _snapshot(db: sqlite3.Connection, component: str, number: int, timestamp: float, state: bytes) -> None:
+def _part_names(db: sqlite3.Connection, component: str) -> list[str]:
+    return [part for (part,) in db.execute("SELECT DISTINCT part FROM parts WHERE component = ?", (component,))]
+
+
+def _read_part(db: sqlite3.Connection, component: str, part: str) -> Iterator[bytes]:
+    """Read the documents of a part, each with some entries."""
+    rows = db.execute("SELECT iif(length(value), value, key) FROM parts WHERE component = ? AND part = ? ORDER BY key", (component, part))
+    while chunk := rows.fetchmany(CHUNK):
+        yield chunk_document([entry for (entry,) in chunk])
+
+
+def _snapshot(db: sqlite3.Connection, component: str, number: int, timestamp: float, state: bytes, changes: PartChanges) -> None:
+    db.executemany("DELETE FROM parts WHERE component = ? AND part = ? AND key = ?", ((component, *entry) for entry in changes.removed))
+    db.executemany("INSERT OR REPLACE INTO parts VALUES (?, ?, ?, ?)", ((component, *entry) for entry in changes.written))
     db.execute("INSERT OR REPLACE INTO snapshot VALUES (?, ?, ?, ?, ?)", (component, number, timestamp, zlib.crc32(state), state))
     db.execute("DELETE FROM entries WHERE component = ? AND last <= ?", (component, number))
 

@@ -108,5 +108,6 @@ MIGRATIONS: Mapping[int, Step] = {
     CREATE TABLE merged (name TEXT NOT NULL, version INTEGER NOT NULL, before TEXT NOT NULL, PRIMARY KEY (name, version, before))
       WITHOUT ROWID;
     """,
+    7: journal.WITH_PARTS,
 }
 """The migration to the next format, by the format of the file."""

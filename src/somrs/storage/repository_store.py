@@ -44,7 +44,7 @@ KIND = Kind(
     content="ontology, map or event",
     rival="another process",
     application=0x534F4D52,  # `SOMR` in ASCII
-    version=7,
+    version=8,
     tables=journal.TABLES + _TABLES,
     migrations=MIGRATIONS,
 )

@@ -6,7 +6,7 @@ import pytest
 
 from somrs.entish import Name, Number
 from somrs.entish.parse import parse
-from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded
+from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import ObjectType
 from somrs.planner.model.plan import NoPlan, Plan
@@ -15,7 +15,6 @@ from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan, plan_quickly
 from tests.support.laboratory import FACTS, LABEL, MAP, OPEN, TRANSFER, laboratory
 
-CLOSED = MAP.changed([])
 GOAL = "Jar001 isOn Shelf2"
 INPUTS = (("Object", Name("Jar001")), ("Destination", Name("Shelf2")))
 
@@ -38,8 +37,7 @@ def problem(
         AvailableService(OPEN, ("Porter1",), (("Porter1", opening),)),
         AvailableService(TRANSFER, carriers, tuple((name, 5.0) for name in carriers)),
     )
-    map = MAP.changed([])
-    map.objects = {**map.objects, "DoorAB": Object(name="DoorAB", type="Door", values={"Open": False})}
+    map = MAP.changed([ValueSet("DoorAB", "Open", False)])
     return Problem(ontology=laboratory(), map=map, goal=parse(goal), services=services, bids=bids, **fields)  # type: ignore[arg-type]
 
 
@@ -106,7 +104,6 @@ def test_other_uses_of_the_service_are_as_before() -> None:
 
 
 def test_many_requests_with_the_same_condition_share_the_step_that_makes_it_true() -> None:
-    map = MAP.changed([])
     jars = {f"Jar{n}": Object(name=f"Jar{n}", type="Jar") for n in range(20)}
     door = Object(name="DoorAB", type="Door", values={"Open": False})
     facts = [*MAP.facts(), *(type(FACTS[0])("isOn", (jar, "Shelf1")) for jar in jars)]
