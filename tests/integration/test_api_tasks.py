@@ -22,7 +22,7 @@ from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import ContractView, MessageView, Phase
-from somrs.task_manager import manager
+from somrs.task_manager import state
 from tests.support.hang import HANG_TIME
 from tests.support.small_system import Porter, SmallSystem, running
 
@@ -181,7 +181,7 @@ def test_a_task_sent_twice_with_the_same_word_is_one(tmp_path: Path) -> None:
 
 
 def test_a_task_is_found_by_the_beginning_of_its_id_even_if_it_was_long_ago(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(manager, "REMEMBERED", 1)
+    monkeypatch.setattr(state, "REMEMBERED", 1)
 
     async def scenario(system: SmallSystem, api: LiveApi) -> None:
         old = (await api.tasks.submit(Submit(effect=GOAL))).task

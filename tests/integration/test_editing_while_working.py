@@ -89,7 +89,7 @@ def test_a_task_goes_on_with_the_new_names_of_its_objects(edit: RenameObject | M
     assert view.effect == goal
     name, _, place = goal.split()
     assert system.map.has_fact("isOn", (name, place))
-    assert not system.manager.state.reservations.held
+    assert not system.repository.contents.reservations.claimants
     (next_view,) = system.finish(system.submit(f"Tin001 isOn {place}"))
     assert next_view.outcome is Outcome.ACCOMPLISHED
 

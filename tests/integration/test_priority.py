@@ -16,7 +16,6 @@ from somrs.protocol.messages.task_views import Phase
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
-from somrs.task_manager.reservations import Reservation, Reservations
 from tests.integration.test_competing_tasks import Hands, run_until_executing
 from tests.support.event_sentences import texts
 from tests.support.examples import examples
@@ -202,26 +201,6 @@ def test_whatever_is_wanted_and_how_urgently_everybody_gets_a_turn(
 # The parts by themselves
 
 names = st.sampled_from("abcdef")
-
-
-@given(entered=st.lists(st.tuples(names, st.integers(-2, 2)), unique_by=lambda entry: entry[0]), leaving_tasks=st.sets(names))
-def test_reservations_keep_those_who_wait_by_priority_and_then_as_they_came(
-    entered: list[tuple[str, int]], leaving_tasks: set[str]
-) -> None:
-    reservations, called_tasks = Reservations(), list[str]()
-    for task, priority in entered:
-        reservations.add_task(task, "", priority)
-    reservations.hold("holder", Reservation(changes=frozenset("x")))
-    for task, _ in reversed(entered):
-        reservations.wait(task, Reservation(changes=frozenset("x")))
-    for task in leaving_tasks:
-        reservations.remove_task(task)
-    remaining = [task for task, _ in sorted(entered, key=lambda entry: -entry[1]) if task not in leaving_tasks]
-    for expected in remaining:
-        reservations.remove_task(called_tasks[-1] if called_tasks else "holder")
-        called_tasks += reservations.admit_waiting()
-        assert called_tasks[-1] == expected
-    assert called_tasks == remaining
 
 
 class Bench:

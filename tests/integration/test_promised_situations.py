@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from somrs.ontology.services import Parameter, ServiceType
@@ -81,7 +83,7 @@ def arranges(system: VirtualSystem) -> dict[str, str | None]:
     return {body.service_type: body.situation for body in bodies if isinstance(body, Arrange)}
 
 
-def finished(system: VirtualSystem, goal: str, **options: object) -> TaskView:
+def finished(system: VirtualSystem, goal: str, **options: Any) -> TaskView:
     (view,) = system.finish(system.submit(goal, **options))
     return view
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.frp import Outcome
@@ -30,7 +32,7 @@ def sees(order: Order) -> Work:
         yield 3.0, ServiceFailed(f"{thing} is nowhere to be seen")
 
 
-def findings_of(system: KnowingSystem, question: str, **options: object) -> Findings:
+def findings_of(system: KnowingSystem, question: str, **options: Any) -> Findings:
     (view,) = system.finish(system.submit(question, recognise=True, **options))
     assert view.outcome is Outcome.ACCOMPLISHED, view.reasons
     assert view.recognise

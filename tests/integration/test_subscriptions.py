@@ -17,8 +17,8 @@ from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Order, WorkDone
-from somrs.task_manager.manager import REMEMBERED, SCHEMA, TaskManager
-from somrs.task_manager.state import TaskManagerState
+from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.state import REMEMBERED, TaskManagerState
 from somrs.task_manager.subscriptions import TaskSubscriptions
 from somrs.task_manager.transaction.transaction import Transaction
 from tests.integration.test_task_manager import GOAL, breaks
@@ -217,7 +217,7 @@ def test_who_follows_the_list_is_told_that_a_new_task_manager_knows_nothing_of_i
     system.submit(GOAL)
     rows_before = rows(system, 0)
     system.world.remove("tm")
-    system.world.add("tm", system._new_manager(), system._plan, journaled=SCHEMA)
+    system.add_manager("tm")
     system.world.run(5)
     rows_after = rows(system, rows_before.version)
     assert rows_after.begun != rows_before.begun

@@ -18,7 +18,8 @@ from somrs.protocol.messages.submission import CancelTask, Policy, Submit, TaskR
 from somrs.protocol.messages.task_views import Phase
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Order, ServiceFailed
-from somrs.task_manager.manager import REMEMBERED, TaskManager
+from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.state import REMEMBERED
 from tests.support.virtual_system import Robot, Script, VirtualSystem
 
 GOAL = "Jar002 isOn Platform001"

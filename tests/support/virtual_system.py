@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from somrs.kernel.component import Answered, Effect, Input, Started
 from somrs.ontology.files.loading import load_text
@@ -40,6 +41,7 @@ from somrs.service_manager.sdk.orders import (
     WorkDone,
 )
 from somrs.task_manager.manager import SCHEMA, TaskManager
+from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import view
 from tests.support.building import wide_building
 from tests.support.virtual_devices import in_virtual_time, make_ask
@@ -170,7 +172,7 @@ class VirtualSystem:
             self.join(robot)
         self.problems: list[Problem] = []
         """The problems that the planner received."""
-        self.world.add("tm", self._new_manager(), self._plan, journaled=SCHEMA)
+        self.add_manager("tm")
         self.world.run(settle)
         self._question_count = 0
 
@@ -221,15 +223,23 @@ class VirtualSystem:
     def _new_device(profile: Profile) -> ServiceManager:
         return ServiceManager(profile, repository="repository", registry="registry")
 
-    @staticmethod
-    def _new_manager() -> TaskManager:
-        return TaskManager("tm", repository="repository", registry="registry")
+    def add_manager(self, address: str) -> None:
+        """Let another Task Manager join."""
+        self.world.add(address, TaskManager(address, repository="repository", registry="registry"), self._plan, journaled=SCHEMA)
 
     @property
     def manager(self) -> TaskManager:
-        manager = self.world.components["tm"]
+        return self.manager_at("tm")
+
+    def manager_at(self, address: str) -> TaskManager:
+        manager = self.world.components[address]
         assert isinstance(manager, TaskManager)
         return manager
+
+    def task_state(self, task: str) -> TaskState:
+        """The state of a task at its Task Manager."""
+        managers = (component for component in self.world.components.values() if isinstance(component, TaskManager))
+        return next(manager.state.tasks[task] for manager in managers if task in manager.state.tasks)
 
     def restart_manager(self, *, snapshot: bool = False) -> None:
         """Kill and restart the Task Manager, from its journal and, if requested, a snapshot."""
@@ -241,11 +251,11 @@ class VirtualSystem:
     def map(self) -> Map:
         return self.repository.contents.map
 
-    def ask(self, body: object) -> object:
+    def ask(self, body: object, recipient: str = "tm") -> object:
         """Send a client's request, and return the Task Manager's answer."""
         self._question_count += 1
         id = message_id("client", self._question_count)
-        header = Header(sender="client", recipient="tm", message_id=id, reply_to="client")
+        header = Header(sender="client", recipient=recipient, message_id=id, reply_to="client")
         self.world.send(Message(header=header, body=body))  # type: ignore[arg-type]  # bodies, as the tests know
 
         def answers() -> list[Message]:
@@ -261,8 +271,8 @@ class VirtualSystem:
         self.world.send(Message(header=header, body=UpdateMap(situation=situation)))
         self.world.run(1)
 
-    def submit(self, effect: str, **options: object) -> str:
-        answer = self.ask(Submit(effect=effect, **options))  # type: ignore[arg-type]  # keyword arguments of Submit
+    def submit(self, effect: str, /, manager: str = "tm", **options: Any) -> str:
+        answer = self.ask(Submit(effect=effect, **options), manager)
         assert isinstance(answer, Submitted), answer
         return answer.task
 
@@ -272,12 +282,12 @@ class VirtualSystem:
         return answer.problem
 
     def view(self, task: str) -> TaskView:
-        return view(self.manager.state.tasks[task])
+        return view(self.task_state(task))
 
     def finish(self, *tasks: str, seconds: float = 3600) -> list[TaskView]:
         """Let time pass until all tasks have ended."""
-        ended = self.world.run(seconds, lambda: all(self.manager.state.tasks[task].outcome is not None for task in tasks))
-        assert ended, [self.manager.state.tasks[task].events for task in tasks]
+        ended = self.world.run(seconds, lambda: all(self.task_state(task).outcome is not None for task in tasks))
+        assert ended, [self.task_state(task).events for task in tasks]
         self.world.run(2)
         return [self.view(task) for task in tasks]
 

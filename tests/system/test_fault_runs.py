@@ -12,6 +12,7 @@ import pytest
 from msgspec import structs
 
 from somrs.kernel.component import Answered, Effect, Effects, EffectsReturning, Input, Received, TimerFired
+from somrs.kernel.reservations import Reservations
 from somrs.protocol.messages.events import UndoingCheaper
 from somrs.protocol.messages.frp import Accept, Outcome
 from somrs.protocol.messages.observations import Observation
@@ -24,7 +25,7 @@ from somrs.task_manager.execution.execution_log import ExecutionLog
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.manager import TaskManager
-from somrs.task_manager.reservations import Reservations
+from somrs.task_manager.state import TaskManagerState
 from somrs.task_manager.timers import RetryDue
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
 from somrs.task_manager.transaction.step_executor import StepExecutor
@@ -223,8 +224,8 @@ def test_tasks_that_do_not_leave_each_other_what_they_were_promised_are_noticed(
     wishes = [TaskRequest(at=2.0 * number, task_manager="tm1", effect=f"Jar1 isOn Table{number}", policy=Policy.TIME) for number in (2, 3)]
     quarrel = replace(make_scenario(), requests=tuple(wishes))
     assert violated_property(quarrel) is None
-    monkeypatch.setattr(Reservations, "conflicts", lambda *_: {})
-    monkeypatch.setattr(Reservations, "reserved_objects", lambda *_: frozenset())
+    monkeypatch.setattr(Reservations, "_conflicts", lambda *_, **__: {})
+    monkeypatch.setattr(TaskManagerState, "reserved_elsewhere", lambda *_: frozenset())
     assert violated_property(quarrel) is Property.MUTUAL_EXCLUSION
 
 

@@ -59,8 +59,6 @@ class Witness:
         requests = enumerate(scenario_run.scenario.requests)
         self._previews = {message_id("preview", preview_id(number)): request.effect for number, request in requests if request.previewed}
         """The effects of preview requests, by transaction."""
-        self._managers: dict[str, str] = {}
-        """The address of each task's Task Manager."""
         self.outcomes: dict[str, TaskView] = {}
         self._endings: dict[str, Outcome] = {}
         """The decided outcome of each task that is being stopped."""
@@ -81,11 +79,7 @@ class Witness:
         """Note that a device begins to execute or to compensate, and check properties 1 and 2."""
         self._read_messages()
         for other_device, other_work in self._scenario_run.working if device_work.order.method not in TELLING else ():
-            if (
-                other_work is not device_work
-                and other_work.object == device_work.object
-                and self._same_manager(other_work.transaction, device_work.transaction)
-            ):
+            if other_work is not device_work and other_work.object == device_work.object:
                 own_label, other_label = (
                     f"{device_work.participant} ({device_work.activity.name})",
                     f"{other_work.participant} ({other_work.activity.name})",
@@ -96,10 +90,6 @@ class Witness:
         self._contracted(device_work)
         self._promises.started(simulated_device, device_work)
         self._worked.setdefault(device_work.object, set()).add(device_work.transaction)
-
-    def _same_manager(self, *tasks: str | None) -> bool:
-        """Whether one Task Manager has all these tasks. It knows only its own reservations."""
-        return len({self._managers.get(task or "", task) for task in tasks}) == 1
 
     def _contracted(self, device_work: DeviceWork) -> None:
         """Check property 2. A contract exists if the participant received Accept while its Terms held; execution may begin later. An
@@ -149,8 +139,6 @@ class Witness:
                     self._accepted[pair] = None
                 case frp.End() | frp.Cancel() | frp.Refuse():
                     self._released.add(pair)
-                case frp.Arrange():
-                    self._managers[pair[0]] = message.header.sender
 
     def _check_condition(self, pair: Pair, sender: str) -> None:
         """Check property 2 for conditional terms: what they demand holds on the coordinator's map when it sends the first Execute."""
@@ -245,14 +233,8 @@ class Witness:
                 )
 
     def _meanwhile(self, action: Action, task: TaskState) -> bool:
-        """Whether the action was not the task's own, and happened during the task, or for a task that ran at the same time. Tasks of the
-        same Task Manager do not count, as its reservations keep them apart."""
-        if self._same_manager(action.task, task.id):
-            return False
-        other_view = self.outcomes.get(action.task) if action.task is not None else None
-        end_time = action.at if other_view is None or other_view.ended_at is None else other_view.ended_at
-        under_way = action.task is not None and other_view is None
-        return under_way or max(action.at, end_time) >= task.submitted_at
+        """Whether a person acted, during the task. Reservations keep tasks apart."""
+        return action.task is None and action.at >= task.submitted_at
 
     def _mentions(self, work: WorkView, object: str) -> bool:
         """Whether the client learns of the object's new state: the work is stranded, or other work that compensates left it so."""
@@ -328,15 +310,15 @@ class Witness:
 
     def _check_map(self) -> None:
         """Check property 5 at the end, when every action has been reported or observed. Two cases are exempt: objects last moved by a
-        device that never came back, and objects moved for two Task Managers, as a delayed report may describe the earlier action."""
+        device that never came back, and objects that a person moved, too, as a delayed report may describe the earlier action."""
         scenario_run, contents = self._scenario_run, self._scenario_run.contents
         assert contents is not None, "the Repository runs at the end of a run"
         for action in {action.object: action for action in scenario_run.reality.actions}.values():
             tasks = self._worked.get(action.object, set()) | {
                 other_action.task for other_action in scenario_run.reality.actions if other_action.object == action.object
             }
-            apart = len(tasks) > 1 and not self._same_manager(*tasks)
-            if action.object in scenario_run.reality.doubtful or f"devices/{action.actor}" not in scenario_run.world.components or apart:
+            touched = len(tasks) > 1 and None in tasks
+            if action.object in scenario_run.reality.doubtful or f"devices/{action.actor}" not in scenario_run.world.components or touched:
                 continue
             formula = parse(scenario_run.reality.situation_of(action.object))
             is_certain = contents.map.objects[action.object].values.get("Unknown") is not True

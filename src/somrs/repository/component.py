@@ -1,4 +1,5 @@
-"""The Repository: it keeps the ontology and the map, answers queries, applies changes, and publishes them to subscribers.
+"""The Repository: it keeps the ontology and the map, answers queries, applies changes, and publishes them to subscribers; and it
+reserves objects for tasks.
 
 Paper, "Repository": a realisation of the common knowledge of the environment's representation, and a storage of its maps.
 Elsewhere: the effect of a map update (`update.py`), of a change of the ontology (`definition.py`) and of an undo (`undo.py`);
@@ -60,6 +61,7 @@ from somrs.protocol.messages.knowledge import (
 )
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.paging import PAGE_BYTES, size
+from somrs.protocol.messages.reservations import ClaimReservations, Release, ReservationMode, Reserve
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.definition import define_outcome, rename_outcome
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
@@ -67,6 +69,7 @@ from somrs.repository.map_answers import MapAnswers
 from somrs.repository.merging import merge_outcome
 from somrs.repository.outcome import VERSION, Outcome, considered, note_provenance, rejected
 from somrs.repository.pages import ontology_page
+from somrs.repository.reserving import Reserving, lost_reservation
 from somrs.repository.rollback import inverse
 from somrs.repository.state import (
     REMEMBERED,
@@ -76,6 +79,7 @@ from somrs.repository.state import (
     Contents,
     DefinitionChange,
     LeasesDue,
+    ReservationsDue,
     Subscription,
     Task,
 )
@@ -93,7 +97,7 @@ class Repository:
     def __init__(self, address: str, contents: Contents) -> None:
         contents.address = address
         self.contents = contents
-        self._answers = MapAnswers()
+        self._answers, self._reserving = MapAnswers(), Reserving(contents)
 
     @classmethod
     def restored(cls, contents: Contents) -> Self:
@@ -111,7 +115,7 @@ class Repository:
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """The effects of an input."""
-        return [*self._effects(event, now)]
+        return [*self._effects(event, now), *self._reserving.admit(now)]
 
     def _effects(self, event: Input, now: float) -> Effects:
         match event:
@@ -131,6 +135,8 @@ class Repository:
                 yield from self._drop(
                     [address for address, subscription in self.contents.subscriptions.items() if subscription.until <= now]
                 )
+            case TimerFired(ReservationsDue()):
+                self.contents.reservations.lapse()
             case Answered(ArchiveWanted(message), value):
                 yield from self._answered(message, value, now)
             case DeliveryFailed(message):
@@ -149,12 +155,19 @@ class Repository:
             case Consider(change=Undo() as undo):
                 yield _ask(message, undo_query(undo))
             case Consider(change=UpdateMap() | Define() | RenameObject() | MergeObject() as alteration):
-                yield self._consider(message, alteration, self._alteration_outcome(alteration, now))
+                yield self._consider(message, alteration, self._alteration_outcome(alteration, now), now)
             case ReadHistory() as question:
                 yield _ask(message, history_query(question))
             case ReadEvents() as question:
                 yield _ask(message, events_query(question))
+            case Reserve() as request:
+                yield from self._run_once(message, lambda: self._reserve(message, request, now))
+            case Release() as release:
+                self._reserving.release(release, message.header.sender, now)
+            case ClaimReservations() as claims:
+                yield from self._reserving.claim(claims, message.header.sender, now)
             case SubscribeMap(lease=lease):
+                self._reserving.heard_of(message.header.sender, now)
                 yield from self._subscribe(message, lease, now)
             case Fault():
                 pass  # a Fault gets no reply
@@ -188,9 +201,14 @@ class Repository:
             case Undo() as undo, ArchivedEvents(events):
                 yield from self._run_once(message, lambda: self._alter(message, undo, self._undo_outcome(undo, events), now))
             case Consider(change=Undo() as undo), ArchivedEvents(events):
-                yield self._consider(message, undo, self._undo_outcome(undo, events))
+                yield self._consider(message, undo, self._undo_outcome(undo, events), now)
             case _:
                 yield self._answer(message, archive_reply(message, value, self.contents))
+
+    def _reserve(self, message: Message, request: Reserve, now: float) -> Effects:
+        answer, notices = self._reserving.reserve(request, message.header.sender, now)
+        yield self._answer(message, answer) if request.mode is ReservationMode.ASK else self._remember_answer(message, answer)
+        yield from notices
 
     # Changes
 
@@ -226,17 +244,18 @@ class Repository:
         violation = Violation(subject=f"version {undo.version}", rule="unknown-version", message=message, section=VERSION)
         return Outcome(map=contents.map, ontology=contents.ontology, broken=(violation,))
 
-    def _consider(self, message: Message, alteration: Alteration, outcome: Outcome) -> Send:
-        return self._answer(message, considered(self._with_conflicts(alteration, outcome), self.contents.version))
+    def _consider(self, message: Message, alteration: Alteration, outcome: Outcome, now: float) -> Send:
+        return self._answer(message, considered(self._with_conflicts(alteration, outcome, now), self.contents.version))
 
-    def _with_conflicts(self, alteration: Alteration, outcome: Outcome) -> Outcome:
-        late = tuple(version_conflicts(alteration, outcome, self.contents))
+    def _with_conflicts(self, alteration: Alteration, outcome: Outcome, now: float) -> Outcome:
+        contents = self.contents
+        late = (*version_conflicts(alteration, outcome, contents), *lost_reservation(alteration, outcome, contents, now))
         return replace(outcome, broken=(*late, *outcome.broken)) if late else outcome
 
     def _alter(self, message: Message, alteration: Alteration, outcome: Outcome, now: float) -> Effects:
         """Apply the change, or reject it if it breaks rules or conflicts with a later change."""
         contents = self.contents
-        outcome = self._with_conflicts(alteration, outcome)
+        outcome = self._with_conflicts(alteration, outcome, now)
         if outcome.broken:
             yield self._remember_answer(message, rejected(outcome.broken, contents.version))
             return
@@ -258,6 +277,10 @@ class Repository:
             merged=outcome.merged,
         )
         contents.version = event.version
+        if isinstance(alteration, UpdateMap) and alteration.reservation is not None:
+            contents.reservations.note_changes(alteration.reservation.task, outcome.subjects)
+        if new_names := event.new_names:
+            contents.reservations.rename(new_names)
         contents.map, contents.ontology = outcome.map, outcome.ontology
         contents.changed_at.update(dict.fromkeys(outcome.objects, event.version))
         for definition_key in outcome.definitions:
@@ -348,7 +371,7 @@ SCHEMA = Schema(
     component="repository",
     version=1,
     state=Contents,
-    timers=LeasesDue,
+    timers=LeasesDue | ReservationsDue,
     questions=ArchiveWanted,
     tasks=Task,
     answers=ArchivedEvents | MapPage | OntologyPage | ErrorAnswer,

@@ -49,6 +49,11 @@ class Outcome:
         return tuple(dict.fromkeys((*changed, *(merging.into for merging in self.merged))))
 
     @property
+    def subjects(self) -> tuple[str, ...]:
+        """The objects that the changes are about, each once: when a jar leaves a table, that is news of the jar."""
+        return tuple(dict.fromkeys(objects_of(change)[0] for change in self.changes))
+
+    @property
     def definitions(self) -> tuple[DefinitionKey, ...]:
         """The changed definitions, under their old and their new names."""
         if self.revision is None:

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from msgspec import Struct, field
 
+from somrs.kernel.reservations import Reservations
 from somrs.ontology.naming import DefinitionKey, Section
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import Defined, Event, ReadMap, ReadOntology, Rejected, Updated
+from somrs.protocol.messages.reservations import ReservationDenied, Reserved
 from somrs.repository.provenance import Provenance
 
 REMEMBERED = 20_000
 """The number of answers that are stored. A request that arrives again within this number receives the stored answer."""
 
-Answer = Updated | Rejected | Defined
+Answer = Updated | Rejected | Defined | Reserved | ReservationDenied
 
 
 class LeasesDue(Struct, frozen=True, tag=True):
     """The timer: the next subscription expires."""
+
+
+class ReservationsDue(Struct, frozen=True, tag=True):
+    """The timer: the next lease of a reservation ends."""
 
 
 class ArchiveWanted(Struct, frozen=True, tag=True):
@@ -89,7 +95,7 @@ class Contents(Struct, kw_only=True):
 
     `changed_at`: the version in which each object changed last (0 if it has no entry); `defined_at`: the same for definitions;
     `answered`: stored answers by message id, oldest first; `subscriptions`: by address; `since`: the earliest version that can be restored;
-    `provenance`: since when the map has what it has.
+    `provenance`: since when the map has what it has; `reservations`: what tasks have; `notice_count`: of the notices to Task Managers.
     """
 
     ontology: Ontology
@@ -102,6 +108,8 @@ class Contents(Struct, kw_only=True):
     subscriptions: dict[str, Subscription] = field(default_factory=dict)
     since: int = 0
     provenance: Provenance = field(default_factory=Provenance)
+    reservations: Reservations = field(default_factory=Reservations)
+    notice_count: int = 0
 
     def last_change(self, definition_key: DefinitionKey) -> DefinitionChange | None:
         """The latest change of the definition; None if it never changed."""

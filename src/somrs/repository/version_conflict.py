@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from somrs.ontology.conformance import Violation
 from somrs.ontology.naming import DefinitionKey, find_definition, key_of
-from somrs.ontology.objects import objects_of
 from somrs.protocol.messages.knowledge import Alteration, Define, MergeObject, RenameObject, Undo, UpdateMap
 from somrs.protocol.messages.people import person_name
 from somrs.repository.outcome import VERSION, Outcome
@@ -30,8 +29,7 @@ def version_conflicts(alteration: Alteration, outcome: Outcome, contents: Conten
         case MergeObject(name=name, into=into):
             yield from _objects([name, into], expected, contents)
         case UpdateMap():
-            # A fact describes its first object: when an object leaves a table, the table does not change.
-            yield from _objects([objects_of(change)[0] for change in outcome.changes], expected, contents)
+            yield from _objects(outcome.subjects, expected, contents)
 
 
 def _definitions(define: Define, expected: int, contents: Contents) -> Iterator[Violation]:
@@ -52,7 +50,7 @@ def _definitions(define: Define, expected: int, contents: Contents) -> Iterator[
             yield Violation(subject=definition_key.name, rule="overtaken", message=message, section=definition_key.section)
 
 
-def _objects(names: list[str], expected: int, contents: Contents) -> Iterator[Violation]:
+def _objects(names: Iterable[str], expected: int, contents: Contents) -> Iterator[Violation]:
     for name in dict.fromkeys(names):
         version = contents.changed_at.get(name, 0)
         if version > expected:

@@ -13,6 +13,7 @@ from somrs.entish.formula import alternatives, conjunction, names
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError, InputError
 from somrs.kernel.replica import Replica
+from somrs.kernel.reservations import Reservations
 from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, Handler
 from somrs.ontology.truth import formula_holds
@@ -24,7 +25,6 @@ from somrs.protocol.messages.submission import FormulaMistake, Policy, Submit, T
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import Requests
-from somrs.task_manager.reservations import Reservations
 from somrs.task_manager.world_clock import WorldClock
 
 PRICE, DURATION = "Price", "Duration"
@@ -77,7 +77,7 @@ class TaskManagerContext:
         *,
         replica: Replica,
         requests: Requests,
-        reservations: Reservations,
+        local_reservations: Reservations | None,
         queues: DeviceQueues,
         quotes: Quotes,
         pace: Pace,
@@ -85,10 +85,12 @@ class TaskManagerContext:
         touched: dict[str, None],
         commitments: Callable[[], Commitments],
         still_at_work: Callable[[AtWork], bool],
-        overtake: Callable[[str, Iterable[str]], None],
+        reserved_elsewhere: Callable[[str], frozenset[str]],
     ) -> None:
         self.address = requests.address
-        self.replica, self.requests, self.reservations, self.queues, self.quotes = replica, requests, reservations, queues, quotes
+        self.replica, self.requests, self.queues, self.quotes = replica, requests, queues, quotes
+        self.local_reservations = local_reservations
+        """The reservations of a Task Manager whose journal goes back to a program that had them itself, until it starts."""
         self.pace, self.clock = pace, clock
         self.touched = touched
         """The transactions that changed, for the clients that watch them."""
@@ -96,8 +98,8 @@ class TaskManagerContext:
         """The intervals in which providers are committed to this Task Manager, in any transaction."""
         self.still_at_work = still_at_work
         """Whether a participant's device still carries out its last order."""
-        self.overtake = overtake
-        """Tells all other tasks that a task has changed objects."""
+        self.reserved_elsewhere = reserved_elsewhere
+        """The objects that other tasks of this Task Manager than the given one have reserved to change them."""
         self.plans_to_quote: list[PlanToQuote] = []
         """The plans to quote, until the Task Manager begins with them in the same step."""
 

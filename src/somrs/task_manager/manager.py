@@ -24,16 +24,16 @@ from somrs.kernel.component import (
 from somrs.kernel.replica import ReplicaUpdate
 from somrs.ontology.modes import freed_devices
 from somrs.ontology.objects import objects_of
-from somrs.protocol.messages import directory, frp, previews, records, submission, task_news
+from somrs.protocol.messages import directory, frp, previews, records, reservations, submission, task_news
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
-from somrs.task_manager.context import Commitments, Interval, TaskManagerContext, find_task_error, rejection
+from somrs.task_manager.context import TaskManagerContext, find_task_error, rejection
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.participants import answer_stranger
 from somrs.task_manager.migrations import MIGRATIONS
 from somrs.task_manager.preview import PreviewExecutor
 from somrs.task_manager.preview_state import new_preview, preview_of_plan
-from somrs.task_manager.requests import ForPlan, ReportAnswered, RequestResult, ServicesKnown
+from somrs.task_manager.requests import ForPlan, ReportAnswered, RequestResult, ReservationAnswered, ServicesKnown
 from somrs.task_manager.state import TaskManagerState, UnsettledReport
 from somrs.task_manager.subscriptions import Replies, TaskSubscriptions
 from somrs.task_manager.task_queries import TaskQueries
@@ -52,6 +52,7 @@ from somrs.task_manager.timers import (
     RecordsWanted,
     RetryDue,
     SilenceDue,
+    StartedBefore,
     StopDue,
     Timer,
 )
@@ -62,10 +63,6 @@ from somrs.task_manager.world_clock import WorldTimePassed
 
 READY_TIME = 30.0
 """Seconds that a task waits for the map after the start. Then its client receives a Fault: the Repository does not answer."""
-
-REMEMBERED = 200
-"""The number of tasks in memory. Beyond that, the oldest ended tasks are dropped; the archive keeps their records."""
-
 
 PreviewWork = Callable[[PreviewExecutor], EffectsReturning[previews.Previewed | None]]
 
@@ -89,15 +86,15 @@ class TaskManager:
         self._context = TaskManagerContext(
             replica=state.replica,
             requests=state.requests,
-            reservations=state.reservations,
+            local_reservations=state.local_reservations,
             queues=state.queues,
             quotes=state.quotes,
             pace=state.pace,
             clock=state.clock,
             touched=state.touched,
-            commitments=self._commitments,
+            commitments=state.commitments,
             still_at_work=self._still_at_work,
-            overtake=state.overtake,
+            reserved_elsewhere=state.reserved_elsewhere,
         )
         self._subscriptions = TaskSubscriptions(state.subscriptions, state.tasks)
         self._queries = TaskQueries(state)
@@ -121,7 +118,7 @@ class TaskManager:
                 yield from self._transaction(task).proceed(now)
         else:
             yield from self._handle(event, now)
-        for task in state.reservations.admit_waiting():
+        for task in state.local_reservations.admit_waiting(now) if state.local_reservations is not None else ():
             if task in state.tasks:
                 yield from self._transaction(task).freed(now)
         for task in state.queues.admit_waiting(self._still_at_work):
@@ -132,7 +129,7 @@ class TaskManager:
             yield from self._replies(self._subscriptions.notify_watchers(state.touched))
         for id in [id for id in state.running if state.tasks[id].outcome is not None]:
             state.running.remove(id)
-            self._forget_old_tasks()
+            state.forget_old_tasks()
         for id in [id for id, preview in state.previews.items() if preview.ended]:
             del state.previews[id]
 
@@ -140,11 +137,11 @@ class TaskManager:
         state = self.state
         match event:
             case Started():
-                state.requests.start(now)
-                state.subscriptions.start(now)
-                yield from state.replica.start(now)
-                for task in state.running:
-                    yield from self._transaction(task).restarted(now)
+                yield from self._start(now)
+                self._context.local_reservations = state.local_reservations = None
+                yield from state.requests.claim(tuple(state.claims()), now)
+            case Notified(StartedBefore()):
+                yield from self._start(now)
             case Received(message):
                 yield from self._receive(message, now)
             case TimerFired(timer):
@@ -159,6 +156,14 @@ class TaskManager:
                 yield from self._request_answered((yield from state.requests.delivery_failed(message, reason, now)), now)
             case DeliveryFailed(message, reason):
                 yield from self._delivery_failed(message, reason, now)
+
+    def _start(self, now: float) -> Effects:
+        state = self.state
+        state.requests.start(now)
+        state.subscriptions.start(now)
+        yield from state.replica.start(now)
+        for task in state.running:
+            yield from self._transaction(task).restarted(now)
 
     # Messages
 
@@ -209,6 +214,12 @@ class TaskManager:
             case directory.ServicesJoined(offers=offers):
                 for task in state.running:
                     yield from self._transaction(task).services_joined([offer.service for offer in offers], now)
+            case reservations.ReservationFree(task=task) | reservations.ReservationLost(task=task) if task not in state.running:
+                yield from state.requests.release_ended(task, now)
+            case reservations.ReservationFree(task=task):
+                yield from self._transaction(task).freed(now)
+            case reservations.ReservationLost(task=task) as lost:
+                yield from self._transaction(task).lost_reservation(lost, now)
             case frp.Fault():
                 pass  # a Fault is never answered
             case body if type(body) not in REQUESTS and not isinstance(body, FrpBody):
@@ -309,9 +320,13 @@ class TaskManager:
                 unsettled = yield from self._transaction(purpose.owner).report_answered(answer, now)
                 if unsettled is not None:
                     version, reported = unsettled
-                    state.unsettled.append(
-                        UnsettledReport(version=version, task=purpose.owner, problems=reported.problems, reception=reported.reception)
-                    )
+                    state.unsettled.append(UnsettledReport.of(version, purpose.owner, reported))
+            case ReservationAnswered(purpose, answer) if purpose.owner in state.running:
+                yield from self._transaction(purpose.owner).reserved(purpose, answer, now)
+            case ReservationAnswered() as answered if answered.purpose.owner in state.previews:
+                yield from self._advance_preview(answered.purpose.owner, now, lambda preview: preview.reserved(answered, now))
+            case ReservationAnswered(purpose):
+                yield from state.requests.release_ended(purpose.owner, now)  # the request came after the release of the task that had ended
 
     # The map
 
@@ -325,6 +340,8 @@ class TaskManager:
             yield from self._serve(message, now)
         # A lower version belongs to another store: the versions that reports wait for will never come.
         begun_anew = news.reloaded and state.replica.version < state.map_version
+        if begun_anew:
+            yield from state.requests.claim(tuple(state.claims()), now)
         state.map_version = state.replica.version
         due = [report for report in state.unsettled if begun_anew or report.version <= state.replica.version]
         state.unsettled = [report for report in state.unsettled if report not in due]
@@ -348,15 +365,6 @@ class TaskManager:
     def _transaction(self, id: str) -> Transaction:
         return Transaction(self.state.tasks[id], self._context)
 
-    def _commitments(self) -> Commitments:
-        commitments: dict[str, list[Interval]] = {}
-        for task in self.state.running:
-            for execution in self.state.tasks[task].executions:
-                if execution.workflow is not None:
-                    for provider in execution.workflow.providers:
-                        commitments.setdefault(provider, []).extend(execution.workflow.promised(provider))
-        return commitments
-
     def _still_at_work(self, work: AtWork) -> bool:
         task: TaskState | None = self.state.tasks.get(work.transaction)
         return task is not None and task.members.at_work(work.participant)
@@ -373,24 +381,16 @@ class TaskManager:
             else:
                 yield effect
 
-    def _forget_old_tasks(self) -> None:
-        """Drop the oldest ended tasks beyond `REMEMBERED`. The clients that watched them have received their outcome."""
-        state = self.state
-        while len(state.tasks) > REMEMBERED and len(state.tasks) > len(state.running):
-            oldest = next(id for id in state.tasks if id not in state.running)
-            del state.tasks[oldest]
-            state.subscriptions.forget(oldest)
-
 
 SCHEMA = Schema(
     component="task-manager",
-    version=2,
+    version=3,
     state=TaskManagerState,
     timers=Timer,
     questions=Question,
     tasks=NodeTask,
     answers=Answer,
-    notices=WorldTimePassed,
+    notices=WorldTimePassed | StartedBefore,
     restore=TaskManager.restored,
     migrations=MIGRATIONS,
 )

@@ -26,5 +26,34 @@ def _goal(label: str) -> GoalKind:
     return GoalKind(beginning.rstrip("0123456789")) if dot else GoalKind.TASK
 
 
-MIGRATIONS = {1: Migration(snapshot=_with_goals)}
+def _with_reservations(snapshot: Any) -> Any:
+    """Give each task its reservation. In version 2, the Task Manager kept all reservations to itself."""
+    state = snapshot["state"]
+    stored = state.pop("reservations")
+    empty: Any = {"changes": [], "relies": []}
+    claimants = state["local_reservations"] = {"claimants": {}, "freed": stored["freed"], "arrivals": len(stored["goals"])}
+    for arrival, (task, goal) in enumerate(stored["goals"].items(), 1):
+        held, waiting = stored["held"].get(task), stored["waiting"].get(task)
+        claimants["claimants"][task] = {
+            "holder": "",
+            "goal": goal,
+            "priority": stored["priorities"][task],
+            "arrival": arrival,
+            "held": held or empty,
+            "waiting": waiting["wanted"] if waiting is not None else None,
+            "admitted": waiting["called"] if waiting is not None else False,
+            "had": held["changes"] if held is not None else [],
+        }
+        if task in state["tasks"]:
+            state["tasks"][task]["reservation"] = {"held": held or empty, "waiting": waiting["wanted"] if waiting is not None else None}
+    return snapshot
+
+
+def _without_start(entry: Any) -> Any:
+    """Keep an earlier start apart from the first one of this program, which tells the Repository of all reservations."""
+    number, time, event, *rest = entry
+    return [number, time, {"type": "Notified", "notice": {"type": "StartedBefore"}} if event["type"] == "Started" else event, *rest]
+
+
+MIGRATIONS = {1: Migration(snapshot=_with_goals), 2: Migration(snapshot=_with_reservations, entry=_without_start)}
 """By the version that they start from."""

@@ -22,6 +22,7 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.previews import OtherPlan, Previewed, Quotation
+from somrs.protocol.messages.reservations import ReservationMode
 from somrs.protocol.messages.waits import WaitsForTasks
 from somrs.task_manager.arrangement.available_services import AvailableServices
 from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals, make_call
@@ -34,7 +35,8 @@ from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.outlook import foresee
 from somrs.task_manager.preview_state import PreviewState
-from somrs.task_manager.reservations import BlockedPlan
+from somrs.task_manager.requests import ReservationAnswered
+from somrs.task_manager.reservations import BlockedPlan, Reserving
 from somrs.task_manager.timers import Answer, PlanWanted, PreviewDue
 from somrs.task_manager.transaction.views import foreseen_views, preview_reply, step_view
 
@@ -62,8 +64,6 @@ class PreviewExecutor:
         self._participants = Participants(state.id, state.members, context, self._ignore_event, self._ignore_message)
 
     def begin(self, now: float) -> EffectsReturning[Previewed | None]:
-        state = self._state
-        self._context.reservations.add_task(state.id, state.task.effect, state.task.priority)
         yield from self._planning.begin(now)
         return None
 
@@ -79,7 +79,9 @@ class PreviewExecutor:
 
     @property
     def _planning(self) -> PlanRequester:
-        return PlanRequester(self._state.planning, self._services, self._context, reserves=False)
+        state, task = self._state, self._state.task
+        reserving = Reserving(state.reservation, state.id, task.effect, task.priority, self._context)
+        return PlanRequester(state.planning, self._services, self._context, reserving, (ReservationMode.ASK, ReservationMode.ASK))
 
     def discovered(self, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[Previewed | None]:
         """Handle the services on offer, or the reason why they are not known."""
@@ -89,13 +91,18 @@ class PreviewExecutor:
         """Handle the planner's answer."""
         if self._state.planning.question != question:
             return None
-        return (yield from self._planned((yield from self._planning.answered(answer)), now))
+        return (yield from self._planned((yield from self._planning.answered(answer, now)), now))
+
+    def reserved(self, answered: ReservationAnswered, now: float) -> EffectsReturning[Previewed | None]:
+        """Handle the answer to the question whether the objects of the plan are free."""
+        if self._state.reservation.serial != answered.purpose.serial:
+            return None
+        return (yield from self._planned((yield from self._planning.reserved(answered.answer, now)), now))
 
     def _planned(self, result: PlanResult | None, now: float) -> EffectsReturning[Previewed | None]:
-        state, reservations = self._state, self._context.reservations
+        state = self._state
         if result is None:
             return None
-        reservations.remove_task(state.id)
         if isinstance(result, BlockedPlan):
             state.waiting_for, result = WaitsForTasks.on(result.holders), result.plan
         if not isinstance(result, Plan) or not state.query.quotes or not result.steps:

@@ -17,6 +17,7 @@ from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest
 from somrs.task_manager.context import PlanToQuote
 from somrs.task_manager.execution.participants import Members
 from somrs.task_manager.execution.workflow import Workflow
+from somrs.task_manager.reservations import TaskReservation
 from somrs.task_manager.timers import BidsDue
 
 
@@ -35,6 +36,8 @@ class PreviewState(Struct, kw_only=True):
     outlook: Plan | None = None
     """The whole plan, with steps that depend on what others find out; services are asked only for the others."""
     bidding_start: float = field(default=0.0, name="asked_at")
+    reservation: TaskReservation = field(default_factory=TaskReservation)
+    """The question whether the objects are free: a preview reserves nothing."""
     waiting_for: WaitsForTasks | None = None
     quotations: dict[str, list[Quotation]] = {}
     """By step."""

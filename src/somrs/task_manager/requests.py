@@ -16,6 +16,7 @@ from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.event_text import join_reasons
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, UpdateMap
+from somrs.protocol.messages.reservations import Claim, ClaimReservations, Release, ReservationDenied, Reserve, Reserved
 from somrs.task_manager.timers import AnswerDue
 
 PATIENCE = 10.0
@@ -64,7 +65,15 @@ class ForPause(Struct, frozen=True, tag=True):
     owner: str
 
 
-RequestPurpose = ForPlan | ForLook | ForReport | ForPause
+class ForReservation(Struct, frozen=True, tag=True):
+    """Objects for a plan of the goal with the number `goal`, or to undo work (0). `serial`: the number of the request."""
+
+    owner: str
+    goal: int
+    serial: int
+
+
+RequestPurpose = ForPlan | ForLook | ForReport | ForPause | ForReservation
 
 
 class ServicesKnown(Struct, frozen=True):
@@ -81,7 +90,18 @@ class ReportAnswered(Struct, frozen=True):
     answer: Message
 
 
-RequestResult = ServicesKnown | ReportAnswered
+ReservationAnswer = Reserved | ReservationDenied | str
+"""The Repository's answer to a request for a reservation; or why there is none."""
+
+
+class ReservationAnswered(Struct, frozen=True):
+    """The answer to a request for a reservation."""
+
+    purpose: ForReservation
+    answer: ReservationAnswer
+
+
+RequestResult = ServicesKnown | ReportAnswered | ReservationAnswered
 
 
 class Request(Struct, frozen=True, kw_only=True):
@@ -105,6 +125,8 @@ class Requests(Struct, kw_only=True):
     request_count: int = field(default=0, name="asked")
     follows_until: float = 0.0
     """Until when the Registry reports arrivals of services."""
+    serial: int = 0
+    """The number of the latest message about reservations."""
 
     def start(self, now: float) -> None:
         """Make the time part of all request ids, so that a Task Manager that lost its state does not use earlier ids again."""
@@ -113,6 +135,27 @@ class Requests(Struct, kw_only=True):
     def update(self, body: UpdateMap, purpose: ForReport | ForPause, now: float) -> Effects:
         """Request a change of the map from the Repository."""
         yield from self._send_request(self._new_request(self.repository, body, purpose, now + UPDATE_TIME), now)
+
+    def reserve(self, body: Reserve, purpose: ForReservation, now: float) -> Effects:
+        """Request a reservation from the Repository."""
+        yield from self._send_request(self._new_request(self.repository, body, purpose, now + UPDATE_TIME), now)
+
+    def notify(self, body: Release | ClaimReservations, now: float) -> Effects:
+        """Tell the Repository about reservations."""
+        yield Send(self._message(self.repository, body), now + UPDATE_TIME)
+
+    def release_ended(self, task: str, now: float) -> Effects:
+        """Tell the Repository that a task has ended, if it does not seem to know."""
+        yield from self.notify(Release(task=task, serial=self.next_serial(now), ended=True), now)
+
+    def claim(self, claims: tuple[Claim, ...], now: float) -> Effects:
+        """Tell the Repository what all tasks have. It may be another one, or may not have received what was sent last."""
+        yield from self.notify(ClaimReservations(serial=self.next_serial(now), claims=claims), now)
+
+    def next_serial(self, now: float) -> int:
+        """A number for a message about reservations. The time is part of it, so that it is new even if the state was lost."""
+        self.serial = max(self.serial + 1, int(now * 1000))
+        return self.serial
 
     def discover(self, purpose: ForPlan | ForLook, now: float) -> Effects:
         """Read all offers from the Registry, page by page."""
@@ -161,6 +204,9 @@ class Requests(Struct, kw_only=True):
             return None
         if isinstance(purpose, ForReport):
             return ReportAnswered(purpose, answer)
+        if isinstance(purpose, ForReservation):
+            reply = body if isinstance(body, Reserved | ReservationDenied) else join_reasons(answer_problems(answer))
+            return ReservationAnswered(purpose, reply)
         if not isinstance(body, Discovered):
             return ServicesKnown(purpose, f"the Service Registry answered: {join_reasons(answer_problems(answer))}")
         offers = request.offers + body.offers

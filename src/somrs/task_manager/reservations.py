@@ -1,208 +1,148 @@
-"""The objects that running tasks have reserved.
+"""What a task has reserved at the Repository, as far as its Task Manager knows, and its requests for more.
 
-A task reserves the objects that its plan changes or relies on, from the moment it takes the plan until it ends. No other task changes
-these objects, or relies on an object that the plan changes. A task that needs a reserved object waits until the other task has ended. A
-waiting task holds no reservation, not even an earlier one, so tasks cannot deadlock. Among waiting tasks, the one with the highest priority
-comes first, then the one that was submitted first. A task that holds a reservation is not interrupted, whatever the priority of others.
+Who gets which objects is in `kernel/reservations.py`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Mapping
 
-from msgspec import Struct, field
+from msgspec import Struct
 
-from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relation, Term
-from somrs.entish.formula import alternatives, literals, terms
-from somrs.ontology.services import ServiceKind
-from somrs.ontology.types import Ontology
-from somrs.planner.model.plan import Plan, Step
+from somrs.kernel.component import Effects, EffectsReturning
+from somrs.kernel.reservations import Claimant, Granted, Reservation
+from somrs.planner.model.plan import Plan
+from somrs.protocol.messages.reservations import (
+    Claim,
+    Release,
+    ReservationDenied,
+    ReservationMode,
+    Reserve,
+    Reserved,
+    UnderReservation,
+)
 from somrs.protocol.messages.waits import Holder
-
-
-class Reservation(Struct, frozen=True, kw_only=True):
-    """The objects that a plan changes, and the other objects that it relies on."""
-
-    changes: frozenset[str] = frozenset()
-    relies_on: frozenset[str] = field(default=frozenset(), name="relies")
-
-    def __or__(self, reservation: Reservation) -> Reservation:
-        return Reservation(changes=self.changes | reservation.changes, relies_on=self.relies_on | reservation.relies_on)
-
-    def renamed(self, names: Mapping[str, str]) -> Reservation:
-        """The reservation with new names of objects."""
-        changes = frozenset(names.get(name, name) for name in self.changes)
-        return Reservation(changes=changes, relies_on=frozenset(names.get(name, name) for name in self.relies_on) - changes)
-
-    def within(self, objects: Container[str]) -> Reservation:
-        """The reservation of these objects only. A plan also names outputs, which no map has yet."""
-        return Reservation(
-            changes=frozenset(name for name in self.changes if name in objects),
-            relies_on=frozenset(name for name in self.relies_on if name in objects),
-        )
-
-    def overlap(self, reservation: Reservation) -> frozenset[str]:
-        """The objects on which the two reservations conflict."""
-        return self.changes & (reservation.changes | reservation.relies_on) | self.relies_on & reservation.changes
+from somrs.task_manager.context import TaskManagerContext
+from somrs.task_manager.requests import ForReservation, ReservationAnswer
 
 
 class BlockedPlan(Struct, frozen=True, kw_only=True):
-    """A plan that needs objects of other tasks: the `holders`, with the contested objects."""
+    """A plan that needs objects of other tasks: the `holders`, with the contested objects. The task waits for them, if it may."""
 
-    reservation: Reservation
     holders: tuple[Holder, ...]
     plan: Plan
 
 
-class _Waiting(Struct):
-    reservation: Reservation = field(name="wanted")
-    admitted: bool = field(default=False, name="called")
-    """The task is making its plan. Until it has one, tasks behind it respect the reservation that it waits for."""
+class TaskReservation(Struct, kw_only=True):
+    """What a task has: `held`, with the number `fence`.
 
+    `requested` is the latest request, with the number `serial`. `waiting`: what the task waits for at the Repository. `is_free`: the
+    Repository has said that this is free, possibly before it said that the task has to wait.
+    """
 
-class Reservations(Struct, kw_only=True):
-    """The reservations of all running tasks, by task."""
+    held: Reservation = Reservation()
+    fence: int = 0
+    requested: Reservation = Reservation()
+    serial: int = 0
+    waiting: Reservation | None = None
+    is_free: bool = False
 
-    goals: dict[str, str] = {}
-    """The goal of each task, in order of precedence: by priority, then by submission."""
-    priorities: dict[str, int] = {}
-    held: dict[str, Reservation] = {}
-    waiting: dict[str, _Waiting] = field(default_factory=dict)
-    freed: bool = False
-    """Whether anything was freed since `admit_waiting` last checked."""
+    def under(self, task: str) -> UnderReservation | None:
+        """The reservation as reports of the task name it."""
+        return UnderReservation(task=task, fence=self.fence) if self.fence else None
 
-    def add_task(self, task: str, goal: str, priority: int = 0) -> None:
-        """Register a submitted task."""
-        later_tasks = [other_task for other_task in reversed(self.goals) if self.priorities[other_task] < priority]
-        self.goals[task], self.priorities[task] = goal, priority
-        for other_task in reversed(later_tasks):
-            self.goals[other_task] = self.goals.pop(other_task)
-
-    def remove_task(self, task: str) -> None:
-        """Remove a task that has ended, with its reservations."""
-        self.goals.pop(task, None)
-        self.priorities.pop(task, None)
-        self.held.pop(task, None)
-        self.waiting.pop(task, None)
-        self.freed = True
-
-    def conflicts(self, task: str, reservation: Reservation) -> dict[str, frozenset[str]]:
-        """The contested objects, by other task that holds them or waits for them with precedence; empty if there is no conflict."""
-        return {
-            other_task: contested_objects
-            for other_task, other_reservation in self._prior_reservations(task)
-            if (contested_objects := reservation.overlap(other_reservation))
-        }
-
-    def holders(self, task: str, reservation: Reservation) -> tuple[Holder, ...]:
-        """The other tasks whose held reservations conflict with this one; waiting tasks do not count."""
-        conflicts = {other_task: reservation.overlap(held) for other_task, held in self.held.items() if other_task != task}
-        return self.describe({other_task: objects for other_task, objects in conflicts.items() if objects})
-
-    def describe(self, conflicts: Mapping[str, frozenset[str]]) -> tuple[Holder, ...]:
-        """The contested objects, by task, for clients."""
-        return tuple(
-            Holder(task=task, goal=self.goals.get(task, ""), objects=tuple(sorted(objects)), waiting=task not in self.held)
-            for task, objects in conflicts.items()
+    def claim(self, task: str, goal: str, priority: int) -> Claim | None:
+        """What the task has, for a Repository that may not know it; None if it has nothing."""
+        reservation = self.waiting or self.held
+        if not reservation:
+            return None
+        return Claim(
+            task=task,
+            fence=self.fence,
+            waits=self.waiting is not None,
+            goal=goal,
+            priority=priority,
+            changes=tuple(sorted(reservation.changes)),
+            relies_on=tuple(sorted(reservation.relies_on)),
         )
 
-    def reserved_objects(self, task: str) -> frozenset[str]:
-        """The objects that other tasks change, or wait to change with precedence."""
-        return frozenset(name for _, other_reservation in self._prior_reservations(task) for name in other_reservation.changes)
+    def lose(self, fence: int) -> bool:
+        """Other tasks have taken what the task had under this number. Returns whether it still had it."""
+        is_lost = bool(self.held) and self.fence == fence
+        if is_lost:
+            self._clear()
+        return is_lost
 
-    def _prior_reservations(self, task: str) -> Iterator[tuple[str, Reservation]]:
-        yield from ((other_task, other_reservation) for other_task, other_reservation in self.held.items() if other_task != task)
-        for other_task in self.goals:
-            if other_task == task:
-                return
-            if (waiting := self.waiting.get(other_task)) is not None:
-                yield other_task, waiting.reservation
+    def answered(self, answer: ReservationAnswer) -> None:
+        """Note the answer to the latest request."""
+        match answer:
+            case Reserved(fence=fence, holders=holders):
+                self.held |= self.requested.without({name for holder in holders for name in holder.objects})
+                self.fence, self.waiting = fence, None
+            case ReservationDenied(waits=True):
+                self._clear()
+                self.waiting = self.requested
 
-    def hold(self, task: str, reservation: Reservation) -> None:
-        """Reserve for the task. It keeps its earlier reservations, because that work may have to be undone."""
-        self.held[task] = self.held.get(task, Reservation()) | reservation
-        self.waiting.pop(task, None)
+    def released(self) -> None:
+        """The task has given up everything."""
+        self._clear()
 
-    def rename(self, task: str, names: Mapping[str, str], goal: str) -> None:
-        """Give objects of the task the names that they have now. `goal`: its goal with these names."""
-        self.goals[task] = goal
-        if task in self.held:
-            self.held[task] = self.held[task].renamed(names)
-        if task in self.waiting:
-            self.waiting[task].reservation = self.waiting[task].reservation.renamed(names)
+    def rename(self, names: Mapping[str, str]) -> None:
+        """Give objects the names that they have now."""
+        self.held, self.requested = self.held.renamed(names), self.requested.renamed(names)
+        self.waiting = self.waiting.renamed(names) if self.waiting is not None else None
 
-    def wait(self, task: str, reservation: Reservation) -> None:
-        """Release what the task holds, and let it wait for this reservation."""
-        self.held.pop(task, None)
-        self.waiting[task] = _Waiting(reservation)
-        self.freed = True
-
-    def release(self, task: str) -> None:
-        """Release what the task holds."""
-        if self.held.pop(task, None) is not None:
-            self.freed = True
-
-    def stop_waiting(self, task: str) -> None:
-        """Remove the task from those that wait."""
-        if self.waiting.pop(task, None) is not None:
-            self.freed = True
-
-    def admit_waiting(self) -> Iterator[str]:
-        """The waiting tasks without conflicts, each once. The reservations may change between two of them."""
-        while self.freed:
-            self.freed = False
-            for task in [task for task in self.goals if task in self.waiting]:
-                waiting = self.waiting.get(task)
-                if waiting is not None and not waiting.admitted and not self.conflicts(task, waiting.reservation):
-                    waiting.admitted = True
-                    yield task
+    def _clear(self) -> None:
+        self.held, self.fence, self.waiting = Reservation(), 0, None
 
 
-def plan_reservation(steps: Iterable[Step], goal: Formula, ontology: Ontology) -> Reservation:
-    """The objects that a plan changes and relies on. A service that only tells something changes nothing. A goal with OR adds none: it is
-    not known which part will hold."""
-    changes: set[str] = set()
-    relies: set[str] = set()
-    for step in steps:
-        if step.kind is not ServiceKind.PHYSICAL:
-            relies.update(_formula_objects(step.effect, ontology))
-        for literal in literals(step.effect) if step.kind is ServiceKind.PHYSICAL else ():
-            atom = literal.atom if isinstance(literal, Not) else literal
-            if isinstance(atom, Comparison):
-                target, source = (atom.left, atom.right) if isinstance(atom.left, Attribute) else (atom.right, atom.left)
-                changes.update(_term_objects(target))
-                relies.update(_term_objects(source))
-            else:
-                changes.update(_subjects(atom, ontology))
-        if step.precondition is not None:
-            relies.update(_formula_objects(step.precondition, ontology))
-    if len([*alternatives(goal)]) == 1:
-        relies.update(_formula_objects(goal, ontology))
-    return Reservation(changes=frozenset(changes), relies_on=frozenset(relies - changes))
+class Reserving:
+    """Requests the reservations of one task. It has no state of its own. `goal` and `priority` are those of the task."""
 
+    def __init__(self, state: TaskReservation, task: str, goal: str, priority: int, context: TaskManagerContext) -> None:
+        self._state, self._task, self._goal, self._priority, self._context = state, task, goal, priority, context
 
-def _formula_objects(formula: Formula, ontology: Ontology) -> Iterator[str]:
-    for literal in literals(formula):
-        atom = literal.atom if isinstance(literal, Not) else literal
-        if isinstance(atom, Comparison):
-            yield from _term_objects(atom.left)
-            yield from _term_objects(atom.right)
-        else:
-            yield from _subjects(atom, ontology)
+    def request(self, needed: Reservation, mode: ReservationMode, goal: int, now: float) -> EffectsReturning[ReservationAnswer | None]:
+        """Request what is needed for the goal with the number `goal`. Returns the answer; None if it comes later, for `state.serial`."""
+        state = self._state
+        if mode is not ReservationMode.ASK and state.held.includes(needed):
+            return Reserved(task=self._task, fence=state.fence)
+        state.requested, state.serial, state.is_free = needed, self._context.requests.next_serial(now), False
+        if self._context.local_reservations is not None:
+            return self._reserve_locally(needed, mode, now)
+        reserve = Reserve(
+            task=self._task,
+            serial=state.serial,
+            mode=mode,
+            goal=self._goal,
+            priority=self._priority,
+            changes=tuple(sorted(needed.changes)),
+            relies_on=tuple(sorted(needed.relies_on)),
+        )
+        yield from self._context.requests.reserve(reserve, ForReservation(self._task, goal, state.serial), now)
+        return None
 
+    def _reserve_locally(self, needed: Reservation, mode: ReservationMode, now: float) -> ReservationAnswer:
+        reservations = self._context.local_reservations
+        assert reservations is not None
+        claimant = Claimant(holder="", goal=self._goal, priority=self._priority, arrival=0)
+        answer: ReservationAnswer
+        match reservations.reserve(self._task, claimant, needed, mode, now):
+            case Granted(fence=fence, overtaken=overtaken, holders=holders):
+                answer = Reserved(task=self._task, fence=fence, overtaken=tuple(sorted(overtaken)), holders=holders)
+            case denied:
+                answer = ReservationDenied(task=self._task, holders=denied.holders, waits=denied.waits)
+        if mode is not ReservationMode.ASK:
+            self._state.answered(answer)
+        return answer
 
-def _subjects(atom: Relation, ontology: Ontology) -> Iterator[str]:
-    """The objects that a fact is about: its first argument, or all arguments of a symmetric relation."""
-    relation = ontology.relations.get(atom.relation)
-    subjects = atom.arguments if relation is not None and relation.symmetric else atom.arguments[:1]
-    yield from (argument.name for argument in subjects if isinstance(argument, Name))
-
-
-def _term_objects(term: Term) -> Iterator[str]:
-    """The objects whose attributes a term uses."""
-    for inner in terms(term):
-        match inner:
-            case Attribute(Name(name)):
-                yield name
-            case Call(_, arguments):
-                yield from (argument.name for argument in arguments if isinstance(argument, Name))
+    def release(self, now: float, *, ended: bool = False) -> Effects:
+        """Release what the task holds, and let it wait no more."""
+        state, local = self._state, self._context.local_reservations
+        has_any = bool(state.held) or state.waiting is not None
+        state.released()
+        if local is not None:
+            (local.remove if ended else local.release)(self._task)
+        elif state.serial and (ended or has_any):
+            state.serial = self._context.requests.next_serial(now)
+            yield from self._context.requests.notify(Release(task=self._task, serial=state.serial, ended=ended), now)

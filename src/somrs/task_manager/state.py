@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator
 
 from msgspec import Struct, field
 
 from somrs.kernel.replica import Replica
+from somrs.kernel.reservations import Reservations
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.observations import Reception
-from somrs.task_manager.context import Quotes
+from somrs.protocol.messages.reservations import Claim
+from somrs.task_manager.context import Commitments, Interval, Quotes
 from somrs.task_manager.device_queue import DeviceQueues
 from somrs.task_manager.execution.reports import ReportResult
 from somrs.task_manager.pace import Pace
 from somrs.task_manager.preview_state import PreviewState
 from somrs.task_manager.requests import Requests
-from somrs.task_manager.reservations import Reservations
 from somrs.task_manager.subscriptions import Subscriptions
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.world_clock import WorldClock
+
+REMEMBERED = 200
+"""The number of tasks in memory. Beyond that, the oldest ended tasks are dropped; the archive keeps their records."""
 
 
 class UnsettledReport(Struct, frozen=True, kw_only=True):
@@ -28,17 +32,28 @@ class UnsettledReport(Struct, frozen=True, kw_only=True):
     task: str
     problems: tuple[str, ...] = ()
     reception: Reception = Reception()
+    has_lost_reservation: bool = False
+
+    @classmethod
+    def of(cls, version: int, task: str, result: ReportResult) -> UnsettledReport:
+        return cls(
+            version=version,
+            task=task,
+            problems=result.problems,
+            reception=result.reception,
+            has_lost_reservation=result.has_lost_reservation,
+        )
 
     @property
     def result(self) -> ReportResult:
-        return ReportResult(problems=self.problems, reception=self.reception)
+        return ReportResult(problems=self.problems, reception=self.reception, has_lost_reservation=self.has_lost_reservation)
 
 
 class TaskManagerState(Struct, kw_only=True):
     """The state of a Task Manager.
 
     `tasks` are all tasks in memory, `running` those that have not ended. `awaiting_map` and `awaiting_records` are clients'
-    requests that wait for the map or for the archive, by message id.
+    requests that wait for the map or for the archive, by message id. `local_reservations`: see `TaskManagerContext`.
     """
 
     replica: Replica
@@ -46,7 +61,7 @@ class TaskManagerState(Struct, kw_only=True):
     tasks: dict[str, TaskState] = field(default_factory=dict)
     running: list[str] = []
     previews: dict[str, PreviewState] = field(default_factory=dict)
-    reservations: Reservations = field(default_factory=Reservations)
+    local_reservations: Reservations | None = None
     queues: DeviceQueues = field(default_factory=DeviceQueues)
     quotes: Quotes = field(default_factory=Quotes)
     pace: Pace = field(default_factory=Pace)
@@ -62,8 +77,33 @@ class TaskManagerState(Struct, kw_only=True):
     def new(cls, address: str, repository: str, registry: str) -> TaskManagerState:
         return cls(replica=Replica(address, repository), requests=Requests(address=address, repository=repository, registry=registry))
 
-    def overtake(self, task: str, objects: Iterable[str]) -> None:
-        """Tell all other tasks that a task has changed objects."""
-        for id in self.running:
-            if id != task:
-                self.tasks[id].log.overtake(objects)
+    @property
+    def running_tasks(self) -> Iterator[TaskState]:
+        return (self.tasks[task] for task in self.running)
+
+    def claims(self) -> Iterator[Claim]:
+        """What all running tasks have reserved, or wait for."""
+        for task in self.running_tasks:
+            if (claim := task.reservation.claim(task.id, task.task.effect, task.task.priority)) is not None:
+                yield claim
+
+    def reserved_elsewhere(self, id: str) -> frozenset[str]:
+        """The objects that other tasks have reserved to change them."""
+        return frozenset(name for task in self.running_tasks if task.id != id for name in task.reservation.held.changes)
+
+    def commitments(self) -> Commitments:
+        """The intervals in which providers are committed."""
+        commitments: dict[str, list[Interval]] = {}
+        for task in self.running_tasks:
+            for execution in task.executions:
+                if execution.workflow is not None:
+                    for provider in execution.workflow.providers:
+                        commitments.setdefault(provider, []).extend(execution.workflow.promised(provider))
+        return commitments
+
+    def forget_old_tasks(self) -> None:
+        """Drop the oldest ended tasks beyond `REMEMBERED`. The clients that watched them have received their outcome."""
+        while len(self.tasks) > REMEMBERED and len(self.tasks) > len(self.running):
+            oldest = next(id for id in self.tasks if id not in self.running)
+            del self.tasks[oldest]
+            self.subscriptions.forget(oldest)

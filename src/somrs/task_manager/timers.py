@@ -80,6 +80,10 @@ class NewsDue(Struct, frozen=True, tag=True):
 Timer = BidsDue | SilenceDue | OverdueDue | DeadlineDue | RetryDue | StopDue | PreviewDue | AnswerDue | MapDue | NewsDue | ReplicaDue
 
 
+class StartedBefore(Struct, frozen=True, tag=True):
+    """A notice in journals of programs whose Task Managers kept reservations to themselves: such a program was started."""
+
+
 class PlanWanted(Struct, frozen=True, tag=True):
     """A plan for the goal with the number `goal`; `serial` counts its plans, `attempt` the planning problems of one plan."""
 

@@ -10,7 +10,17 @@ from somrs.protocol.messages import frp, previews, records, submission, task_new
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Discover
 from somrs.protocol.messages.envelope import Header, Message, reply
-from somrs.protocol.messages.knowledge import Definitions, Event, MapChanged, MapPage, MapSubscribed, OntologyPage, Rejected, Updated
+from somrs.protocol.messages.knowledge import (
+    Definitions,
+    Event,
+    MapChanged,
+    MapPage,
+    MapSubscribed,
+    OntologyPage,
+    Rejected,
+    SubscribeMap,
+    Updated,
+)
 from somrs.protocol.messages.submission import Policy, Submit
 from somrs.task_manager.context import MOST_PRIORITY, find_task_error
 from somrs.task_manager.manager import TaskManager
@@ -279,7 +289,7 @@ def restarted(version: int) -> TaskManagerHarness:
     """A Task Manager that was down until 50.0, while the map came to the version."""
     harness = TaskManagerHarness()
     effects = harness.manager.handle(Started("tm"), 50.0)
-    (question,) = [effect.message for effect in effects if isinstance(effect, Send) and effect.message.header.recipient == "repository"]
+    (question,) = [effect.message for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, SubscribeMap)]
     assert answers(send_request(harness.manager, submission.Submit(effect="Tin001 isOn Platform001"), 50.1, "first")) == []
     assert [*harness.manager.state.awaiting_map] == ["first"], "what has changed meanwhile is not known"
     own = harness.manager.state.replica.version
@@ -317,7 +327,7 @@ def test_tasks_are_known_since_the_first_start() -> None:
 
 
 def test_the_oldest_tasks_that_are_over_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("somrs.task_manager.manager.REMEMBERED", 2)
+    monkeypatch.setattr("somrs.task_manager.state.REMEMBERED", 2)
     harness = TaskManagerHarness()
     first = harness.task.id
     for number, jar in enumerate(("Jar001", "Tin001")):

@@ -141,7 +141,7 @@ def test_services_are_asked_and_the_best_is_taken_on_paper() -> None:
     assert [body for body in sent_bodies(effects) if isinstance(body, frp.Cancel)] == [frp.Cancel(reason=PREVIEW_ONLY)] * 2
     assert timer_times(effects) == [("BidsDue", None), ("PreviewDue", None)]
     state = preview.harness.manager.state
-    assert (state.previews, state.reservations.goals, state.reservations.held) == ({}, {}, {})
+    assert (state.previews, preview.harness.reservations.claimants) == ({}, {})
     assert (state.quotes.prices, state.quotes.durations) == (
         {FIRST_SERVICE: 10.0, SECOND_SERVICE: 20.0},
         {FIRST_SERVICE: 60.0, SECOND_SERVICE: 30.0},
@@ -157,11 +157,9 @@ def test_it_is_planned_as_the_task_would_be() -> None:
     )
     (ask,) = [effect for effect in preview.effects if isinstance(effect, Ask)]
     assert ask.question == PlanWanted(preview.state.id, 0, 0, 1)
-    reservations = harness.manager.state.reservations
-    assert (reservations.goals, reservations.priorities) == ({preview.state.id: GOAL}, {preview.state.id: 7})
     assert preview.harness.feed(Answered(PlanWanted(preview.state.id, 0, 0, 2), CHAIN), 11.0) == [], "nobody asks for that any more"
     assert bodies(harness.feed(Answered(ask.question, CHAIN), 11.0)) == ["Arrange"]
-    assert (reservations.goals, reservations.held) == ({}, {})
+    assert harness.reservations.claimants == {}, "it only asks"
 
 
 def test_what_is_stated_twice_by_one_message_is_one_preview() -> None:

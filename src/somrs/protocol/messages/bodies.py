@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from somrs.protocol.messages import directory, frp, knowledge, orders, previews, records, submission, task_news, traffic
+from somrs.protocol.messages import directory, frp, knowledge, orders, previews, records, reservations, submission, task_news, traffic
 from somrs.protocol.messages.body import MessageBody
 
 FrpBody = (
@@ -24,6 +24,8 @@ KnowledgeBody = (
     | knowledge.Rejected | knowledge.ReadHistory | knowledge.History | knowledge.SubscribeMap | knowledge.MapSubscribed
     | knowledge.MapChanged | knowledge.OntologyChanged | knowledge.RenameObject | knowledge.MergeObject | knowledge.Undo
     | knowledge.Consider | knowledge.Considered | knowledge.ReadEvents | knowledge.Events
+    | reservations.Reserve | reservations.Reserved | reservations.ReservationDenied | reservations.ReservationFree
+    | reservations.ReservationLost | reservations.Release | reservations.ClaimReservations
 )  # fmt: skip
 ClientBody = (
     submission.Submit | submission.Submitted | submission.TaskRejected | submission.CancelTask | submission.Cancelling
@@ -70,6 +72,7 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     knowledge.ReadHistory: (knowledge.History,),
     knowledge.ReadEvents: (knowledge.Events,),
     knowledge.SubscribeMap: (knowledge.MapSubscribed,),
+    reservations.Reserve: (reservations.Reserved, reservations.ReservationDenied),
     submission.Submit: (submission.Submitted, submission.TaskRejected),
     submission.CancelTask: (submission.Cancelling,),
     submission.PauseTask: (submission.TaskPaused,),

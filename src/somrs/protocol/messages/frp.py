@@ -93,12 +93,14 @@ class Refuse(MessageBody, frozen=True, kw_only=True, tag=True):
 
     `not_now`: it may do it later, because the reason passes: it is busy, charging or broken, or did not answer in time. Otherwise it never
     will, as things are: the thing is too heavy, the place is on another storey. `condition`: a formula; if it held at the start, the
-    service could do the step.
+    service could do the step. `lapsed`: the terms that were offered do not hold any more, because they have expired, or another contract
+    came first; asked again, the service gives new ones.
     """
 
     reason: str
     not_now: bool = False
     condition: str | None = None
+    lapsed: bool = False
 
     @property
     def passes(self) -> bool:

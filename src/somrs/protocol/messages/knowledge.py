@@ -10,12 +10,13 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
-from somrs.ontology.naming import DefinitionKey, Renaming
+from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import Change, Fact, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, RelationType
 from somrs.protocol.messages.body import MessageBody
 from somrs.protocol.messages.observations import Discovery, Observation, Reception
+from somrs.protocol.messages.reservations import UnderReservation
 
 
 class Definitions(Struct, frozen=True, kw_only=True):
@@ -134,6 +135,7 @@ class UpdateMap(MessageBody, frozen=True, kw_only=True, tag=True):
     A typed variable of the situation is a sighted object: `?Seen: Jar isOn Table001`. The Repository finds it on the map, or adds it.
     The update is checked against the types, and made completely or not at all. `expected_version`: make it only if none of its objects
     changed after that version; the object of a fact is its first argument. `observation`: when and how the update was observed.
+    `reservation`: the task that reports, and under which reservation.
     """
 
     changes: tuple[Change, ...] = ()
@@ -141,6 +143,7 @@ class UpdateMap(MessageBody, frozen=True, kw_only=True, tag=True):
     author: str = ""
     expected_version: int | None = None
     observation: Observation | None = None
+    reservation: UnderReservation | None = None
 
 
 class Updated(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -276,6 +279,12 @@ class Event(Struct, frozen=True, kw_only=True):
     all_changes: int | None = None
     reception: Reception | None = None
     merged: tuple[Merging, ...] = ()
+
+    @property
+    def new_names(self) -> dict[str, str]:
+        """The names that objects have after the event, by the names that they lost."""
+        names = {renaming.name: renaming.to for renaming in self.renamed if renaming.section is Section.OBJECTS}
+        return names | {merging.name: merging.into for merging in self.merged}
 
 
 class History(MessageBody, frozen=True, kw_only=True, tag=True):

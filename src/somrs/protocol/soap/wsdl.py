@@ -10,7 +10,7 @@ from lxml import etree
 from msgspec import Struct
 
 from somrs.protocol.frp.session import CoordinatorBody, ParticipantBody
-from somrs.protocol.messages import directory, frp, knowledge, traffic
+from somrs.protocol.messages import directory, frp, knowledge, reservations, traffic
 from somrs.protocol.messages.bodies import REQUESTS
 from somrs.protocol.soap.soap import CLIENTS, DIRECTORY, FRP, KNOWLEDGE, NAMESPACES, ORDERS, TRAFFIC, action, namespace_of
 from somrs.protocol.soap.xml import Element, union_of
@@ -39,11 +39,19 @@ def _without_fault(body: object) -> Kinds:
 
 
 COMPONENTS: dict[str, tuple[str, Kinds]] = {
-    "repository": ("Repository", _requests(KNOWLEDGE)),
+    "repository": ("Repository", (*_requests(KNOWLEDGE), reservations.Release, reservations.ClaimReservations)),
     "registry": ("Registry", (*_requests(DIRECTORY), *_FOLLOWS_MAP)),
     "task-manager": (
         "TaskManager",
-        (*_requests(CLIENTS), *_without_fault(ParticipantBody), directory.ServicesJoined, directory.ServicesLeft, *_FOLLOWS_MAP),
+        (
+            *_requests(CLIENTS),
+            *_without_fault(ParticipantBody),
+            directory.ServicesJoined,
+            directory.ServicesLeft,
+            reservations.ReservationFree,
+            reservations.ReservationLost,
+            *_FOLLOWS_MAP,
+        ),
     ),
     "scheduler": ("Scheduler", (*_requests(ORDERS), *_FOLLOWS_MAP)),
     "traffic": ("Traffic", (*_requests(TRAFFIC), traffic.CancelTrip)),

@@ -42,6 +42,10 @@ class Job(Struct, kw_only=True):
     """The report to send when the device is in a safe state, unless the work turns out to be done."""
     observation: Observation | None = None
     """When and how the last known situation was observed."""
+    offered_at: float | None = None
+    """When it offered its terms."""
+    accepted_at: float | None = None
+    """When its terms were accepted."""
 
     @property
     def key(self) -> Key:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from somrs.errors import FormulaError
 from somrs.kernel.component import Ask, Effects
 from somrs.protocol.frp.session import ParticipantBody, service_of
@@ -24,8 +26,11 @@ class Negotiation:
 
     def calendar(self, now: float) -> list[Commitment]:
         """Return the commitments of the device. Overdue ones start, or end, at `now`."""
+        return self._commitments(self._jobs, now)
+
+    def _commitments(self, jobs: Iterable[Job], now: float) -> list[Commitment]:
         busy: list[Commitment] = []
-        for job in self._jobs:
+        for job in jobs:
             if not job.has_contract or (terms := job.session.terms) is None or not self._state.occupies(job):
                 continue
             start = job.started_at if job.started_at is not None else max(terms.start_from or now, now)
@@ -81,7 +86,28 @@ class Negotiation:
             answer = frp.Refuse(reason=str(error))
         yield from send_message(job, answer, self._jobs, now)
         if isinstance(answer, frp.Terms):
+            job.offered_at = now
             yield from job.set_timer(TermsDue, answer.valid_until)
+
+    def lapse(self, job: Job, now: float) -> str:
+        """Why the terms that the participant has offered do not hold any more; empty if they do.
+
+        They have expired, or another Task Manager's contract has come first, of which the one that accepts them cannot know.
+        """
+        terms = job.session.terms
+        if job.session.state is not State.OFFERED or terms is None:
+            return ""
+        if terms.valid_until is not None and terms.valid_until <= now:
+            return "the terms expired"
+        others = [other for other in self._jobs if other.session.peer != job.session.peer]
+        is_new = any(
+            other.accepted_at is not None and other.accepted_at >= (job.offered_at or now) for other in others if other.has_contract
+        )
+        if not is_new or not self._state.occupies(job):
+            return ""
+        start, capacity = max(now, terms.start_from or now), self._state.profile.capacity
+        first_free = first_free_time(resolve_overlaps(self._commitments(others, now), capacity), start, terms.duration, capacity)
+        return f"another contract came first, and delays it by {first_free - start:.0f} s" if first_free > start else ""
 
     def _terms(self, job: Job, quoted: Quoted, now: float) -> frp.Terms | frp.Refuse:
         assert job.order is not None, "a quote follows an order"

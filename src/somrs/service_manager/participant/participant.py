@@ -129,9 +129,9 @@ class ServiceManager:
                 if kind is not frp.Fault:
                     yield Send(reply(message, frp.Fault(code=NOT_ALLOWED, text=error.text), self.address))
                 return
-        terms, objection = job.session.terms, job.session.objection(message, now)
-        if job.session.state is State.OFFERED and terms and terms.valid_until is not None and terms.valid_until <= now:
-            yield from self._send_message(job, frp.Refuse(reason="the terms expired", not_now=True), now)
+        objection = job.session.objection(message, now)
+        if kind in (frp.Accept, frp.Execute) and (lapse := self._negotiation.lapse(job, now)):
+            yield from self._send_message(job, frp.Refuse(reason=lapse, not_now=True, lapsed=True), now)
         elif objection and kind is frp.Execute and job.session.state in UNBEGUN:
             refuses = UNBEGUN[job.session.state] is frp.Refuse
             yield from self._send_message(
@@ -170,10 +170,12 @@ class ServiceManager:
             case State.ARRANGING:
                 yield from self._negotiation.arrange(job, now)
             case State.COMMITTED:
+                job.accepted_at = now
                 yield from job.set_timer(TermsDue, None)
                 if job.session.terms is not None:
                     yield from job.set_timer(StartDue, job.session.terms.start_until)
             case State.EXECUTING:
+                job.accepted_at = job.accepted_at if job.accepted_at is not None else now
                 yield from job.set_timer(TermsDue, None)
                 yield from job.set_timer(StartDue, None)
                 yield from job.set_timer(HeartbeatDue, now + self.profile.heartbeat)
@@ -231,7 +233,7 @@ class ServiceManager:
                 yield from self._send_message(job, frp.Progress(fraction=job.fraction, note=note), now)
                 yield from job.set_timer(HeartbeatDue, now + self.profile.heartbeat)
             case TermsDue() if state is State.OFFERED:
-                yield from self._send_message(job, frp.Refuse(reason="the terms expired", not_now=True), now)
+                yield from self._send_message(job, frp.Refuse(reason="the terms expired", not_now=True, lapsed=True), now)
             case StartDue() if state is State.COMMITTED:
                 yield from self._send_message(job, frp.Failed(description="no order to start came in time", tried=False), now)
 

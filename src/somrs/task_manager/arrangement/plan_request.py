@@ -1,7 +1,8 @@
 """The request for a plan: discover the services on offer, then ask the planner.
 
-The plan must avoid the objects that other tasks have reserved, and should keep the remaining steps of the previous plan. If there is no
-such plan, the planner is asked again without regard to reservations. If it then finds a plan, the task waits for the other tasks.
+The plan must avoid the objects that other tasks have reserved, and should keep the remaining steps of the previous plan. Its objects are
+reserved at the Repository. If other tasks have some of them, the planner is asked again. If there is no plan without the objects of other
+tasks, the planner is asked without regard to them. If it then finds a plan, the task waits for the others.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ from somrs.kernel.component import Ask, Effects, EffectsReturning, Withdraw
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import StepBid
 from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.reservations import ReservationMode, Reserved
 from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.arrangement.available_services import AvailableServices
+from somrs.task_manager.arrangement.plan_reservation import plan_reservation
 from somrs.task_manager.context import TaskManagerContext, planning_problem
 from somrs.task_manager.execution.workflow import Progress, Workflow
-from somrs.task_manager.requests import ForPlan
-from somrs.task_manager.reservations import BlockedPlan, plan_reservation
+from somrs.task_manager.requests import ForPlan, ReservationAnswer
+from somrs.task_manager.reservations import BlockedPlan, Reserving
 from somrs.task_manager.timers import Answer, PlanWanted
 
 
@@ -42,7 +45,7 @@ class PlanRequest(Struct, kw_only=True):
     """A request for a plan. `owner` is the task or preview, `goal` the number of its goal, `task` what the plan has to achieve.
 
     The plan avoids the objects in `avoided`, which other tasks change, unless the request `ignores_reservations`. `attempt` counts the
-    questions to the planner.
+    questions to the planner. `plan`: one that was found, while its objects are being reserved.
     """
 
     owner: str
@@ -52,6 +55,7 @@ class PlanRequest(Struct, kw_only=True):
     avoided: frozenset[str] = frozenset()
     ignores_reservations: bool = field(default=False, name="regardless")
     attempt: int = 0
+    plan: Plan | None = None
     bids: tuple[StepBid, ...] = ()
     """What services answered when they were asked for steps of earlier plans, if a condition was stated."""
     most_plans: int = 1
@@ -66,24 +70,20 @@ class PlanRequest(Struct, kw_only=True):
 
 
 class PlanRequester:
-    """Carries out a request. `old_workflow`: the plan that the new one replaces. `reserves`: the task reserves what the plan needs."""
+    """Carries out a request. `old_workflow`: the plan that the new one replaces. `modes`: how the objects of a plan are reserved, and those
+    of a plan that needs objects of others."""
 
     def __init__(
         self,
         request: PlanRequest,
         services: AvailableServices,
         context: TaskManagerContext,
+        reserving: Reserving,
+        modes: tuple[ReservationMode, ReservationMode],
         old_workflow: Workflow | None = None,
-        *,
-        reserves: bool = True,
     ) -> None:
-        self._request, self._services, self._context, self._old_workflow, self._reserves = (
-            request,
-            services,
-            context,
-            old_workflow,
-            reserves,
-        )
+        self._request, self._services, self._context, self._reserving = request, services, context, reserving
+        self._modes, self._old_workflow = modes, old_workflow
 
     def begin(self, now: float) -> Effects:
         yield from self._context.requests.discover(self._request.purpose, now)
@@ -93,7 +93,7 @@ class PlanRequester:
         if isinstance(offers, str):
             return ServicesUnknown(offers)
         self._services.discovered(offers)
-        self._request.avoided = self._context.reservations.reserved_objects(self._request.owner)
+        self._request.avoided = self._context.reserved_elsewhere(self._request.owner)
         return (yield from self._ask())
 
     def _ask(self) -> EffectsReturning[PlanResult | None]:
@@ -122,34 +122,49 @@ class PlanRequester:
         yield Ask(request.question, task)
         return None
 
-    def answered(self, value: Answer) -> EffectsReturning[PlanResult | None]:
-        """Handle the planner's answer. Returns None if the planner is asked again."""
+    def answered(self, value: Answer, now: float) -> EffectsReturning[PlanResult | None]:
+        """Handle the planner's answer. Returns None if the planner is asked again, or the objects of the plan are being reserved."""
         request = self._request
         if isinstance(value, NoPlan) and request.avoided and not request.ignores_reservations:
             request.ignores_reservations = True
             return (yield from self._ask())
         if isinstance(value, Plan):
-            return (yield from self._plan_found(value))
+            return (yield from self._plan_found(value, now))
         return value
 
-    def _plan_found(self, plan: Plan) -> EffectsReturning[PlanResult | None]:
-        request, reservations = self._request, self._context.reservations
+    def _plan_found(self, plan: Plan, now: float) -> EffectsReturning[PlanResult | None]:
+        request = self._request
         if request.task.recognise:
             return plan  # who looks at an object does not hinder others
-        replica = self._context.replica
-        reservation = plan_reservation(plan.steps, parse(request.task.effect), replica.ontology).within(replica.map.objects)
-        conflicts = reservations.conflicts(request.owner, reservation)
-        if not conflicts:
-            if self._reserves:
-                reservations.hold(request.owner, reservation)
+        request.plan = plan
+        return (yield from self._reserve(plan, now))
+
+    def _reserve(self, plan: Plan, now: float) -> EffectsReturning[PlanResult | None]:
+        request, replica = self._request, self._context.replica
+        needed = plan_reservation(plan.steps, parse(request.task.effect), replica.ontology).within(replica.map.objects)
+        mode = self._modes[request.ignores_reservations]
+        answer = yield from self._reserving.request(needed, mode, request.goal, now)
+        return (yield from self.reserved(answer, now)) if answer is not None else None
+
+    def reserved(self, answer: ReservationAnswer, now: float) -> EffectsReturning[PlanResult | None]:
+        """Handle the Repository's answer to the request for the plan's objects. Returns None if the planner or the Repository is asked
+        again."""
+        request = self._request
+        plan, request.plan = request.plan, None
+        if plan is None or isinstance(answer, str):
+            return answer if isinstance(answer, str) else None
+        if isinstance(answer, Reserved):
             return plan
-        contested_objects = frozenset[str]().union(*conflicts.values())
-        if request.ignores_reservations or contested_objects <= request.avoided:
-            return BlockedPlan(reservation=reservation, holders=reservations.describe(conflicts), plan=plan)
-        request.avoided |= contested_objects  # other tasks rely on these objects, or have reserved them meanwhile
+        contested_objects = frozenset(name for holder in answer.holders for name in holder.objects)
+        if request.ignores_reservations:
+            return BlockedPlan(holders=answer.holders, plan=plan)
+        if contested_objects <= request.avoided:
+            request.ignores_reservations, request.plan = True, plan
+            return (yield from self._reserve(plan, now))
+        request.avoided |= contested_objects
         return (yield from self._ask())
 
     def withdraw(self) -> Effects:
         """Withdraw the question to the planner: its plan is out of date, or not needed."""
-        if self._request.attempt:
+        if self._request.attempt and self._request.plan is None:
             yield Withdraw(self._request.question)

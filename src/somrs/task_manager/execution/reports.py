@@ -14,6 +14,7 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.protocol.messages.observations import Reception
+from somrs.protocol.messages.reservations import RESERVED
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.requests import ForReport, answer_problems
 
@@ -79,10 +80,14 @@ class Reports(Struct, kw_only=True):
 
 
 class ReportResult(Struct, frozen=True, kw_only=True):
-    """What became of a report: why the Repository rejected it, or else which objects it sighted and which of its parts were old news."""
+    """What became of a report: why the Repository rejected it, or else which objects it sighted and which of its parts were old news.
+
+    `has_lost_reservation`: it was rejected because other tasks have reserved its objects since.
+    """
 
     problems: tuple[str, ...] = ()
     reception: Reception = Reception()
+    has_lost_reservation: bool = False
 
     def named(self, situation: str) -> str:
         """The situation with the names of the objects that it sighted, without parts about objects that could not be identified."""
@@ -107,7 +112,8 @@ def settlement(answer: Message) -> tuple[int | None, ReportResult]:
     match answer.body:
         case Updated(version=version, reception=reception):
             return version, ReportResult(reception=reception or Reception())
-        case Rejected(version=int(version)):  # the replica may not know yet what the report contradicts
-            return version, ReportResult(problems=answer_problems(answer))
+        case Rejected(version=int(version), broken=broken):  # the replica may not know yet what the report contradicts
+            has_lost_reservation = any(rule.rule == RESERVED for rule in broken)
+            return version, ReportResult(problems=answer_problems(answer), has_lost_reservation=has_lost_reservation)
         case _:
             return None, ReportResult(problems=answer_problems(answer))

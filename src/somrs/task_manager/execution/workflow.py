@@ -60,6 +60,8 @@ class StepRun(Struct, kw_only=True, eq=False):
     """Services that are not asked again for this step, and why."""
     lapsed: set[str] = set()
     """Services whose terms expired once before the step could begin."""
+    lapses: int = 0
+    """How often terms did not hold any more that had been accepted."""
     handled: set[str] = set()
     """The effects of the handlers that have been tried for its failure."""
     outputs: dict[str, Value] = {}

@@ -10,20 +10,26 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from enum import StrEnum
 
-from msgspec import Struct, field
+from msgspec import Struct, field, structs
 
-from somrs.kernel.component import EffectsReturning
+from somrs.kernel.component import Effects, EffectsReturning
+from somrs.kernel.reservations import Reservation
 from somrs.ontology.services import Occasion
 from somrs.protocol.messages import events
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.reservations import ReservationMode, Reserved
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.waits import Holder
 from somrs.task_manager.context import TaskManagerContext, known_to_hold
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.recovery.handlers import fitting_handlers
-from somrs.task_manager.reservations import Reservation
+from somrs.task_manager.requests import ReservationAnswer
+from somrs.task_manager.reservations import Reserving
+
+UNDOING = 0
+"""The number of the goal in requests for the objects of work that is to be undone."""
 
 
 class Attempt(StrEnum):
@@ -40,6 +46,7 @@ class Undoing(Struct, kw_only=True):
 
     `remaining_numbers` are the numbers of the work still to undo. `work` is the number of the work that is being undone, and `attempts` are
     left for it. `by_other_services`: other services may restore prior situations. `pursued`: a goal of the task is to undo the work.
+    `requested`: the objects of the work are being reserved; `reserved`: they are, except those that the `holders` have.
     """
 
     remaining_numbers: list[int] = field(name="left")
@@ -48,6 +55,9 @@ class Undoing(Struct, kw_only=True):
     work: int | None = None
     attempts: list[Attempt] = []
     pursued: bool = False
+    requested: bool = False
+    reserved: bool = False
+    holders: tuple[Holder, ...] = ()
 
     @classmethod
     def from_works(cls, works: Iterable[Work], *, by_other_services: bool) -> Undoing:
@@ -68,23 +78,29 @@ class Compensation:
         self,
         state: Undoing,
         *,
-        owner: str,
         task: Submit,
         log: ExecutionLog,
         members: Members,
         participants: Participants,
+        reserving: Reserving,
         context: TaskManagerContext,
         log_event: Callable[[Event, float, Work], None],
     ) -> None:
-        self._state, self._owner, self._task, self._log = state, owner, task, log
+        self._state, self._task, self._log = state, task, log
         self._members, self._participants, self._context, self._log_event = members, participants, context, log_event
+        self._reserving = reserving
 
     def proceed(self, now: float) -> EffectsReturning[bool | RestorationGoal]:
-        """Continue. Returns True when no work is left, False when a participant is still busy, or a goal for the transaction.
+        """Continue. Returns True when no work is left, False when a participant is still busy or the objects of the work are still being
+        reserved, or a goal for the transaction.
 
         After a goal, the transaction calls `goal_reached` or `goal_failed`.
         """
         state = self._state
+        if not state.reserved:
+            yield from self._reserve(now)
+        if not state.reserved:
+            return False
         while not state.pursued:
             if state.work is None:
                 if not state.remaining_numbers:
@@ -103,6 +119,26 @@ class Compensation:
                 state.pursued = True
                 return RestorationGoal(goal, work)
         return False
+
+    def _reserve(self, now: float) -> Effects:
+        """Reserve the objects of the work, which other tasks may have by now."""
+        if self._state.requested:
+            return
+        self._state.requested = True
+        works = map(self._log.work_by_number, self._state.remaining_numbers)
+        needed = Reservation(changes=frozenset(name for work in works for name in work.concerned))
+        answer = yield from self._reserving.request(needed, ReservationMode.UNDO, UNDOING, now)
+        if answer is not None:
+            self.reserved(answer)
+
+    def reserved(self, answer: ReservationAnswer) -> None:
+        """Handle the answer to the request for the objects; without an answer, they are requested again."""
+        state = self._state
+        state.requested = False
+        if isinstance(answer, Reserved):
+            state.reserved, state.holders = True, answer.holders
+            works = map(self._log.work_by_number, state.remaining_numbers)
+            state.remaining_numbers = [work.number for work in works if not work.overtaken]
 
     def goal_reached(self, now: float) -> None:
         """The goal holds, and its work is undone."""
@@ -136,7 +172,8 @@ class Compensation:
 
     def _other_holders(self, work: Work) -> tuple[Holder, ...]:
         """The other tasks that have reserved the objects of the work. There can be some after the task has had to wait."""
-        return self._context.reservations.holders(self._owner, Reservation(changes=frozenset(work.concerned)))
+        contested = ((holder, tuple(name for name in holder.objects if name in work.concerned)) for holder in self._state.holders)
+        return tuple(structs.replace(holder, objects=objects) for holder, objects in contested if objects)
 
     def _is_restored(self, work: Work) -> bool:
         return work.prior_situation is not None and known_to_hold(work.prior_situation, self._context.replica)

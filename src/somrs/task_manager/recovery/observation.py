@@ -28,6 +28,7 @@ from somrs.task_manager.execution.participants import Members
 from somrs.task_manager.execution.reports import Report, ReportResult, Reports, UnobservedSubject
 from somrs.task_manager.execution.workflow import StepRun
 from somrs.task_manager.requests import ForLook
+from somrs.task_manager.reservations import TaskReservation
 
 
 class Look(Struct, kw_only=True):
@@ -88,6 +89,7 @@ class Observation:
         state: LookQueue,
         *,
         owner: str,
+        reservation: TaskReservation,
         log: ExecutionLog,
         members: Members,
         services: AvailableServices,
@@ -95,7 +97,7 @@ class Observation:
         context: TaskManagerContext,
         log_event: Callable[[Event, float, Work], None],
     ) -> None:
-        self._state, self._owner, self._log, self._members = state, owner, log, members
+        self._state, self._owner, self._reservation, self._log, self._members = state, owner, reservation, log, members
         self._services, self._reports, self._context, self._log_event = services, reports, context, log_event
 
     def begin(self, now: float) -> Effects:
@@ -135,7 +137,13 @@ class Observation:
             # Nothing is known of the object since the last order to its participant, or the last report of it: later news is newer.
             told = (member.last_order_time, member.last_news_time) if member is not None else ()
             unseen = observations.Observation(as_of=max((work.started_at, *told)))
-            update = UpdateMap(changes=changes, author="nobody could look", expected_version=look.since_version, observation=unseen)
+            update = UpdateMap(
+                changes=changes,
+                author="nobody could look",
+                expected_version=look.since_version,
+                observation=unseen,
+                reservation=self._reservation.under(self._owner),
+            )
             report = Report(update=update, subject=UnobservedSubject(look.object, look.work))
             yield from self._reports.add_report(self._owner, report, self._context, now)
         return None

@@ -9,7 +9,6 @@ from somrs.kernel.component import Effects, Record, SetTimer
 from somrs.protocol.messages import events
 from somrs.protocol.messages.frp import Outcome
 from somrs.task_manager.recovery.compensation import Undoing
-from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import DeadlineDue, StopDue
 from somrs.task_manager.transaction.findings import findings
 from somrs.task_manager.transaction.goal_executor import GoalExecutor
@@ -37,7 +36,7 @@ class Ending:
         if outcome is Outcome.CANCELLED:
             self._scope.log_event(events.Stopping(reason=reasons[0]), now)
         for execution in state.executions:
-            yield from GoalExecutor(execution, self._scope).abandon()
+            yield from GoalExecutor(execution, self._scope).abandon(now)
             if execution.look is not None:
                 state.look_queue.requeue(execution.look)
         state.side_goals.clear()
@@ -48,15 +47,9 @@ class Ending:
         yield SetTimer(StopDue(state.id), now + STOP_TIME)
 
     def begin_undoing(self) -> Effects:
-        """Prepare to undo the work: all participants have stopped. Its objects are reserved, unless other tasks have reserved them."""
-        state, reservations = self._state, self._context.reservations
-        yield SetTimer(StopDue(state.id), None)
-        works = state.log.to_undo()
-        for work in works:
-            reservation = Reservation(changes=frozenset(work.concerned))
-            if not reservations.holders(state.id, reservation):
-                reservations.hold(state.id, reservation)
-        state.undoing = Undoing.from_works(works, by_other_services=True)
+        """Prepare to undo the work: all participants have stopped."""
+        yield SetTimer(StopDue(self._state.id), None)
+        self._state.undoing = Undoing.from_works(self._state.log.to_undo(), by_other_services=True)
 
     def conclude(self, outcome: Outcome, now: float) -> Effects:
         """Give the task its outcome, tell the participants, and record it."""
@@ -66,7 +59,7 @@ class Ending:
         state.outcome, state.ended_at = outcome, now
         if state.task.recognise:
             state.findings = findings(state.task.effect, state.log, self._context.replica)
-        self._context.reservations.remove_task(state.id)
+        yield from self._scope.reserving.release(now, ended=True)
         if outcome is not Outcome.ACCOMPLISHED:
             state.reasons += tuple(work.in_words() for work in state.log if work.matters)
         for timer in (DeadlineDue(state.id), StopDue(state.id)):

@@ -29,6 +29,7 @@ from somrs.task_manager.execution.knowledge import told
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.recovery.ladder import RecoveryStep, next_recovery_step
+from somrs.task_manager.requests import ReservationAnswer
 from somrs.task_manager.reservations import BlockedPlan
 from somrs.task_manager.timers import Answer, PlanWanted
 from somrs.task_manager.transaction.goal_planner import GoalPlanner
@@ -39,6 +40,9 @@ from somrs.task_manager.transaction.state import GoalExecution
 from somrs.task_manager.transaction.step_arranger import StepArranger
 from somrs.task_manager.transaction.step_executor import StepExecutor
 from somrs.task_manager.transaction.weighing import undoing_is_cheaper
+
+MOST_LAPSES = 10
+"""The number of times that services may be asked for new terms for a step, because those that were accepted did not hold any more."""
 
 
 class GoalExecutor:
@@ -72,7 +76,12 @@ class GoalExecutor:
 
     def planned(self, question: PlanWanted, answer: Answer, now: float) -> EffectsReturning[NextAction | None]:
         """Handle the planner's answer; it is ignored if the question is out of date."""
-        result = yield from self._planner.answered(question, answer)
+        result = yield from self._planner.answered(question, answer, now)
+        return (yield from self._planned(result, now)) if result is not None else None
+
+    def reserved(self, answer: ReservationAnswer, now: float) -> EffectsReturning[NextAction | None]:
+        """Handle the answer to the request for the objects of a plan."""
+        result = yield from self._planner.reserved(answer, now)
         return (yield from self._planned(result, now)) if result is not None else None
 
     def _planned(self, result: PlanResult, now: float) -> EffectsReturning[NextAction | None]:
@@ -101,7 +110,7 @@ class GoalExecutor:
 
     def plan_quoted(self, id: str, previewed: Previewed, now: float) -> EffectsReturning[NextAction | None]:
         """Handle the quotes for one of several plans. With the last ones, adopt the plan that the policy prefers."""
-        plan = self._planner.plan_quoted(id, previewed, now)
+        plan = yield from self._planner.plan_quoted(id, previewed, now)
         return (yield from self._adopt_plan(plan, now)) if plan is not None else None
 
     def go_on(self, now: float) -> EffectsReturning[NextAction | None]:
@@ -119,13 +128,14 @@ class GoalExecutor:
 
     def _wait(self, blocked_plan: BlockedPlan, now: float) -> Effects:
         """Wait until the tasks that hold the objects have ended. Contracts are cancelled, because a waiting task holds nothing."""
-        execution, reservations = self._execution, self._context.reservations
+        execution = self._execution
         yield from self._dismiss_arranged("the task has to wait for others", now)
         self._scope.end_attempt(is_news=True)
         execution.phase, execution.waiting_to_retry = Phase.WAITING, None
         execution.waiting_for = waits.WaitsForTasks.on(blocked_plan.holders)
         self._log_event(execution.waiting_for, now)
-        reservations.wait(self._scope.state.id, blocked_plan.reservation)
+        if self._scope.state.reservation.is_free:  # the Repository said so before it said that the task has to wait
+            self.freed(now)
 
     def _dismiss_arranged(self, reason: str, now: float) -> Effects:
         for run in self._execution:
@@ -135,8 +145,10 @@ class GoalExecutor:
 
     def freed(self, now: float) -> None:
         """The objects that the goal waits for are free."""
-        self._execution.waiting_for, self._execution.resumed = None, True
-        self._log_event(waits.GoesOn(), now)
+        self._scope.state.reservation.is_free = True
+        if self._execution.waiting_for is not None:
+            self._execution.waiting_for, self._execution.resumed = None, True
+            self._log_event(waits.GoesOn(), now)
 
     # Waiting to try again
 
@@ -178,21 +190,22 @@ class GoalExecutor:
             yield from self._planner.withdraw()
             execution.replan_because, execution.phase = (reason,), Phase.RECOVERING
 
-    def plan_for_new_names(self, reason: str) -> Effects:
-        """The plan names objects that have other names now. It is made anew as soon as no step is executing."""
+    def plan_when_idle(self, reason: str) -> Effects:
+        """The plan is out of date: it names objects that have other names now, or has lost them. It is made anew as soon as no step is
+        executing."""
         execution = self._execution
         yield from self.invalidate_plan(reason)
         if execution.workflow is not None and not execution.fixed and not execution.is_pending:
             execution.replan_because = execution.replan_because or (reason,)
 
-    def abandon(self) -> Effects:
+    def abandon(self, now: float) -> Effects:
         """Stop working on the goal. The transaction informs the participants."""
         execution = self._execution
         yield from self._planner.withdraw()
         execution.waiting_for, execution.resumed = None, False
         yield from self._retry_wait.abandon()
-        if execution.kind is GoalKind.TASK:
-            self._context.reservations.stop_waiting(self._scope.state.id)
+        if execution.kind is GoalKind.TASK and self._scope.state.reservation.waiting is not None:
+            yield from self._scope.reserving.release(now)
         yield from execution.calls.close_all()
 
     # Arranging
@@ -239,15 +252,17 @@ class GoalExecutor:
         redefined = self._services.redefined_types()
         return sorted(redefined & {run.step.service_type for run in workflow.unarranged}) if redefined else []
 
-    def participant_left(self, member: Member, reason: str, now: float) -> EffectsReturning[NextAction | None]:
-        """A participant left before it began its step."""
+    def participant_left(self, member: Member, reason: str, now: float, *, is_lapsed: bool = False) -> EffectsReturning[NextAction | None]:
+        """A participant left before it began its step. `is_lapsed`: it can be asked for new terms."""
         if self._execution.calls.find_call(member) is not None:
             return Proceed() if (yield from self.arranger.participant_left(member, reason, now)) else None
         if (run := self.run_of(member)) is not None:
-            if member.interruption is None:
-                run.excluded[member.offer.service] = reason
-            else:  # what the step needs has to be made true first
+            if member.interruption is not None:  # what the step needs has to be made true first
                 self._execution.replan_because = (reason,)
+            elif is_lapsed and run.lapses < MOST_LAPSES:
+                run.lapses += 1
+            else:
+                run.excluded[member.offer.service] = reason
             self._workflow.release(run)
             return Proceed()
         return None
@@ -353,7 +368,7 @@ class GoalExecutor:
 
     def _fail(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
         yield from self.arranger.withdraw("the plan was given up", now)
-        yield from self.abandon()
+        yield from self.abandon(now)
         for run in self._execution:
             member = self._member(run)
             if member is None:

@@ -13,8 +13,10 @@ from somrs.protocol.messages import events
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.previews import Previewed
+from somrs.protocol.messages.reservations import ReservationMode
 from somrs.protocol.messages.task_views import Phase
 from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest, PlanRequester, PlanResult
+from somrs.task_manager.requests import ReservationAnswer
 from somrs.task_manager.timers import Answer, PlanWanted
 from somrs.task_manager.transaction.plan_comparison import PlanComparison
 from somrs.task_manager.transaction.scope import TaskScope
@@ -51,7 +53,9 @@ class GoalPlanner:
         yield from self._requester(execution.request).begin(now)
 
     def _requester(self, request: PlanRequest) -> PlanRequester:
-        return PlanRequester(request, self._scope.services, self._scope.context, self._execution.workflow)
+        scope, waits = self._scope, self._execution.kind is GoalKind.TASK
+        modes = ReservationMode.TRY, ReservationMode.WAIT if waits else ReservationMode.TRY
+        return PlanRequester(request, scope.services, scope.context, scope.reserving, modes, self._execution.workflow)
 
     def discovered(self, serial: int, offers: tuple[Offer, ...] | str) -> EffectsReturning[PlanResult | None]:
         """Handle the services on offer; they are ignored if the request is out of date. Returns its result, if it has one."""
@@ -60,12 +64,19 @@ class GoalPlanner:
             return None
         return self._concluded((yield from self._requester(request).discovered(offers)))
 
-    def answered(self, question: PlanWanted, answer: Answer) -> EffectsReturning[PlanResult | None]:
+    def answered(self, question: PlanWanted, answer: Answer, now: float) -> EffectsReturning[PlanResult | None]:
         """Handle the planner's answer; it is ignored if the question is out of date. Returns the result of the request, if it has one."""
         request = self._execution.request
         if request is None or request.question != question:
             return None
-        return self._concluded((yield from self._requester(request).answered(answer)))
+        return self._concluded((yield from self._requester(request).answered(answer, now)))
+
+    def reserved(self, answer: ReservationAnswer, now: float) -> EffectsReturning[PlanResult | None]:
+        """Handle the answer to the request for the objects of a plan. Returns the result of the request for the plan, if it has one."""
+        request = self._execution.request
+        if request is not None and request.plan is not None:
+            return self._concluded((yield from self._requester(request).reserved(answer, now)))
+        return self._comparison.reserved(answer, now)
 
     def _concluded(self, result: PlanResult | None) -> PlanResult | None:
         """The result of a request; None also if there are several plans, which are compared first."""
@@ -76,9 +87,10 @@ class GoalPlanner:
             return None
         return result
 
-    def plan_quoted(self, id: str, previewed: Previewed, now: float) -> Plan | None:
-        """Handle the quotes for one of several plans. With the last ones, returns the plan that the policy prefers."""
-        return self._comparison.plan_quoted(id, previewed, now)
+    def plan_quoted(self, id: str, previewed: Previewed, now: float) -> EffectsReturning[Plan | None]:
+        """Handle the quotes for one of several plans. Returns the plan that the policy prefers, when all have come and its objects are
+        reserved."""
+        return (yield from self._comparison.plan_quoted(id, previewed, now))
 
     @property
     def _comparison(self) -> PlanComparison:

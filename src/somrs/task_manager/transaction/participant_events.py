@@ -97,7 +97,7 @@ class ParticipantEvents:
                 self._scope.services.refused(name, not_now=refusal.passes)
                 refused = events.ServiceRefused(service=name, reason=reason, not_now=not_now, condition=condition)
                 self._log_event(refused, run, now)
-                return (yield from self._participant_left(member, reason, now))
+                return (yield from self._participant_left(member, reason, now, is_lapsed=refusal.lapsed))
             case frp.Progress() as progress:
                 yield from self._progressed(member, run, progress, now)
                 return None
@@ -162,7 +162,7 @@ class ParticipantEvents:
                 work.situation = progress.situation
             yield from self._put_on_map(member, progress.situation, progress.observation, ProgressSubject(member.id), now)
 
-    def _participant_left(self, member: Member, reason: str, now: float) -> EffectsReturning[GoalAction]:
+    def _participant_left(self, member: Member, reason: str, now: float, *, is_lapsed: bool = False) -> EffectsReturning[GoalAction]:
         """A participant left before it began its step."""
         member.exit_reason = reason
         work = self._state.log.work_of(member)
@@ -171,7 +171,7 @@ class ParticipantEvents:
         execution, _ = self._assignment(member)
         if execution is None:
             return _PROCEED
-        action = yield from self._executor(execution).participant_left(member, reason, now)
+        action = yield from self._executor(execution).participant_left(member, reason, now, is_lapsed=is_lapsed)
         return (execution, action) if action is not None else None
 
     def _reported(
@@ -188,8 +188,6 @@ class ParticipantEvents:
                 work.state = member.state
             work.situation = situation or work.situation
             work.note = trouble or work.note
-            if work.state is State.COMPLETED and work.service_type.kind is ServiceKind.PHYSICAL:
-                self._scope.context.overtake(self._state.id, work.concerned)
         for goal_execution in self._state.executions:
             yield from self._executor(goal_execution).invalidate_plan(f"{member.offer.service} reported during planning")
         if situation is None:
@@ -207,7 +205,13 @@ class ParticipantEvents:
             member.last_news_time = max(member.last_news_time, min(as_of, now))
             caused = member.offer.service_type.kind is ServiceKind.PHYSICAL
             observation, expected_version = structs.replace(observation, as_of=as_of, caused=caused), None
-        update = UpdateMap(situation=situation, author=member.offer.service, expected_version=expected_version, observation=observation)
+        update = UpdateMap(
+            situation=situation,
+            author=member.offer.service,
+            expected_version=expected_version,
+            observation=observation,
+            reservation=self._state.reservation.under(self._state.id),
+        )
         yield from self._state.reports.add_report(self._state.id, Report(update=update, subject=subject), self._scope.context, now)
 
     def settled(self, subject: ProgressSubject | WorkSubject, result: ReportResult, now: float) -> None:
@@ -220,7 +224,9 @@ class ParticipantEvents:
             member.last_news_time = max(member.last_news_time, now)
         for event in result.events(member.offer.service):
             self._log_event(event, self._assignment(member)[1], now)
-        if isinstance(subject, WorkSubject) and result.problems:
+        if isinstance(subject, WorkSubject) and result.has_lost_reservation:
+            self._conclude_work(member, None, subject.trouble or join_reasons(result.problems), now, is_to_blame=False)
+        elif isinstance(subject, WorkSubject) and result.problems:
             rejection = join_reasons(result.problems)
             self._scope.services.reported_impossible(member.offer.service, rejection)
             self._conclude_work(member, None, subject.trouble or f"reported an impossible situation: {rejection}", now)
@@ -230,16 +236,16 @@ class ParticipantEvents:
                 work.situation = situation
             self._conclude_work(member, situation, subject.trouble, now)
 
-    def _conclude_work(self, member: Member, situation: str | None, trouble: str | None, now: float) -> None:
-        """Record the result of a participant's work. The transaction then decides what to do next."""
+    def _conclude_work(self, member: Member, situation: str | None, trouble: str | None, now: float, *, is_to_blame: bool = True) -> None:
+        """Record the result of a participant's work, which `is_to_blame` for any trouble. The transaction then decides what to do next."""
         member.reporting = False
         state, services = self._state, self._scope.services
         work = state.log.work_of(member)
         compensated = member.state in (State.COMPENSATED, State.STRANDED)
         was_cancelled = member.state is State.STOPPED and state.ending is not None
         if trouble is not None and not compensated and not was_cancelled:
-            if member.interruption is not None:
-                pass  # it was stopped through no fault of its own
+            if member.interruption is not None or not is_to_blame:
+                pass  # it was stopped, or its report was refused, through no fault of its own
             elif work is not None and work.service_type.kind is ServiceKind.COGNITIVE:
                 services.tells_nothing(member.offer.provider, work.step)  # it may well tell other things
             else:

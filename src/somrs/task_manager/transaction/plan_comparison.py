@@ -8,12 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from somrs.entish.parse import parse
+from somrs.kernel.component import EffectsReturning
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import events
 from somrs.protocol.messages.previews import Previewed
+from somrs.protocol.messages.reservations import ReservationMode, Reserved
+from somrs.task_manager.arrangement.plan_reservation import plan_reservation
 from somrs.task_manager.context import PlanToQuote
 from somrs.task_manager.execution.bids import plan_preference
-from somrs.task_manager.reservations import plan_reservation
+from somrs.task_manager.requests import ReservationAnswer
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import Comparison, GoalExecution
 
@@ -32,32 +35,31 @@ class PlanComparison:
         for id, plan in execution.comparison.plans.items():
             self._scope.context.plans_to_quote.append(PlanToQuote(id, state.id, state.task, plan, tuple(self._scope.services.usable)))
 
-    def plan_quoted(self, id: str, previewed: Previewed, now: float) -> Plan | None:
-        """Handle the quotes for one of the plans. Returns the preferred plan when all have come."""
-        execution = self._execution
-        comparison = execution.comparison
+    def plan_quoted(self, id: str, previewed: Previewed, now: float) -> EffectsReturning[Plan | None]:
+        """Handle the quotes for one of the plans. Returns the preferred plan when all have come, and its objects are reserved."""
+        comparison = self._execution.comparison
         if comparison is None or id not in comparison.plans:
             return None
         comparison.previews[id] = previewed
         if len(comparison.previews) < len(comparison.plans):
             return None
-        execution.comparison = None
-        task = self._scope.state.task
-        best = min(comparison.plans, key=lambda id: plan_preference(task, comparison.previews[id]))
-        if not self._reserve(comparison.plans[best]):
-            best = next(iter(comparison.plans))  # the objects of the first are reserved already
+        task, replica = self._scope.state.task, self._scope.context.replica
+        comparison.chosen = min(comparison.plans, key=lambda id: plan_preference(task, comparison.previews[id]))
+        chosen = comparison.plans[comparison.chosen]
+        needed = plan_reservation(chosen.steps, parse(self._execution.goal), replica.ontology).within(replica.map.objects)
+        answer = yield from self._scope.reserving.request(needed, ReservationMode.TRY, self._execution.number, now)
+        return self.reserved(answer, now) if answer is not None else None
+
+    def reserved(self, answer: ReservationAnswer, now: float) -> Plan | None:
+        """Handle the answer to the request for the objects of the preferred plan. Those of the first are reserved already."""
+        comparison = self._execution.comparison
+        if comparison is None or comparison.chosen is None:
+            return None
+        self._execution.comparison = None
+        best = comparison.chosen if isinstance(answer, Reserved) else next(iter(comparison.plans))
         plans = tuple(compared_plan(plan, comparison.previews[id]) for id, plan in comparison.plans.items())
         self._scope.log_event(events.PlansCompared(plans=plans, chosen=[*comparison.plans].index(best)), now, None)
         return comparison.plans[best]
-
-    def _reserve(self, plan: Plan) -> bool:
-        """Reserve the objects that the plan needs, if no other task holds them."""
-        reservations, owner = self._scope.context.reservations, self._scope.state.id
-        reservation = plan_reservation(plan.steps, parse(self._execution.goal), self._scope.context.replica.ontology)
-        if reservations.conflicts(owner, reservation):
-            return False
-        reservations.hold(owner, reservation)
-        return True
 
 
 def compared_plan(plan: Plan, previewed: Previewed) -> events.ComparedPlan:

@@ -36,7 +36,7 @@ class RetryWait:
     def begin(self, hindrances: Mapping[str, str], now: float) -> Effects:
         """Wait until the next attempt. The caller has withdrawn all calls and dismissed all participants that have not begun."""
         execution, task = self._execution, self._scope.state.id
-        self._context.reservations.release(task)
+        yield from self._scope.reserving.release(now)
         wait = next_wait(execution.waiting_to_retry, hindrances, now)
         is_news = not is_repeated(wait, execution.waiting_to_retry)
         self._scope.end_attempt(is_news=is_news)

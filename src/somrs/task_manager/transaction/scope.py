@@ -10,6 +10,9 @@ from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.execution.execution_log import Work
 from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.execution.workflow import StepRun
+from somrs.task_manager.recovery.compensation import Compensation, Undoing
+from somrs.task_manager.recovery.observation import Observation
+from somrs.task_manager.reservations import Reserving
 from somrs.task_manager.transaction.retry import QUIET_EVENTS
 from somrs.task_manager.transaction.state import Attempt, LoggedEvent, LoggedMessage, TaskState
 
@@ -21,6 +24,7 @@ class TaskScope:
         self.state, self.context = state, context
         self.participants = Participants(state.id, state.members, context, self.log_event, self._log_message)
         self.services = AvailableServices(state.services, context.replica)
+        self.reserving = Reserving(state.reservation, state.id, state.task.effect, state.task.priority, context)
 
     def log_event(self, event: Event, now: float, subject: StepRun | Work | None = None) -> None:
         """Log an event for the client. `subject`: the step or the work that it concerns."""
@@ -50,6 +54,34 @@ class TaskScope:
         self.state.messages.append(logged)
         self.state.message_count += 1
         self.context.touched[self.state.id] = None
+
+    def compensation(self, undoing: Undoing) -> Compensation:
+        state = self.state
+        return Compensation(
+            undoing,
+            task=state.task,
+            log=state.log,
+            members=state.members,
+            participants=self.participants,
+            reserving=self.reserving,
+            context=self.context,
+            log_event=self.log_event,
+        )
+
+    @property
+    def observation(self) -> Observation:
+        state = self.state
+        return Observation(
+            state.look_queue,
+            owner=state.id,
+            reservation=state.reservation,
+            log=state.log,
+            members=state.members,
+            services=self.services,
+            reports=state.reports,
+            context=self.context,
+            log_event=self.log_event,
+        )
 
     # Attempts of a task that waits
 

@@ -29,6 +29,7 @@ from somrs.task_manager.execution.workflow import StepRun, Workflow
 from somrs.task_manager.recovery.compensation import Undoing
 from somrs.task_manager.recovery.ladder import Replans
 from somrs.task_manager.recovery.observation import Look, LookQueue
+from somrs.task_manager.reservations import TaskReservation
 from somrs.task_manager.timers import BidsDue
 
 
@@ -37,6 +38,8 @@ class Comparison(Struct, kw_only=True):
 
     plans: dict[str, Plan]
     previews: dict[str, Previewed] = {}
+    chosen: str | None = None
+    """The preferred plan, while its objects are being reserved."""
 
 
 class GoalExecution(Struct, kw_only=True, eq=False):
@@ -174,6 +177,8 @@ class TaskState(Struct, kw_only=True, eq=False):
     """The answer to a client that asks what is so, when the task has ended."""
     blocked: tuple[str, ...] = ()
     """Why there is no plan, while interrupted work is being compensated."""
+    reservation: TaskReservation = field(default_factory=TaskReservation)
+    """The objects that the task has reserved."""
     pause: Pause | None = None
     """Who has paused the task."""
     due_time: float | None = None

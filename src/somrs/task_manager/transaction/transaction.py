@@ -17,16 +17,18 @@ from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import events
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.event_text import holders_text
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.previews import Previewed
+from somrs.protocol.messages.reservations import ReservationLost, Reserved
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.execution.execution_log import Work
 from somrs.task_manager.execution.reports import ReportResult, UnobservedSubject, settlement
-from somrs.task_manager.recovery.compensation import Compensation, RestorationGoal, Undoing
+from somrs.task_manager.recovery.compensation import UNDOING, RestorationGoal, Undoing
 from somrs.task_manager.recovery.handlers import fitting_handlers
-from somrs.task_manager.recovery.observation import Look, LookPlan, Observation
-from somrs.task_manager.requests import ForLook, ForPlan
+from somrs.task_manager.recovery.observation import Look, LookPlan
+from somrs.task_manager.requests import ForLook, ForPlan, ForReservation, ReservationAnswer
 from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, RetryDue, SilenceDue, StopDue
 from somrs.task_manager.transaction.deadline import Deadline
 from somrs.task_manager.transaction.ending import Ending
@@ -54,14 +56,13 @@ class Transaction:
     def start(self, now: float) -> Effects:
         state = self.state
         self._scope.log_event(events.TaskStated(effect=state.task.effect), now)
-        self._context.reservations.add_task(state.id, state.task.effect, state.task.priority)
         yield from Deadline(self._scope).watch(now)
         yield from self._apply_action(state.goal, (yield from self._executor(state.goal).begin(now)), now)
 
     def discovered(self, purpose: ForPlan | ForLook, offers: tuple[Offer, ...] | str, now: float) -> Effects:
         """Handle the services on offer, or the reason why they are not known."""
         if isinstance(purpose, ForLook):
-            yield from self._look((yield from self._observation.discovered(purpose, offers, now)), now)
+            yield from self._look((yield from self._scope.observation.discovered(purpose, offers, now)), now)
             return
         execution = self._execution(purpose.goal)
         if execution is not None:
@@ -72,6 +73,28 @@ class Transaction:
         execution = self._execution(question.goal)
         if execution is not None:
             yield from self._apply_action(execution, (yield from self._executor(execution).planned(question, answer, now)), now)
+
+    def reserved(self, purpose: ForReservation, answer: ReservationAnswer, now: float) -> Effects:
+        """Handle the answer to a request for objects; a later request has taken the place of an earlier one."""
+        state = self.state
+        if isinstance(answer, Reserved):
+            state.log.overtake(answer.overtaken)
+        if purpose.serial != state.reservation.serial:
+            return
+        state.reservation.answered(answer)
+        if purpose.goal == UNDOING and state.undoing is not None:
+            self._scope.compensation(state.undoing).reserved(answer)
+            yield from self.proceed(now)
+        elif (execution := self._execution(purpose.goal)) is not None:
+            yield from self._apply_action(execution, (yield from self._executor(execution).reserved(answer, now)), now)
+
+    def lost_reservation(self, lost: ReservationLost, now: float) -> Effects:
+        """Other tasks have taken what the task had reserved: it plans anew."""
+        if self.state.reservation.lose(lost.fence) and self.state.ending is None:
+            reason = f"the reservation was lost: {holders_text(lost.holders)}"
+            for execution in self.state.executions:
+                yield from self._executor(execution).plan_when_idle(reason)
+            yield from self.proceed(now)
 
     def plan_quoted(self, id: str, previewed: Previewed, now: float) -> Effects:
         """Handle the quotes for one of the plans that the task compares."""
@@ -102,7 +125,7 @@ class Transaction:
         reports = self.state.reports
         match reports.waiting[0].subject:
             case UnobservedSubject() as subject:
-                self._observation.assumed(subject, result, now)
+                self._scope.observation.assumed(subject, result, now)
             case subject:
                 self._participants.settled(subject, result, now)
         yield from RetryWait(self.state.goal, self._scope).hasten(now)
@@ -139,8 +162,9 @@ class Transaction:
 
     def freed(self, now: float) -> Effects:
         """The objects that the task waits for are free."""
-        self._executor(self.state.goal).freed(now)
-        yield from self.proceed(now)
+        if self.state.ending is None:
+            self._executor(self.state.goal).freed(now)
+            yield from self.proceed(now)
 
     def services_joined(self, services: Iterable[str], now: float) -> Effects:
         """Handle the arrival of services: a task that waits tries again."""
@@ -172,11 +196,11 @@ class Transaction:
         """Handle new names of objects: goals speak of them, and plans with the old names are made anew."""
         state = self.state
         outdated = TaskRenamer(names, self._context.replica.ontology).rename(state)
-        self._context.reservations.rename(state.id, names, state.task.effect)
+        state.reservation.rename(names)
         if outdated and state.ending is None:
             reason = "; ".join(f"{name} is {to} now" for name, to in names.items())
             for execution in outdated:
-                yield from self._executor(execution).plan_for_new_names(reason)
+                yield from self._executor(execution).plan_when_idle(reason)
             yield from self.proceed(now)
 
     def cancel(self, now: float, reason: str) -> Effects:
@@ -207,7 +231,7 @@ class Transaction:
         if state.ending is not None and state.undoing is None and state.members.working:
             return
         if state.look_queue.unseen:
-            yield from self._observation.begin(now)
+            yield from self._scope.observation.begin(now)
         elif state.side_goals:
             execution = state.side_goals[-1]
             yield from self._apply_action(execution, (yield from self._executor(execution).proceed(now)), now)
@@ -253,9 +277,9 @@ class Transaction:
         state.side_goals.remove(execution)
         if execution.look is not None:
             runs = (run for other_execution in state.executions for run in other_execution)
-            self._observation.completed(execution.look, {run.label for run in execution}, runs, now)
+            self._scope.observation.completed(execution.look, {run.label for run in execution}, runs, now)
         elif execution.kind is GoalKind.UNDO and state.undoing is not None:
-            self._compensation(state.undoing).goal_reached(now)
+            self._scope.compensation(state.undoing).goal_reached(now)
         yield from self.proceed(now)
 
     def _goal_unreachable(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> Effects:
@@ -268,12 +292,12 @@ class Transaction:
         work = state.log.work_by_number(execution.work) if execution.work is not None else None
         self._scope.log_event(events.GoalFailed(goal=execution.kind, step=work.label if work else "the task", reasons=reasons), now)
         if execution.kind is GoalKind.LOOK and execution.look is not None:
-            yield from self._look((yield from self._observation.next_plan(execution.look, now)), now)
+            yield from self._look((yield from self._scope.observation.next_plan(execution.look, now)), now)
             return
         if execution.kind is GoalKind.UNDO and state.undoing is not None:
             if work is not None:
                 work.note = work.note or reasons[0]
-            self._compensation(state.undoing).goal_failed()
+            self._scope.compensation(state.undoing).goal_failed()
         yield from self.proceed(now)
 
     def _try_handler(self, execution: GoalExecution, step: str, now: float) -> EffectsReturning[bool]:
@@ -318,7 +342,7 @@ class Transaction:
 
     def _undo(self, undoing: Undoing, now: float) -> Effects:
         state = self.state
-        match (yield from self._compensation(undoing).proceed(now)):
+        match (yield from self._scope.compensation(undoing).proceed(now)):
             case RestorationGoal(goal, work):
                 yield from self._pursue(goal, GoalKind.UNDO, work, now)
             case True if state.ending is not None:
@@ -369,30 +393,3 @@ class Transaction:
 
     def _executor(self, execution: GoalExecution) -> GoalExecutor:
         return GoalExecutor(execution, self._scope)
-
-    def _compensation(self, undoing: Undoing) -> Compensation:
-        state = self.state
-        return Compensation(
-            undoing,
-            owner=state.id,
-            task=state.task,
-            log=state.log,
-            members=state.members,
-            participants=self._scope.participants,
-            context=self._context,
-            log_event=self._scope.log_event,
-        )
-
-    @property
-    def _observation(self) -> Observation:
-        state = self.state
-        return Observation(
-            state.look_queue,
-            owner=state.id,
-            log=state.log,
-            members=state.members,
-            services=self._scope.services,
-            reports=state.reports,
-            context=self._context,
-            log_event=self._scope.log_event,
-        )

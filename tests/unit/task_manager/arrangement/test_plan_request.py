@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.kernel.component import Ask, Effect, ErrorAnswer, Send, Withdraw
 from somrs.kernel.replica import Replica
+from somrs.kernel.reservations import Reservation
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import LostService, Problem
 from somrs.protocol.messages.directory import Discover, Offer
+from somrs.protocol.messages.reservations import ReservationMode, Reserve
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.waits import Holder
+from somrs.repository.reserving import Reserving
+from somrs.repository.state import Contents
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
 from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, ServicesUnknown
 from somrs.task_manager.context import Quotes, TaskManagerContext
 from somrs.task_manager.device_queue import DeviceQueues
 from somrs.task_manager.execution.workflow import Progress, Workflow
 from somrs.task_manager.pace import Pace
-from somrs.task_manager.requests import ForPlan, Requests
-from somrs.task_manager.reservations import BlockedPlan, Reservation, Reservations
+from somrs.task_manager.requests import ForPlan, ForReservation, Requests
+from somrs.task_manager.reservations import BlockedPlan, TaskReservation
+from somrs.task_manager.reservations import Reserving as TaskReserving
 from somrs.task_manager.timers import Answer, PlanWanted
 from somrs.task_manager.world_clock import WorldClock
 from tests.support.effects import run_effects
@@ -40,12 +47,12 @@ RESERVATION = Reservation(changes=frozenset({"Jar001"}))
 HOLDERS = (Holder(task="other", goal="", objects=("Jar001",)),)
 
 
-def context() -> TaskManagerContext:
+def context(reserved_elsewhere: Callable[[str], frozenset[str]] = lambda task: frozenset()) -> TaskManagerContext:
     """Nothing was asked of anybody yet, and nobody has anything."""
     return TaskManagerContext(
         replica=Replica("tm", "repository", laboratory(), MAP, 7),
         requests=Requests(address="tm", repository="repository", registry="registry"),
-        reservations=Reservations(),
+        local_reservations=None,
         queues=DeviceQueues(),
         quotes=Quotes(),
         pace=Pace(),
@@ -53,27 +60,33 @@ def context() -> TaskManagerContext:
         touched={},
         commitments=dict,
         still_at_work=lambda work: True,
-        overtake=lambda task, objects: None,
+        reserved_elsewhere=reserved_elsewhere,
     )
 
 
 class PlanRequestHarness:
-    """The second plan of the third goal of a task; another task may have something."""
+    """The second plan of the third goal of a task; another task of its Task Manager may have something. The Repository answers at once."""
 
-    def __init__(self, *held: str, old_workflow: Workflow | None = None, reserves: bool = True, effect: str = GOAL) -> None:
-        self.context = context()
-        self.reservations = self.context.reservations
-        self.reservations.add_task("other", "")
-        self.reservations.add_task("task1", GOAL)
+    def __init__(
+        self,
+        *held: str,
+        old_workflow: Workflow | None = None,
+        modes: tuple[ReservationMode, ReservationMode] = (ReservationMode.TRY, ReservationMode.WAIT),
+        effect: str = GOAL,
+    ) -> None:
+        self.context, self.serial = context(lambda task: frozenset(held)), 0
+        self.repository = Reserving(Contents(ontology=laboratory(), map=MAP))
+        self.reservation, self.requested_modes = TaskReservation(), list[ReservationMode]()
+        reserving = TaskReserving(self.reservation, "task1", GOAL, 0, self.context)
         if held:
             self.reserve_elsewhere(*held)
         self.services = AvailableServices(KnownServices(), self.context.replica)
         self.request = PlanRequest(owner="task1", goal=3, serial=2, task=Submit(effect=effect))
-        options = {} if reserves else {"reserves": False}
-        self.requester = PlanRequester(self.request, self.services, self.context, old_workflow, **options)
+        self.requester = PlanRequester(self.request, self.services, self.context, reserving, modes, old_workflow)
 
     def reserve_elsewhere(self, *held: str) -> None:
-        self.reservations.hold("other", Reservation(changes=frozenset(held)))
+        self.serial += 1
+        self.repository.reserve(Reserve(task="other", serial=self.serial, mode=ReservationMode.TRY, changes=held), "tm", 0.0)
 
     def discovered(self, *offers: Offer) -> Problem:
         effects, result = run_effects(self.requester.discovered(offers))
@@ -88,7 +101,18 @@ class PlanRequestHarness:
         return ask.task
 
     def answered(self, value: Answer) -> tuple[list[Effect], object]:
-        return run_effects(self.requester.answered(value))
+        return self._reserved(*run_effects(self.requester.answered(value, 1.0)))
+
+    def _reserved(self, effects: list[Effect], result: object) -> tuple[list[Effect], object]:
+        """What comes of it when the Repository has answered."""
+        for effect in effects:
+            if isinstance(effect, Send) and isinstance(effect.message.body, Reserve):
+                self.requested_modes.append(effect.message.body.mode)
+                answer, _ = self.repository.reserve(effect.message.body, "tm", 1.0)
+                if effect.message.body.mode is not ReservationMode.ASK:
+                    self.reservation.answered(answer)
+                return self._reserved(*run_effects(self.requester.reserved(answer, 1.0)))
+        return effects, result
 
 
 def test_first_the_services_on_offer_are_asked_for() -> None:
@@ -132,12 +156,29 @@ def test_a_task_that_does_not_fit_the_map_any_more_has_no_plan() -> None:
     assert (effects, result.partition(":")[0], harness.request.attempt) == ([], "the task does not fit the map any more", 0)
 
 
-@pytest.mark.parametrize("reserves", [True, False])
-def test_what_the_plan_needs_is_the_tasks_from_then_on(reserves: bool) -> None:
-    harness = PlanRequestHarness("Jar002", reserves=reserves)
+@pytest.mark.parametrize("mode", [ReservationMode.TRY, ReservationMode.ASK])
+def test_what_the_plan_needs_is_the_tasks_from_then_on(mode: ReservationMode) -> None:
+    harness = PlanRequestHarness("Jar002", modes=(mode, mode))
     harness.discovered(offer("Robot1"))
     assert harness.answered(PLAN) == ([], PLAN)
-    assert harness.reservations.held.get("task1") == (RESERVATION if reserves else None)
+    assert harness.reservation.held == (RESERVATION if mode is ReservationMode.TRY else Reservation())
+
+
+def test_what_the_task_has_already_is_not_asked_for_again() -> None:
+    harness = PlanRequestHarness()
+    for _ in range(2):
+        harness.discovered(offer("Robot1"))
+        assert harness.answered(PLAN) == ([], PLAN)
+    assert harness.requested_modes == [ReservationMode.TRY]
+
+
+def test_without_the_repository_there_is_no_plan() -> None:
+    harness = PlanRequestHarness()
+    harness.discovered(offer("Robot1"))
+    effects, _ = run_effects(harness.requester.answered(PLAN, 1.0))
+    (request,) = harness.context.requests.pending.values()
+    assert (request.purpose, len(effects)) == (ForReservation("task1", 3, harness.reservation.serial), 2)
+    assert run_effects(harness.requester.reserved("it is out of order", 2.0)) == ([], "it is out of order")
 
 
 @pytest.mark.parametrize("value", [NO_PLAN, ErrorAnswer("out of memory")])
@@ -153,8 +194,8 @@ def test_whether_there_would_be_a_plan_without_others_is_found_out() -> None:
     effects, result = harness.answered(NO_PLAN)
     problem = harness.asked_problem(effects)
     assert (result, problem.excluded, harness.request.attempt, harness.request.ignores_reservations) == (None, frozenset(), 2, True)
-    assert harness.answered(PLAN) == ([], BlockedPlan(reservation=RESERVATION, holders=HOLDERS, plan=PLAN))
-    assert "task1" not in harness.reservations.held
+    assert harness.answered(PLAN) == ([], BlockedPlan(holders=HOLDERS, plan=PLAN))
+    assert (harness.reservation.waiting, harness.reservation.held) == (RESERVATION, Reservation())
     assert harness.answered(NO_PLAN) == ([], NO_PLAN), "it is not asked a third time"
 
 
@@ -171,7 +212,8 @@ def test_when_others_have_taken_it_meanwhile_another_plan_is_looked_for_first() 
     effects, result = harness.answered(PLAN)
     assert (result, harness.asked_problem(effects).excluded) == (None, frozenset({"Jar001", "Jar002"}))
     assert (harness.request.attempt, harness.request.ignores_reservations) == (2, False)
-    assert harness.answered(PLAN) == ([], BlockedPlan(reservation=RESERVATION, holders=HOLDERS, plan=PLAN))
+    assert harness.answered(PLAN) == ([], BlockedPlan(holders=HOLDERS, plan=PLAN))
+    assert harness.requested_modes == [ReservationMode.TRY, ReservationMode.TRY, ReservationMode.WAIT]
 
 
 def test_what_is_had_regardless_of_others_is_waited_for_though_they_were_not_avoided() -> None:

@@ -22,7 +22,6 @@ from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants, answer_stranger
 from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import Requests
-from somrs.task_manager.reservations import Reservations
 from somrs.task_manager.timers import OverdueDue, SilenceDue
 from somrs.task_manager.world_clock import WorldClock
 from tests.support.effects import run_effects
@@ -47,7 +46,7 @@ class TransactionHarness:
         context = TaskManagerContext(
             replica=self.replica,
             requests=Requests(address=ME, repository="repository", registry="registry"),
-            reservations=Reservations(),
+            local_reservations=None,
             queues=self.queues,
             quotes=Quotes(),
             pace=Pace(),
@@ -55,7 +54,7 @@ class TransactionHarness:
             touched=self.touched,
             commitments=dict,
             still_at_work=lambda work: True,
-            overtake=lambda task, objects: None,
+            reserved_elsewhere=lambda task: frozenset(),
         )
         self.participants = Participants("task1", self.members, context, self._log_event, self._log_message)
         self._message_count = 0

@@ -6,16 +6,19 @@ import pytest
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
-from somrs.kernel.component import Effect
+from somrs.kernel.component import Effect, Send
+from somrs.kernel.reservations import Reservation
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages import events, frp, waits
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.reservations import ReservationMode, Reserve, Reserved
 from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.recovery.compensation import Attempt, Compensation, RestorationGoal, Undoing
-from somrs.task_manager.reservations import Reservation
+from somrs.task_manager.requests import ReservationAnswer
+from somrs.task_manager.reservations import Reserving, TaskReservation
 from tests.support.effects import run_effects
 from tests.support.laboratory import MAP, TRANSFER
 from tests.unit.task_manager.arrangement.test_plan_request import context
@@ -54,18 +57,30 @@ class CompensationHarness:
         transaction: TransactionHarness | None = None,
     ) -> None:
         self.transaction, self.context, self.works = transaction or TransactionHarness(), context(), works
+        self.reservation = TaskReservation(held=Reservation(changes=frozenset({"Jar001", "Jar002"})), fence=5)
         self.state = Undoing.from_works(works, by_other_services=by_other_services)
         self.logged_events: list[tuple[Event, float, Work]] = []
         self.compensation = Compensation(
             self.state,
-            owner="task1",
             task=Submit(effect=ON_SHELF, handlers=handlers),
             log=ExecutionLog(works=[*works]),
             members=self.transaction.members,
             participants=self.transaction.participants,
+            reserving=Reserving(self.reservation, "task1", ON_SHELF, 0, self.context),
             context=self.context,
             log_event=lambda event, now, work: self.logged_events.append((event, now, work)),
         )
+
+    def reserve(self, answer: ReservationAnswer) -> Reserve:
+        """The task holds nothing any more: it asks for what it is to undo, and gets this answer."""
+        self.reservation.released()
+        effects, result = self.proceeds()
+        (request,) = [effect.message.body for effect in effects if isinstance(effect, Send)]
+        assert isinstance(request, Reserve)
+        assert result is False
+        assert self.proceeds() == ([], False), "it has asked"
+        self.compensation.reserved(answer)
+        return request
 
     def proceeds(self, now: float = 9.0) -> tuple[list[Effect], bool | RestorationGoal]:
         return run_effects(self.compensation.proceed(now))
@@ -109,13 +124,34 @@ def test_what_changed_nothing_is_not_undone_whatever_others_did_since(state: Sta
 @pytest.mark.parametrize("objects", [("Jar001",), ("Jar002",)])
 def test_what_another_task_has_is_left_to_it(objects: tuple[str, ...]) -> None:
     harness = CompensationHarness(work(1), by_other_services=False)
-    harness.context.reservations.hold("other", Reservation(changes=frozenset(objects)))
-    harness.context.reservations.hold("task1", Reservation(changes=frozenset({"Jar001"})))
+    holders = (waits.Holder(task="other", goal="", objects=objects),)
+    harness.reserve(Reserved(task="task1", fence=5, holders=holders))
     assert harness.proceeds() == ([], True)
     mine = "Jar001" in objects
-    stranded = events.WorkStranded(taken=True, holders=(waits.Holder(task="other", goal="", objects=("Jar001",)),))
+    stranded = events.WorkStranded(taken=True, holders=holders)
     assert harness.logged_events == ([(stranded, 9.0, harness.works[0])] if mine else [])
     assert (harness.works[0].state, harness.state.restored) == (State.STRANDED if mine else State.COMPLETED, 0)
+
+
+def test_a_task_that_has_released_its_objects_asks_for_them_before_it_undoes_anything() -> None:
+    harness = CompensationHarness(work(1), work(2, jar="Jar002"))
+    request = harness.reserve(Reserved(task="task1", fence=6))
+    assert (request.mode, request.changes) == (ReservationMode.UNDO, ("Jar001", "Jar002"))
+    assert harness.proceeds()[1] == RestorationGoal(ON_PLATFORM, harness.works[0])
+
+
+def test_what_another_task_has_changed_since_is_not_undone() -> None:
+    harness = CompensationHarness(work(1), work(2, jar="Jar002"))
+    harness.works[0].overtaken = True
+    harness.reserve(Reserved(task="task1", fence=6, overtaken=("Jar001",)))
+    assert harness.state.remaining_numbers == [2]
+
+
+def test_without_the_repository_nothing_is_undone_yet() -> None:
+    harness = CompensationHarness(work(1))
+    harness.reserve("it does not answer")
+    effects, result = harness.proceeds()
+    assert (result, harness.state.reserved, len(effects)) == (False, False, 2), "it asks again"
 
 
 def test_the_attempts_are_made_one_after_the_other() -> None:

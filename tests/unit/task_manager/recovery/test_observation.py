@@ -26,6 +26,7 @@ from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.reports import Report, ReportResult, Reports, UnobservedSubject
 from somrs.task_manager.recovery.observation import Look, LookPlan, LookQueue, Observation, Unseen, look_plans, unknown_changes
 from somrs.task_manager.requests import ForLook
+from somrs.task_manager.reservations import TaskReservation
 from tests.support.effects import run_effects
 from tests.support.laboratory import MAP, TRANSFER, laboratory, offer
 from tests.unit.task_manager.arrangement.test_plan_request import context
@@ -72,6 +73,7 @@ class ObservationHarness:
         self.observation = Observation(
             self.look_queue,
             owner="task1",
+            reservation=TaskReservation(),
             log=ExecutionLog(works=[self.work]),
             members=self.transaction.members,
             services=AvailableServices(self.known_services, self.context.replica),

@@ -6,10 +6,11 @@ import pytest
 
 from somrs.entish.parse import parse
 from somrs.kernel.component import Answered, Ask, Effect, ErrorAnswer, Received, Send, SetTimer, Withdraw
+from somrs.kernel.reservations import Reservation
 from somrs.ontology.effects import changes
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Link, NoPlan, Plan
-from somrs.protocol.messages import events, frp, submission, task_news, waits
+from somrs.protocol.messages import events, frp, submission, waits
 from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.protocol.messages.envelope import Message, reply
 from somrs.protocol.messages.frp import Outcome, State
@@ -17,7 +18,6 @@ from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.task_views import Phase
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress
-from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import AnswerDue, BidsDue, PlanWanted
 from tests.unit.task_manager.test_preview import APART, CHAIN, move
 from tests.unit.task_manager.transaction.test_participant_events import (
@@ -398,8 +398,7 @@ def test_when_a_procedure_is_given_up_nobody_is_asked_for_it_any_more() -> None:
 
 def test_who_has_to_wait_lets_go_of_who_is_committed() -> None:
     harness = chain()
-    harness.manager.state.reservations.goals["other"] = "another wish"
-    harness.manager.state.reservations.held["other"] = Reservation(changes=frozenset({"Jar001"}))
+    harness.take_away("Jar001", goal="another wish")
     event_count = len(harness.task.events)
     effects = harness.service_says(frp.Failed(description="stuck", situation=HELD), 5.0, sender=member(harness, "a"))
     assert (bodies(effects), goodbyes(effects)) == (["UpdateMap", "Discover", "Cancel"], ["the task has to wait for others"])
@@ -410,30 +409,31 @@ def test_who_has_to_wait_lets_go_of_who_is_committed() -> None:
         waiting,
         [None, None],
     )
-    reservations = harness.manager.state.reservations
-    assert (harness.task.id in reservations.held, [*reservations.waiting]) == (False, [harness.task.id])
-    reservations.remove_task("other")
+    assert (harness.has_reserved(), harness.reservations.claimants[harness.task.id].waiting) == (
+        Reservation(),
+        Reservation(changes=frozenset({"Jar001", "Tin001"})),
+    )
+    harness.reservations.remove("other")
     event_count = len(harness.task.events)
-    effects = harness.client_says(task_news.ReadTasks(), 6.0)
+    effects = harness.admit(6.0)
     assert [type(event).__name__ for event in logged_events(harness, event_count)] == [
         "GoesOn",
         "Planned",
         "ServicesAsked",
         "ServicesAsked",
     ]
-    assert bodies(effects)[:2] == ["Tasks", "Discover"]
+    assert bodies(effects)[0] == "Discover"
 
 
 @pytest.mark.parametrize(("reserved_object", "is_reserved"), [("Tin001", True), ("Jar001", False)])
 def test_what_is_to_be_undone_is_kept_from_others_unless_they_have_it_by_now(reserved_object: str, is_reserved: bool) -> None:
     harness = chain()
-    reservations, id = harness.manager.state.reservations, harness.task.id
-    reservations.held["other"] = Reservation(changes=frozenset({reserved_object}))
+    harness.take_away(reserved_object)
     harness.service_says(frp.Failed(description="stuck", situation=HELD), 5.0, sender=member(harness, "a"))
     assert harness.task.phase is Phase.WAITING
     event_count = len(harness.task.events)
-    effects = harness.client_says(submission.CancelTask(task=id), 6.0)
-    assert reservations.held.get(id) == (Reservation(changes=frozenset({"Jar001"})) if is_reserved else None)
+    effects = harness.client_says(submission.CancelTask(task=harness.task.id), 6.0)
+    assert harness.task.reservation.held == Reservation(changes=frozenset({"Jar001"} if is_reserved else ()))
     assert ("Compensate" in bodies(effects)) is is_reserved
     stranded = events.WorkStranded(taken=True, holders=(waits.Holder(task="other", goal="", objects=("Jar001",)),))
     assert ((stranded, *STEP_A) in harness.news(event_count)) is not is_reserved

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import pytest
+from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, Input, Received, Send, SetTimer, TimerFired
+from somrs.kernel.reservations import Claimant, Reservation
 from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import load_text
 from somrs.ontology.services import Handler, Occasion
@@ -22,6 +24,9 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.protocol.messages.observations import Observation
+from somrs.protocol.messages.reservations import ClaimReservations, Release, ReservationMode, Reserve
+from somrs.repository.reserving import Reserving
+from somrs.repository.state import Contents
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.timers import DeadlineDue, OverdueDue, SilenceDue, StopDue, Timer
@@ -59,6 +64,9 @@ class TaskManagerHarness:
         self.plan_results = [*plan_results]
         """What the planner answers next, in place of what it would find."""
         self.reports: list[UpdateMap] = []
+        """Without the reservations under which they were made."""
+        self.contents = Contents(ontology=loaded.ontology, map=loaded.map, address="repository")
+        self.reserving, self.reservations = Reserving(self.contents), self.contents.reservations
         self.message_count = 0
         self.client_says(submission.Submit(**{"effect": GOAL, **options}), 0.0)  # type: ignore[arg-type]  # fields of Submit
 
@@ -68,10 +76,19 @@ class TaskManagerHarness:
         return task
 
     def feed(self, event: Input, now: float) -> list[Effect]:
-        """All that comes of it, once everybody has answered."""
+        """All that comes of it, once everybody has answered, except what is said about reservations."""
         effects = self.manager.handle(event, now)
         for effect in [*effects]:
             match effect:
+                case Send(Message(body=Reserve() as request) as message):
+                    effects.remove(effect)
+                    answer, _ = self.reserving.reserve(request, "tm", now)
+                    effects += self.feed(Received(reply(message, answer, "repository")), now)
+                case Send(Message(body=Release() as release)):
+                    effects.remove(effect)
+                    self.reserving.release(release, "tm", now)
+                case Send(Message(body=ClaimReservations())):
+                    effects.remove(effect)
                 case Ask(question, Problem() as problem) if not self.held:
                     effects += self.feed(Answered(question, self.plan_results.pop(0) if self.plan_results else plan(problem)), now)
                 case Send(Message(body=Discover()) as message) if not self.is_registry_held:
@@ -79,10 +96,31 @@ class TaskManagerHarness:
                     effects += self.feed(Received(reply(message, body, "registry")), now)
                 case Send(Message(body=UpdateMap() as update) as message):
                     effects += self.feed(Received(reply(message, self._update(update), "repository")), now)
-        return effects
+        return effects + self.admit(now)
+
+    def admit(self, now: float) -> list[Effect]:
+        """What comes of it that tasks which waited are told that their objects are free."""
+        notices = [effect.message for effect in self.reserving.admit(now) if isinstance(effect, Send)]
+        return [effect for notice in notices if notice.header.recipient == "tm" for effect in self.feed(Received(notice), now)]
+
+    def reserve_elsewhere(self, *objects: str, task: str = "other", goal: str = "") -> None:
+        """A task of another Task Manager has these objects."""
+        claimant = Claimant(holder="another-tm", goal=goal, priority=0, arrival=0)
+        self.reservations.reserve(task, claimant, Reservation(changes=frozenset(objects)), ReservationMode.UNDO, 0.0)
+
+    def take_away(self, *objects: str, goal: str = "") -> None:
+        """The task has had to release what it had, and a task of another Task Manager has these objects now."""
+        self.task.reservation.released()
+        self.reservations.release(self.task.id)
+        self.reserve_elsewhere(*objects, goal=goal)
+
+    def has_reserved(self) -> Reservation:
+        """What the task has."""
+        assert self.task.reservation.held == self.reservations.claimants[self.task.id].held
+        return self.task.reservation.held
 
     def _update(self, update: UpdateMap) -> Body:
-        self.reports.append(update)
+        self.reports.append(structs.replace(update, reservation=None))
         if self.rejects:
             return Rejected(problems=self.rejects)
         situation = update.situation

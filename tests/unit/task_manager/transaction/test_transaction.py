@@ -18,7 +18,6 @@ from somrs.protocol.messages.records import TaskRecord
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import Phase
 from somrs.protocol.messages.waits import Holder, WaitsForTasks
-from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import BidsDue, DeadlineDue, OverdueDue, PlanWanted, StopDue
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import row, view
@@ -81,14 +80,12 @@ def test_a_task_that_was_just_stated_is_nobodys_and_has_one_goal() -> None:
 
 
 @pytest.mark.parametrize(("deadline", "timers"), [(None, []), (50.0, [("DeadlineDue", 53.0)])])
-def test_a_task_begins_with_its_deadline_and_its_place_in_the_order(deadline: float | None, timers: list[tuple[str, float]]) -> None:
+def test_a_task_begins_with_its_deadline_and_its_priority(deadline: float | None, timers: list[tuple[str, float]]) -> None:
     harness = TaskManagerHarness()
     effects = harness.client_says(Submit(effect="Jar001 isOn Platform001", deadline=deadline, priority=4), 3.0)
     assert timer_times(effects) == timers
-    first, second = harness.manager.open
-    reservations = harness.manager.state.reservations
-    assert (reservations.goals, reservations.priorities) == ({second: "Jar001 isOn Platform001", first: GOAL}, {second: 4, first: 0})
-    assert [*reservations.goals] == [second, first]
+    known = harness.reservations.claimants
+    assert [(known[task].goal, known[task].priority) for task in harness.manager.open] == [(GOAL, 0), ("Jar001 isOn Platform001", 4)]
 
 
 def test_what_concerns_a_goal_that_is_no_more_changes_nothing() -> None:
@@ -208,7 +205,7 @@ def test_a_procedure_needs_nothing_that_others_have() -> None:
     harness = TaskManagerHarness("Robot1", "Robot2", handlers=(Handler(on=Occasion.FAILURE, effect=aside),))
     task = harness.task
     harness.executing()
-    harness.manager.state.reservations.hold("other", Reservation(changes=frozenset({"Jar001"})))
+    harness.reserve_elsewhere("Jar001")
     event_count = len(task.events)
     harness.service_says(frp.Failed(description="stuck", situation=INITIAL_SITUATION), 5.0)
     assert (
@@ -270,7 +267,7 @@ def test_who_never_got_what_it_waited_for_says_so() -> None:
     assert [effect.entry.reasons for effect in effects if isinstance(effect, Record) and isinstance(effect.entry, TaskRecord)] == [
         second.reasons
     ]
-    assert [*harness.manager.state.reservations.waiting] == []
+    assert [*harness.reservations.claimants] == [first.id]
     assert bodies(harness.client_says(submission.CancelTask(task=first.id), 94.0)) == ["Cancel", "Cancel", "Cancelling"]
 
 
@@ -363,8 +360,7 @@ def test_what_is_kept_of_a_task_is_recorded_at_its_end() -> None:
 def test_one_that_still_undoes_its_work_when_everybody_should_have_stopped_is_sent_home() -> None:
     harness, member, event_count = start_undoing()
     id = harness.task.id
-    held = harness.manager.state.reservations.held[id]
-    assert "Jar002" in held.changes, "nobody else has to do with what is being undone"
+    assert "Jar002" in harness.has_reserved().changes, "nobody else has to do with what is being undone"
     effects = harness.rings(StopDue(id), 130.0)
     assert bodies(effects) == ["End"]
     assert [effect.at for effect in effects if isinstance(effect, SetTimer) and effect.timer == OverdueDue(id, member.id)] == [None, 150.0]
@@ -380,4 +376,4 @@ def test_one_that_still_undoes_its_work_when_everybody_should_have_stopped_is_se
     assert last_events[4] == (events.WorkStranded(reason="did not come to an end"), *STEP)
     (work,) = harness.task.log.works
     assert (work.state, work.result, work.note) == (State.STRANDED, State.COMPLETED, "did not come to an end")
-    assert harness.manager.state.reservations.held == {}
+    assert harness.reservations.claimants == {}

@@ -1,0 +1,168 @@
+"""Several Task Managers on one Repository: their tasks share the objects and the robots, as the tasks of one do."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.kernel.reservations import LEASE
+from somrs.protocol.messages.event_text import short_id
+from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import CancelTask, Policy
+from somrs.protocol.messages.task_views import Phase
+from tests.integration.test_competing_tasks import Hands, run_until_executing
+from tests.support.event_sentences import texts
+from tests.support.virtual_system import Robot, VirtualSystem
+
+A, B = "tm", "tm-b"
+FIRST, SECOND = "Jar002 isOn Platform001", "Jar002 isOn Cupboard002"
+
+
+def two_managers(*robots: Robot, planning: float = 0.0) -> VirtualSystem:
+    system = VirtualSystem(*robots, planning=planning)
+    system.add_manager(B)
+    system.world.run(5)
+    return system
+
+
+@pytest.mark.parametrize("planning", [0.0, 3.0])
+def test_opposite_wishes_for_one_thing_come_true_one_after_the_other(planning: float) -> None:
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1"), hands.robot("Robot2"), planning=planning)
+    tasks = [system.submit(FIRST, A, policy=Policy.TIME), system.submit(SECOND, B, policy=Policy.TIME)]
+    views = system.finish(*tasks)
+    assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 2
+    assert not hands.conflicts
+    earlier, later = sorted(views, key=lambda view: view.ended_at or 0.0)
+    assert earlier.ended_at is not None
+    assert min(work.began for work in later.work) >= earlier.ended_at
+
+
+def test_who_waits_says_for_which_task_though_another_task_manager_has_it() -> None:
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1"), hands.robot("Robot2"))
+    first = system.submit(FIRST, A)
+    run_until_executing(system, first)
+    second = system.submit(SECOND, B)
+    system.world.run(5)
+    view = system.view(second)
+    assert view.phase is Phase.WAITING
+    assert f"waiting for task {short_id(first)} ({FIRST}), which has reserved Jar002" in view.explanation
+    assert [view.outcome for view in system.finish(first, second)] == [Outcome.ACCOMPLISHED] * 2
+
+
+def test_a_wish_that_any_thing_fulfils_takes_one_that_nobody_has() -> None:
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1"), hands.robot("Robot2"))
+    first = system.submit("Jar001 isOn Platform001", A)
+    run_until_executing(system, first)
+    second = system.submit("?Any: Jar isOn Cupboard002 AND NOT ?Any = Jar001", B)
+    assert system.world.run(30, lambda: system.view(second).phase is Phase.EXECUTING), system.view(second)
+
+
+def test_a_cancelled_task_does_not_put_back_what_a_task_of_another_has_moved() -> None:
+    """A's first thing is done, then the task waits for the second, and so holds nothing. B moves the first. A is cancelled."""
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1", seconds=20), hands.robot("Robot2", seconds=20))
+    holding = system.submit("Tin001 isOn Cupboard002", B, policy=Policy.TIME)
+    run_until_executing(system, holding)
+    a = system.submit("Jar002 isOn Platform001", A)
+    (view,) = system.finish(a)
+    b = system.submit("Jar002 isOn Cupboard002", B)
+    system.finish(b, holding)
+    system.ask(CancelTask(task=a), A)
+    system.world.run(300)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert system.map.has_fact("isOn", ("Jar002", "Cupboard002"))
+
+
+def test_what_was_done_before_a_wait_and_changed_meanwhile_is_not_undone_and_the_client_is_told() -> None:
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1", seconds=20), hands.robot("Robot2", seconds=20))
+    a = system.submit("Jar001 isOn Platform001 AND Jar002 isOn Platform001", A)
+    assert system.world.run(600, lambda: len([work for work in system.view(a).work if work.ended is not None]) == 1)
+    done = system.view(a).work[0].inputs["Object"]
+    other = "Jar002" if done == "Jar001" else "Jar001"
+    system.change(f"{other} isOn Floor001")  # the plan is out of date, and what it needs now is another's
+    b = system.submit(f"{done} isOn Cupboard001", B)
+    views = system.finish(b, seconds=2000)
+    system.ask(CancelTask(task=a), A)
+    views += system.finish(a, seconds=2000)
+    assert views[0].outcome is Outcome.ACCOMPLISHED
+    if views[1].outcome is Outcome.CANCELLED:
+        assert system.map.has_fact("isOn", (done, "Cupboard001"))
+    assert not hands.conflicts
+
+
+def test_tasks_of_two_task_managers_spread_over_the_robots() -> None:
+    """Both are stated at the same moment, and the same robot is the cheapest for both."""
+    cheap, dear = Robot("Robot1", price=10, duration=60), Robot("Robot2", price=12, duration=60)
+    system = two_managers(cheap, dear)
+    tasks = [
+        system.submit("Jar001 isOn Platform001", A, policy=Policy.TIME),
+        system.submit("Jar002 isOn Platform001", B, policy=Policy.TIME),
+    ]
+    start = system.world.now
+    system.finish(*tasks)
+    assert (len(cheap.orders), len(dear.orders)) == (1, 1)
+    assert system.world.now - start < 100, "they worked side by side"
+
+
+def test_of_tasks_that_wait_at_two_task_managers_the_higher_priority_comes_first() -> None:
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1"), hands.robot("Robot2"))
+    first = system.submit(FIRST, A)
+    run_until_executing(system, first)
+    low, high = system.submit(SECOND, A), system.submit("Jar002 isOn Floor001", B, priority=5)
+    views = system.finish(first, low, high)
+    ends = {task: view.ended_at or 0.0 for task, view in zip((first, low, high), views, strict=True)}
+    assert sorted(ends, key=lambda task: ends[task]) == [first, high, low]
+
+
+@pytest.mark.parametrize("snapshot", [False, True])
+def test_a_task_manager_that_restarts_still_has_what_it_had(snapshot: bool) -> None:
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1"), hands.robot("Robot2"))
+    first = system.submit(FIRST, A)
+    run_until_executing(system, first)
+    second = system.submit(SECOND, B)
+    system.world.run(5)
+    for manager in (A, B):
+        if snapshot:
+            system.world.snapshot(manager)
+        system.world.revive(manager)
+    system.world.run(5)
+    assert system.view(second).phase is Phase.WAITING
+    assert [view.outcome for view in system.finish(first, second)] == [Outcome.ACCOMPLISHED] * 2
+    assert not hands.conflicts
+
+
+def test_what_a_task_manager_had_that_is_gone_for_good_is_free_after_its_lease() -> None:
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1"), hands.robot("Robot2"))
+    first = system.submit(FIRST, A)
+    run_until_executing(system, first)
+    system.world.kill(A)
+    start = system.world.now
+    second = system.submit(SECOND, B)
+    system.world.run(LEASE - 60)
+    assert system.view(second).phase is Phase.WAITING
+    (view,) = system.finish(second)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert min(work.began for work in view.work) - start >= LEASE - 60
+
+
+def test_who_was_cut_off_too_long_is_told_that_another_has_its_things_and_does_them_after_it() -> None:
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1", seconds=30), hands.robot("Robot2", seconds=30))
+    first = system.submit(FIRST, A)
+    run_until_executing(system, first)
+    system.world.cut_off(A)
+    second = system.submit(SECOND, B)
+    system.world.run(LEASE + 60)
+    system.world.reconnect(A)
+    views = system.finish(first, second, seconds=20_000)
+    assert views[1].outcome is Outcome.ACCOMPLISHED
+    assert any(
+        "the reservation was lost" in text or "is not the task's to change any more" in text for text in texts(system.task_state(first))
+    )
+    assert not hands.conflicts
