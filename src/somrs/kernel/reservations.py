@@ -29,7 +29,7 @@ class Reservation(Struct, frozen=True, kw_only=True):
     """The objects that a plan changes, and the other objects that it relies on."""
 
     changes: frozenset[str] = frozenset()
-    relies_on: frozenset[str] = field(default=frozenset(), name="relies")
+    relies_on: frozenset[str] = frozenset()
 
     def __or__(self, reservation: Reservation) -> Reservation:
         return Reservation(changes=self.changes | reservation.changes, relies_on=self.relies_on | reservation.relies_on)
@@ -163,9 +163,9 @@ class Reservations(Struct, kw_only=True):
             claimant.overtakings, claimant.had, claimant.overtaken = known.overtakings, known.had, known.overtaken
         claimant.had |= claimant.held.changes
         conflicts = self._conflicts(task, claimant, claimant.held, is_undoing=True, now=now)
+        self.fences = max(self.fences, claimant.fence)
         if conflicts:
             self._release(claimant)
-        self.fences = max(self.fences, claimant.fence)
         self.claimants[task] = claimant
         self.freed = True
         return self.describe(conflicts)
@@ -218,8 +218,8 @@ class Reservations(Struct, kw_only=True):
         """The task has changed objects: to others that had them before, this work of another is not theirs to undo."""
         changing = self.claimants.get(task)
         changed_objects = frozenset(objects) & (changing.held.changes if changing is not None else frozenset())
-        for other_task, claimant in self.claimants.items() if changed_objects else ():
-            if other_task != task:
+        for rival_task, claimant in self.claimants.items() if changed_objects else ():
+            if rival_task != task:
                 claimant.overtaken |= (changed_objects & claimant.had) - claimant.held.changes
 
     def describe(self, conflicts: Mapping[str, frozenset[str]]) -> tuple[Holder, ...]:
@@ -250,22 +250,22 @@ class Reservations(Struct, kw_only=True):
     ) -> dict[str, frozenset[str]]:
         """The contested objects, by other task that holds them or waits for them with precedence."""
         conflicts: dict[str, frozenset[str]] = {}
-        for other_task, other in self.claimants.items():
-            if other_task == task or self._is_lapsed(other, now):
+        for rival_task, rival in self.claimants.items():
+            if rival_task == task or self._is_lapsed(rival, now):
                 continue
-            contested = reservation.overlap(other.held)
-            if other.waiting is not None and not is_undoing and other.precedence < claimant.precedence:
-                contested |= reservation.overlap(other.waiting)
+            contested = reservation.overlap(rival.held)
+            if rival.waiting is not None and not is_undoing and rival.precedence < claimant.precedence:
+                contested |= reservation.overlap(rival.waiting)
             if contested:
-                conflicts[other_task] = contested
+                conflicts[rival_task] = contested
         return conflicts
 
     def _take(self, task: str, reservation: Reservation) -> Iterator[tuple[str, int]]:
         """Take the objects from tasks whose leases have ended."""
-        for other_task, other in self.claimants.items():
-            if other_task != task and reservation.overlap(other.held):
-                yield other_task, other.fence
-                self._release(other)
+        for rival_task, rival in self.claimants.items():
+            if rival_task != task and reservation.overlap(rival.held):
+                yield rival_task, rival.fence
+                self._release(rival)
 
     def _hold(self, claimant: Claimant, reservation: Reservation) -> None:
         if not claimant.held:
@@ -277,9 +277,9 @@ class Reservations(Struct, kw_only=True):
         claimant.waiting, claimant.admitted = None, False
 
     def _count_overtakings(self, claimant: Claimant, reservation: Reservation) -> None:
-        for other in self.claimants.values():
-            if other.waiting is not None and other.arrival < claimant.arrival and reservation.overlap(other.waiting):
-                other.overtakings += 1
+        for rival in self.claimants.values():
+            if rival.waiting is not None and rival.arrival < claimant.arrival and reservation.overlap(rival.waiting):
+                rival.overtakings += 1
 
     @staticmethod
     def _release(claimant: Claimant) -> None:

@@ -30,23 +30,27 @@ def _with_reservations(snapshot: Any) -> Any:
     """Give each task its reservation. In version 2, the Task Manager kept all reservations to itself."""
     state = snapshot["state"]
     stored = state.pop("reservations")
-    empty: Any = {"changes": [], "relies": []}
     claimants = state["local_reservations"] = {"claimants": {}, "freed": stored["freed"], "arrivals": len(stored["goals"])}
     for arrival, (task, goal) in enumerate(stored["goals"].items(), 1):
-        held, waiting = stored["held"].get(task), stored["waiting"].get(task)
+        waiting = stored["waiting"].get(task)
+        held, awaited = _reservation(stored["held"].get(task)), _reservation(waiting["wanted"]) if waiting is not None else None
         claimants["claimants"][task] = {
             "holder": "",
             "goal": goal,
             "priority": stored["priorities"][task],
             "arrival": arrival,
-            "held": held or empty,
-            "waiting": waiting["wanted"] if waiting is not None else None,
-            "admitted": waiting["called"] if waiting is not None else False,
-            "had": held["changes"] if held is not None else [],
+            "held": held,
+            "waiting": awaited,
+            "admitted": waiting is not None and waiting["called"],
+            "had": held["changes"],
         }
         if task in state["tasks"]:
-            state["tasks"][task]["reservation"] = {"held": held or empty, "waiting": waiting["wanted"] if waiting is not None else None}
+            state["tasks"][task]["reservation"] = {"held": held, "waiting": awaited}
     return snapshot
+
+
+def _reservation(stored: Any) -> Any:
+    return {"changes": stored["changes"], "relies_on": stored["relies"]} if stored is not None else {"changes": [], "relies_on": []}
 
 
 def _without_start(entry: Any) -> Any:

@@ -100,7 +100,7 @@ def test_an_accept_is_too_late_from_when_the_terms_expire(delay: float, state: S
     harness.now = NOW + delay
     effects = harness.hear(harness.session.accept())
     assert harness.state is state
-    assert bodies(effects) == ([frp.Refuse(reason="the terms expired", not_now=True)] if state is State.ENDED else [])
+    assert bodies(effects) == ([frp.Refuse(reason="the terms expired", not_now=True, lapsed=True)] if state is State.ENDED else [])
 
 
 OPEN_AND_FREE = "Door1.Open = TRUE AND NOT Jar1 isOn Floor1"

@@ -8,6 +8,7 @@ from somrs.errors import FormulaError
 from somrs.kernel.component import Ask, Effects
 from somrs.protocol.frp.session import ParticipantBody, service_of
 from somrs.protocol.messages import frp
+from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import State
 from somrs.service_manager.participant.calendar import Commitment, first_free_time, resolve_overlaps
 from somrs.service_manager.participant.job import Job
@@ -89,8 +90,8 @@ class Negotiation:
             job.offered_at = now
             yield from job.set_timer(TermsDue, answer.valid_until)
 
-    def lapse(self, job: Job, now: float) -> str:
-        """Why the terms that the participant has offered do not hold any more; empty if they do.
+    def lapse(self, job: Job, body: Body, now: float) -> str:
+        """Why the terms that the participant has offered do not hold any more when it receives a message; empty if they do.
 
         They have expired, or another Task Manager's contract has come first, of which the one that accepts them cannot know.
         """
@@ -103,7 +104,7 @@ class Negotiation:
         is_new = any(
             other.accepted_at is not None and other.accepted_at >= (job.offered_at or now) for other in others if other.has_contract
         )
-        if not is_new or not self._state.occupies(job):
+        if not is_new or not isinstance(body, frp.Accept | frp.Execute) or not self._state.occupies(job):
             return ""
         start, capacity = max(now, terms.start_from or now), self._state.profile.capacity
         first_free = first_free_time(resolve_overlaps(self._commitments(others, now), capacity), start, terms.duration, capacity)

@@ -130,7 +130,7 @@ class ServiceManager:
                     yield Send(reply(message, frp.Fault(code=NOT_ALLOWED, text=error.text), self.address))
                 return
         objection = job.session.objection(message, now)
-        if kind in (frp.Accept, frp.Execute) and (lapse := self._negotiation.lapse(job, now)):
+        if lapse := self._negotiation.lapse(job, message.body, now):
             yield from self._send_message(job, frp.Refuse(reason=lapse, not_now=True, lapsed=True), now)
         elif objection and kind is frp.Execute and job.session.state in UNBEGUN:
             refuses = UNBEGUN[job.session.state] is frp.Refuse

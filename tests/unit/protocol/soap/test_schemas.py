@@ -286,13 +286,13 @@ MAP = ["MapChanged", "OntologyChanged"]
 @pytest.mark.parametrize(
     ("path", "name", "namespace", "other_messages"),
     [
-        ("repository", "Repository", KNOWLEDGE, []),
+        ("repository", "Repository", KNOWLEDGE, ["Release", "ClaimReservations"]),
         ("registry", "Registry", DIRECTORY, MAP),
         (
             "task-manager",
             "TaskManager",
             CLIENTS,
-            [*REPORTS, "ServicesJoined", "ServicesLeft", *MAP],
+            [*REPORTS, "ServicesJoined", "ServicesLeft", "ReservationFree", "ReservationLost", *MAP],
         ),
         ("scheduler", "Scheduler", ORDERS, MAP),
         (
