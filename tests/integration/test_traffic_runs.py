@@ -18,12 +18,13 @@ from verification.traffic_runs.draw import draw
 from verification.traffic_runs.play import Outcome, Play
 
 
-def outcomes(seeds: range) -> list[Outcome]:
-    return [Play(draw(seed)).run() for seed in seeds]
+def outcomes(seeds: range) -> Iterator[Outcome]:
+    """What came of the seeds, each played when it is asked for."""
+    return (Play(draw(seed)).run() for seed in seeds)
 
 
 def test_nobody_touches_anybody_and_everybody_arrives() -> None:
-    played = outcomes(range(60))
+    played = [*outcomes(range(60))]
     assert [outcome for outcome in played if outcome.violation] == []
     results = sum((outcome.results for outcome in played), Counter[TripResult]())
     assert all(results[result] for result in TripResult), "every end of a trip occurs"
