@@ -299,7 +299,11 @@ def test_without_webgl_it_is_told_in_words(system: RunningSystem, window: OpenWi
     expect(places.get_by_role("button", name="Robot2")).to_contain_text("in Laboratory")
 
 
-@pytest.mark.parametrize(("size", "dark"), [("1280", False), ("1920", True), ("820", False)])
+REPEATED_LOOK = pytest.param("1920", True, marks=pytest.mark.slow)
+"""The others are of each color scheme, and of widths that have less room."""
+
+
+@pytest.mark.parametrize(("size", "dark"), [("1280", False), ("820", True), REPEATED_LOOK])
 def test_it_looks_good(system: RunningSystem, window: OpenWindow, size: str, dark: bool) -> None:
     page = open_page(system, window, size, dark=dark)
     wait_until_at_rest(page)
