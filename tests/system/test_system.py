@@ -201,7 +201,7 @@ def test_a_new_kind_of_device_joins_while_the_system_runs(tmp_path: Path) -> Non
     effect = command_match[1]
 
     async def run() -> None:
-        async with running(data, SCENARIO_1) as (_, client, operator):
+        async with running(data, SCENARIO_1, world=WorldKind.KINEMATIC) as (_, client, operator):
             with pytest.raises(FormulaError, match="wasWashedBy"):
                 await client.submit(Submit(effect=effect))
             washer = subprocess.Popen(
@@ -233,7 +233,7 @@ def test_the_repository_survives_a_kill_and_its_map_is_gone_on_with_by_its_own_s
     other_site.write_text(SCENARIO_1.read_text())
 
     async def run() -> None:
-        async with running(tmp_path / "run", SCENARIO_1) as (system, client, _):
+        async with running(tmp_path / "run", SCENARIO_1, world=WorldKind.KINEMATIC) as (system, client, _):
             with pytest.raises(UsageError, match=r"in use by a system that runs.*--data"):
                 async with System([SCENARIO_1], tmp_path / "run", launcher=warm.launcher()):
                     pass
@@ -248,7 +248,7 @@ def test_the_repository_survives_a_kill_and_its_map_is_gone_on_with_by_its_own_s
         with pytest.raises(UsageError, match="--fresh"):
             async with System([other_site], tmp_path / "run", launcher=warm.launcher()):
                 pass
-        async with running(tmp_path / "run", SCENARIO_1) as (_, client, operator):
+        async with running(tmp_path / "run", SCENARIO_1, world=WorldKind.KINEMATIC) as (_, client, operator):
             assert (await client.query("Jar002 isOn Platform001")).rows
             assert (await operator.observe("Jar002")).support == "Platform001", "the world is built from the map that was kept"
 
@@ -257,7 +257,7 @@ def test_the_repository_survives_a_kill_and_its_map_is_gone_on_with_by_its_own_s
 
 def test_a_robot_that_falls_silent_with_the_jar_ends_the_task_and_is_not_asked_again(tmp_path: Path) -> None:
     async def run() -> None:
-        async with running(tmp_path / "run", SCENARIO_1) as (_, client, operator):
+        async with running(tmp_path / "run", SCENARIO_1, world=WorldKind.KINEMATIC) as (_, client, operator):
             await operator.schedule("Robot1", Fault.SILENT, carried=1.0)
             view = await accomplish(client, "Jar002 isOn Platform001", waits=False)
             assert view.outcome is Outcome.FAILED
@@ -274,7 +274,7 @@ def test_whatever_is_killed_is_started_again(tmp_path: Path) -> None:
     """One process after the other, and then the one that they come out of, which ends them all; then a task, as if nothing had been."""
 
     async def run() -> None:
-        async with running(tmp_path / "run", SCENARIO_1) as (system, client, _):
+        async with running(tmp_path / "run", SCENARIO_1, world=WorldKind.KINEMATIC) as (system, client, _):
             notices: list[str] = []
             supervisor = asyncio.create_task(system.keep_running(notices.append))
             for name, program in system.programs.items():
