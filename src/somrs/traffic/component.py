@@ -302,9 +302,12 @@ class Traffic:
         if body.mobility is not Mobility.FREE and body.grant == record.grants and len(held) > count + kept_count:
             self._schedule.retreat(body.robot, kept_count)
             self._obstacles_changed()
-        if record.silent or record.mobility is not body.mobility:
+        if record.silent or (record.mobility is not body.mobility and Mobility.IMMOBILE in (record.mobility, body.mobility)):
             record.silent, record.mobility = False, body.mobility
             self._obstacles_changed()
+        elif record.mobility is not body.mobility:
+            record.mobility = body.mobility
+            self._dispatcher.work_changed()
         record.expires_at = now + record.lease
         return self._entered(body.robot)
 

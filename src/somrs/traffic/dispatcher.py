@@ -99,6 +99,11 @@ class Dispatcher:
                 passages = self._closed_passages(name, record.trip.destination) if not blockers else ()
                 yield self._end_trip(name, TripResult.CLOSED, blockers, passages)
 
+    def work_changed(self) -> None:
+        """A robot begins or ends its work. What is planned is good until there is another plan: nobody is granted a place that is not free,
+        and where there is no room, it is proved with room for those that come free."""
+        self.state.changed, self.state.whole, self.state.failures = True, False, 0
+
     def concern(self, name: str) -> None:
         """Have it looked at whether the trip of this robot ends."""
         self._concerned[name] = None

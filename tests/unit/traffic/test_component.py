@@ -540,3 +540,20 @@ def test_a_plan_for_an_earlier_roadmap_is_not_followed() -> None:
     harness.trip("R1", "East")
     harness.wait(1)
     assert harness.way("R1") == ("West", "A", "B", "C")
+
+
+def test_robots_go_on_by_the_plan_while_another_one_begins_to_work() -> None:
+    traffic = Harness(roadmap(("A", "B", "C", "D", "E", "F", "G", "H"), ("Table", "Shelf")))
+    traffic.enter("R1", "A")
+    traffic.enter("R2", "Table")
+    traffic.trip("R1", "H")
+    traffic.wait(1.0)
+    assert traffic.way("R1") == ("A", "B", "C", "D")
+    traffic.postponed = []  # from now on, plans take a while
+    traffic.report("R2", "Table", 0, Mobility.BUSY)
+    traffic.wait(1.0)
+    traffic.make_postponed_plans()
+    traffic.postponed = []
+    traffic.report("R2", "Table", 0, Mobility.FREE)
+    traffic.report("R1", "B", 1)
+    assert traffic.way("R1") == ("B", "C", "D", "E")
