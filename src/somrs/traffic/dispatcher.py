@@ -35,6 +35,8 @@ HORIZON = 20
 PAUSE = 0.2
 """The least time between two plans, in seconds. It doubles with each plan that moves nobody, up to `LONGEST_PAUSE`."""
 LONGEST_PAUSE = 10.0
+HELD_UP = 2.0
+"""The time after which a robot that comes no nearer to its goal looks for ways round those that stand, in seconds."""
 STALL = 15.0
 """The time after which ways are searched for, because a robot comes no nearer to its goal, in seconds."""
 RENEWAL = 2.0
@@ -240,6 +242,7 @@ class Dispatcher:
             nearest=trip.nearest if trip is not None else FAR,
             movable=not record.silent and record.mobility is Mobility.FREE,
             busy=not record.silent and record.mobility is Mobility.BUSY,
+            held_up=trip is not None and now > trip.progressed_at + HELD_UP,
         )
 
     def _is_stalled(self, name: str, record: RobotRecord, now: float) -> bool:

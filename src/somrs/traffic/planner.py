@@ -40,6 +40,7 @@ class TrafficPlanner:
                 nearest=robot.nearest,
                 movable=robot.movable,
                 busy=robot.busy,
+                held_up=robot.held_up,
             )
             for robot in problem.robots
         ]

@@ -112,6 +112,7 @@ class PlannedRobot(Struct, frozen=True, array_like=True):
     nearest: float
     movable: bool
     busy: bool
+    held_up: bool = False
 
 
 class OutOfOrder(Struct, frozen=True, array_like=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from collections import defaultdict
 from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
+from copy import copy
 from functools import cached_property
 from itertools import zip_longest
 
@@ -66,6 +67,8 @@ class Graph:
         """Of how many goals the distances are kept."""
         self._distances: dict[int, array[float]] = {}
         self._lane_distances: dict[tuple[tuple[int, float], ...], array[float]] = {}
+        self._delays = np.zeros(self.size)
+        """By place: how much longer than a lane from there is the way along it."""
         self._without: tuple[tuple[set[int], set[Lane]], Graph] | None = None
         """The places to which lanes were left out last, the lanes that were left out, and the graph without them."""
         self._with_private: _WithPrivatePlaces | None = None
@@ -108,6 +111,17 @@ class Graph:
         self._without = left_out, graph
         return graph
 
+    def delayed(self, places: Collection[int], seconds: float) -> Graph:
+        """This graph, on which it takes so much longer to get on from these places. It is for `distances` alone: lanes are as long as
+        before."""
+        graph = copy(self)
+        graph._distances, graph._lane_distances = {}, {}
+        graph._delays = self._delays.copy()
+        graph._delays[[*places]] += seconds
+        graph._backwards = self._backwards.copy()
+        graph._backwards.data += (graph._delays - self._delays)[graph._backwards.indices]
+        return graph
+
     def with_private(self, places: Sequence[PrivatePlace | None]) -> Graph:
         """This graph with private places, which get the next numbers. None leaves a number out."""
         if not places:
@@ -133,7 +147,7 @@ class Graph:
 
     def _find_lane_distances(self, lanes: tuple[tuple[int, float], ...]) -> array[float]:
         """Dijkstra, backwards, from one more place to which these lanes lead."""
-        starts, lengths = [start for start, _ in lanes], [length for _, length in lanes]
+        starts, lengths = [start for start, _ in lanes], [length + self._delays[start] for start, length in lanes]
         public = self._backwards
         numbers = np.append(public.indices, starts), np.append(public.indptr, public.nnz + len(lanes))
         backwards = csr_array((np.append(public.data, lengths), *numbers), shape=(self.size + 1, self.size + 1))
@@ -220,6 +234,12 @@ class _WithPrivatePlaces(Graph):
         kept = (place if number not in closed else None for number, place in enumerate(self._places, start=self._public.size))
         reduced = [replace(place, lanes=tuple(lane for lane in place.lanes if lane[0] not in closed)) if place else None for place in kept]
         return self._public.without_lanes_to(closed, lanes).with_private(reduced)
+
+    def delayed(self, places: Collection[int], seconds: float) -> Graph:
+        graph = copy(self)
+        graph._distances = {}
+        graph._public = self._public.delayed([place for place in places if place < self._public.size], seconds)
+        return graph
 
     def distance(self, start: int, goal: int) -> float:
         if start == goal:

@@ -7,13 +7,14 @@ after the other; where it brings nobody nearer to a goal, a search (LaCAM) looks
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 from somrs.traffic.planning.exhaustive import search_all
 from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.planning.lacam import SearchLimit, find_ways
-from somrs.traffic.planning.pibt import Configuration, Goals, StepPlanner
+from somrs.traffic.planning.pibt import Configuration, Estimate, Goals, StepPlanner
 
 EFFORT = 2_000
 """The most steps of PIBT that a search for ways takes, unless said otherwise."""
@@ -21,6 +22,12 @@ ALL = 30
 """The configurations that a search among all of them looks at, for each step of PIBT that it takes the place of."""
 ASIDE = 200
 """The most places among which a robot looks for one at which it is in nobody's way."""
+AROUND = 10.0
+"""The time for which a robot that is held up rather drives round others that stand than asks them to make room, in seconds."""
+FAR_AHEAD = 10
+"""The number of places ahead of a robot that is held up at which it looks for others that stand."""
+AHEAD = 3
+"""The number of places ahead of a robot that is held up from which others make room."""
 DETOUR = 200
 """The most steps of PIBT that a search for ways on a detour takes: many brief ones find more than a long one."""
 
@@ -29,7 +36,7 @@ DETOUR = 200
 class Traveller:
     """A robot: where it is, where it wants to (None: nowhere), the number of steps for which it has had this goal, and the least distance
     to it at which it has been. Of two robots, the one that has waited longer comes first. A robot that is not `movable` stays; if it is
-    `busy`, it will be movable later."""
+    `busy`, it will be movable later. One that is `held_up` has come no nearer for a while: those that stand may be in its way."""
 
     place: int
     goal: int | None = None
@@ -37,6 +44,7 @@ class Traveller:
     nearest: float = FAR
     movable: bool = True
     busy: bool = False
+    held_up: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,8 +74,10 @@ class WindowPlanner:
         `effort`: the most steps of each search for ways; 0 for none. `searches`: search at once, because going step by step has brought
         nobody nearer.
         """
-        course = self._step_by_step(robots, steps)
-        is_useful = self._brings_nearer(course, robots)
+        estimates = self._estimates_of_goals(robots)
+        asides = self._asides(robots, estimates)
+        course = self._step_by_step(robots, steps, estimates, asides)
+        is_useful = self._brings_nearer(course, robots) or self._clears_ways(course, robots, estimates, asides)
         if is_useful and not searches:
             return Course(steps=course)
         if effort == 0:
@@ -136,32 +146,71 @@ class WindowPlanner:
         """The robots, the one that has waited longest first."""
         return sorted(range(len(robots)), key=lambda number: -robots[number].waiting)
 
-    def _step_by_step(self, robots: Sequence[Traveller], steps: int) -> list[Configuration]:
-        targets = self._targets(robots)
-        estimates = [self.graph.distances(target) for target in targets]
+    def _step_by_step(
+        self, robots: Sequence[Traveller], steps: int, goals: Mapping[int, Estimate], asides: Mapping[int, int]
+    ) -> list[Configuration]:
+        """`goals`: the estimates of the robots that have one. `asides`: where those go that make room."""
+        targets = [asides.get(number, robot.place if robot.goal is None else robot.goal) for number, robot in enumerate(robots)]
+        estimates = [goals[number] if number in goals else self.graph.distances(target) for number, target in enumerate(targets)]
         staying = _staying(robots)
         waiting, course = [robot.waiting for robot in robots], [tuple(robot.place for robot in robots)]
         for _ in range(steps):
-            place_of = course[-1]  # who is in a corridor gets out first
-            order = sorted(range(len(robots)), key=lambda robot: (not self._planner.is_in_corridor(place_of[robot]), -waiting[robot]))
-            following = self._planner.step(course[-1], estimates, order, staying)
+            # Who makes room goes before those that may stand in its way out, and who is in a corridor gets out first.
+            now = course[-1]
+            order = sorted(
+                range(len(robots)),
+                key=lambda robot: (robot not in asides, not self._planner.is_in_corridor(now[robot]), -waiting[robot]),
+            )
+            following = self._planner.step(now, estimates, order, staying)
             assert following is not None, "all robots can wait"
             course.append(following)
             waiting = [waited + 1 if there != target else 0.0 for waited, there, target in zip(waiting, following, targets, strict=True)]
         return course
 
-    def _targets(self, robots: Sequence[Traveller]) -> list[int]:
-        """Where the robots want to: to their goals. Who has none stays, or makes room in time if it is where another one wants to: in the
-        step in which that one comes, there may be no place to which it could go."""
-        wanted = {place for robot in robots if robot.goal not in (None, robot.place) for place in self._taken(robot.goal)}
-        targets = [robot.goal if robot.goal is not None else robot.place for robot in robots]
-        taken = {place for target in targets for place in self._taken(target)} | {robot.place for robot in robots}
+    def _estimates_of_goals(self, robots: Sequence[Traveller]) -> dict[int, Estimate]:
+        """By robot with a goal: how far it is to there. Who is held up by one that stands looks for a way round it."""
+        standing: set[int] = set()
+        delayed = self.graph
+        if any(robot.held_up for robot in robots):
+            places = (robot.place for robot in robots if not robot.movable or robot.goal in (None, robot.place))
+            standing = {near for place in places for near in self._taken(place)}
+            delayed = self.graph.delayed(standing, AROUND)
+        return {
+            number: (delayed if robot.held_up and self._is_barred(number, robot, standing) else self.graph).distances(robot.goal)
+            for number, robot in enumerate(robots)
+            if robot.goal is not None
+        }
+
+    def _is_barred(self, number: int, robot: Traveller, standing: Collection[int]) -> bool:
+        """Whether one that stands is in the way of a robot, not far ahead."""
+        way = self.graph.way(robot.place, robot.goal, number) if robot.goal is not None else iter(())
+        return any(place in standing for place in islice(way, FAR_AHEAD))
+
+    def _asides(self, robots: Sequence[Traveller], estimates: Mapping[int, Estimate]) -> dict[int, int]:
+        """By robot without a goal that makes room for another one: where to. It does so in time: in the step in which that one comes, there
+        may be no place to which it could go."""
+        wanted = {
+            near for number in estimates for place in self._wanted(number, robots[number], estimates[number]) for near in self._taken(place)
+        }
+        taken = {place for robot in robots for place in (*self._taken(robot.goal if robot.goal is not None else robot.place), robot.place)}
+        asides: dict[int, int] = {}
         for number, robot in enumerate(robots):
             if robot.goal is None and robot.movable and robot.place in wanted:
                 aside = self._nearest(number, robot.place, wanted | taken)
-                targets[number] = aside if aside is not None else robot.place
-                taken.update(self._taken(targets[number]))
-        return targets
+                if aside is not None:
+                    asides[number] = aside
+                    taken.update(self._taken(aside))
+        return asides
+
+    def _wanted(self, number: int, robot: Traveller, estimate: Estimate) -> Iterator[int]:
+        """The places from which others have to go for a robot: its goal, and if it is held up, the next ones on its way."""
+        if robot.goal is None or robot.goal == robot.place:
+            return
+        yield robot.goal
+        place = robot.place
+        for _ in range(AHEAD if robot.held_up else 0):
+            place = min(self.graph.options(place, number), key=estimate.__getitem__, default=place)
+            yield place
 
     def _taken(self, place: int | None) -> Iterator[int]:
         """The places at which no other robot can be while one is at this place."""
@@ -193,6 +242,19 @@ class WindowPlanner:
                 if min(distances[configuration[number]] for configuration in course) < min(robot.nearest, distances[robot.place]):
                     return True
         return not is_anybody_away
+
+    def _clears_ways(
+        self, course: list[Configuration], robots: Sequence[Traveller], estimates: Mapping[int, Estimate], asides: Mapping[int, int]
+    ) -> bool:
+        """Whether a robot that is held up drives round one that stands in its way, or one makes room for it."""
+        if not any(robot.held_up for robot in robots):
+            return False
+        targets: dict[int, Estimate] = {number: self.graph.distances(aside) for number, aside in asides.items()}
+        targets |= {number: estimate for number, estimate in estimates.items() if robots[number].held_up and robots[number].movable}
+        return any(
+            min(estimate[configuration[number]] for configuration in course) < estimate[robots[number].place]
+            for number, estimate in targets.items()
+        )
 
     def _reachable(self, robots: Sequence[Traveller]) -> Goals:
         """The goals that robots can be at together: of those that exclude each other, the first in line keeps its own."""

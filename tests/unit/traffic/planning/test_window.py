@@ -84,3 +84,26 @@ def test_who_stands_where_another_wants_to_makes_room_while_others_are_under_way
         if places[1] == wanted:
             return
     raise AssertionError(f"it never came there: {places}")
+
+
+def test_who_is_held_up_drives_round_one_that_stands_in_its_way() -> None:
+    """Beside the way is a berth from which nobody gets out while another one is before it. The way through the lower row is longer."""
+    public, at = grid("ABCDE", ".....")
+    graph = public.with_private([PrivatePlace(1, ((at["C"], 1.0),), (at["C"],))])
+    robots = [Traveller(place=at["B"], goal=at["E"], waiting=9.0, nearest=3.0, held_up=True), Traveller(place=public.size)]
+    course = WindowPlanner(graph, Random(0).shuffle).plan(robots, 8, effort=0).steps
+    assert course[-1] == (at["E"], public.size)
+
+
+def test_who_stands_in_the_only_way_gets_out_past_one_that_is_held_up_there() -> None:
+    """The way out of the berth leads through where the other one waits, which has to go back first."""
+    public, at = grid("..ABCDE", "....F..")
+    graph = public.with_private([PrivatePlace(1, ((at["B"], 1.0),), (at["C"], at["F"]))])
+    places: Configuration = at["B"], public.size
+    planner = WindowPlanner(graph, Random(0).shuffle)
+    for _ in range(5):
+        robots = [Traveller(place=places[0], goal=at["E"], waiting=9.0, nearest=3.0, held_up=True), Traveller(place=places[1])]
+        places = planner.plan(robots, 4, effort=0).steps[-1]
+        if places[0] == at["E"]:
+            return
+    raise AssertionError(f"it never came there: {places}")

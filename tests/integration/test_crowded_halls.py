@@ -1,0 +1,26 @@
+"""Trips across halls in which many robots stand at tables: none waits for long behind those that only stand there."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.support.halls import Crowd, Hall
+
+HALL = Hall(side=48.0, aisle=4.0)
+ROOMS = Hall(side=24.0, aisle=4.0, has_wall=True)
+"""Two rooms with one door."""
+LONGEST = 300.0
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_the_last_trips_among_two_hundred_robots_take_little_longer_than_alone(seed: int) -> None:
+    journeys = Crowd(HALL, robots=200, travellers=12, trips=2, work=5.0, seed=seed).run(LONGEST)
+    assert len(journeys) == 24
+    assert [journey for journey in journeys if journey.seconds > 1.5 * journey.alone + 15.0] == []
+
+
+@pytest.mark.parametrize("seed", [2, 6])
+def test_robots_come_through_a_door_between_two_rooms_with_many_others(seed: int) -> None:
+    journeys = Crowd(ROOMS, robots=60, travellers=10, trips=2, work=5.0, seed=seed).run(LONGEST)
+    assert len(journeys) == 20
+    assert [journey for journey in journeys if journey.seconds > 1.5 * journey.alone + 15.0] == []
