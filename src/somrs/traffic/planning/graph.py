@@ -182,36 +182,36 @@ class _WithPrivatePlaces(Graph):
     def __init__(self, public: Graph, places: Sequence[PrivatePlace | None], earlier: _WithPrivatePlaces | None = None) -> None:
         """`earlier`: such a graph with the same public places, of which nothing is made again that is the same."""
         self._public, self._places = public, [*places]
-        known = earlier._places if earlier is not None else []
-        before, count = (earlier, len(known)) if earlier is not None else (public, 0)
+        known_places = earlier._places if earlier is not None else []
+        source, count = (earlier, len(known_places)) if earlier is not None else (public, 0)
         kept = public.size + min(count, len(places))
         added = range(kept, public.size + len(places))
         self._assemble(
-            [*before._lengths[:kept], *({} for _ in added)],
-            [*before.exclusions[:kept], *(() for _ in added)],
-            [*before.successors[:kept], *(() for _ in added)],
+            [*source._lengths[:kept], *({} for _ in added)],
+            [*source.exclusions[:kept], *(() for _ in added)],
+            [*source.successors[:kept], *(() for _ in added)],
         )
         self._near: dict[int, frozenset[int]] = dict(earlier._near) if earlier is not None else {}
         """By place: the private places and those near it that exclude each other with it."""
-        self._private_ways = dict(before._private_ways)
-        pairs = enumerate(zip_longest(known, self._places), start=public.size)
+        self._private_ways = dict(source._private_ways)
+        pairs = enumerate(zip_longest(known_places, self._places), start=public.size)
         self._replace({number: pair for number, pair in pairs if pair[0] != pair[1]})
 
     def _replace(self, changes: dict[int, tuple[PrivatePlace | None, PrivatePlace | None]]) -> None:
         """By their numbers, use other private places than before."""
         lost: defaultdict[int, set[int]] = defaultdict(set)
         won: defaultdict[int, set[int]] = defaultdict(set)
-        for number, (before, after) in changes.items():
-            for place, pairs in ((before, lost), (after, won)):
-                for near in place.exclusions if place is not None else ():
-                    pairs[number].add(near)
-                    pairs[near].add(number)
-            for start, _ in before.lanes if before is not None else ():
+        for number, (old_place, new_place) in changes.items():
+            for place, pairs in ((old_place, lost), (new_place, won)):
+                for near_place in place.exclusions if place is not None else ():
+                    pairs[number].add(near_place)
+                    pairs[near_place].add(number)
+            for start, _ in old_place.lanes if old_place is not None else ():
                 self._private_ways[start] = [way for way in self._private_ways[start] if way[1] != number]
-            for start, _ in after.lanes if after is not None else ():
-                self._private_ways[start] = [*self._private_ways.get(start, ()), (after.owner, number)]  # type: ignore[union-attr]
+            for start, _ in new_place.lanes if new_place is not None else ():
+                self._private_ways[start] = [*self._private_ways.get(start, ()), (new_place.owner, number)]  # type: ignore[union-attr]
             if number < self.size:
-                self._lengths[number] = dict(after.lanes) if after is not None else {}
+                self._lengths[number] = dict(new_place.lanes) if new_place is not None else {}
                 self.successors[number] = tuple(self._lengths[number])
         for number in {*lost, *won}:
             near_places = self._near[number] = (self._near.get(number, frozenset()) - lost[number]) | won[number]

@@ -116,23 +116,23 @@ class _Step:
         taken = self._next
         if taken[place] != NOBODY:
             return False
-        for other in self._graph.exclusions[place]:
-            if taken[other] not in (NOBODY, robot):
+        for close_place in self._graph.exclusions[place]:
+            if taken[close_place] not in (NOBODY, robot):
                 return False
         here = self._places[robot]
         if place == here:
             return True
         close = (here, *self._graph.exclusions[here])
-        return not any(self._decided[other] in close for other in self._occupants(place) if other != robot)
+        return not any(self._decided[occupant] in close for occupant in self._occupants(place) if occupant != robot)
 
     def _occupants(self, place: int) -> Iterator[int]:
         """The robots that stand at the place, or so close that it is not free."""
         now = self._now
         if now[place] != NOBODY:
             yield now[place]
-        for other in self._graph.exclusions[place]:
-            if now[other] != NOBODY:
-                yield now[other]
+        for close_place in self._graph.exclusions[place]:
+            if now[close_place] != NOBODY:
+                yield now[close_place]
 
     def _find_place(self, robot: int) -> bool:
         """Decide on the robot's next place, and on those of all robots that have to give way. Returns whether it got one."""
@@ -196,8 +196,8 @@ class _Step:
 
     def _clear_away(self, robot: int, place: int) -> bool:
         """Make the robots at the place give way."""
-        for other in self._occupants(place):
-            if other != robot and self._decided[other] == UNDECIDED and not self._find_place(other):
+        for occupant in self._occupants(place):
+            if occupant != robot and self._decided[occupant] == UNDECIDED and not self._find_place(occupant):
                 return False
         return self._rotations or place == self._places[robot] or not self._is_in_circle(robot)
 
@@ -209,12 +209,12 @@ class _Step:
             place = self._decided[mover]
             if place in (UNDECIDED, self._places[mover]):
                 continue
-            for other in self._occupants(place):
-                if other == robot and mover != robot:
+            for occupant in self._occupants(place):
+                if occupant == robot and mover != robot:
                     return True
-                if other not in visited:
-                    visited.add(other)
-                    waiting.append(other)
+                if occupant not in visited:
+                    visited.add(occupant)
+                    waiting.append(occupant)
         return False
 
     # Two robots that have to pass each other
@@ -222,24 +222,24 @@ class _Step:
     def _partner(self, robot: int, best: int) -> int:
         """The robot that has to pass this one, which wants to the place `best`, where only one has room; NOBODY if there is none."""
         here, now = self._places[robot], self._now
-        other = now[best]
+        partner = now[best]
         if (
-            other != NOBODY
-            and self._decided[other] == UNDECIDED
-            and self._have_to_swap(robot, other, here, best)
+            partner != NOBODY
+            and self._decided[partner] == UNDECIDED
+            and self._have_to_swap(robot, partner, here, best)
             and self._can_swap(best, here)
         ):
-            return other
+            return partner
         for place in self._graph.successors[here]:
-            other = now[place]
+            partner = now[place]
             if (
-                other != NOBODY
+                partner != NOBODY
                 and place != best
-                and self._decided[other] == UNDECIDED
-                and self._have_to_swap(other, robot, here, best)
+                and self._decided[partner] == UNDECIDED
+                and self._have_to_swap(partner, robot, here, best)
                 and self._can_swap(best, here)
             ):
-                return other
+                return partner
         return NOBODY
 
     def _have_to_swap(self, pusher: int, pulled: int, pusher_place: int, pulled_place: int) -> bool:
@@ -272,11 +272,11 @@ class _Step:
         """How many places lead on from a place, and one of them. Not the place `back`, and no dead end where a robot is at its goal."""
         successors, now, estimates = self._graph.successors, self._now, self._estimates
         ways, way_on = 0, NOBODY
-        for other in successors[place]:
-            if other == back:
+        for following in successors[place]:
+            if following == back:
                 continue
-            occupant = now[other]
-            if occupant != NOBODY and len(successors[other]) == 1 and estimates[occupant][other] == 0:
+            occupant = now[following]
+            if occupant != NOBODY and len(successors[following]) == 1 and estimates[occupant][following] == 0:
                 continue
-            ways, way_on = ways + 1, other
+            ways, way_on = ways + 1, following
         return ways, way_on

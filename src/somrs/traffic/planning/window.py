@@ -22,7 +22,7 @@ ALL = 30
 """The configurations that a search among all of them looks at, for each step of PIBT that it takes the place of."""
 ASIDE = 200
 """The most places among which a robot looks for one at which it is in nobody's way."""
-AROUND = 10.0
+LONGEST_DETOUR = 10.0
 """The time for which a robot that is held up rather drives round others that stand than asks them to make room, in seconds."""
 FAR_AHEAD = 10
 """The number of places ahead of a robot that is held up at which it looks for others that stand."""
@@ -164,7 +164,9 @@ class WindowPlanner:
             following = self._planner.step(now, estimates, order, staying)
             assert following is not None, "all robots can wait"
             course.append(following)
-            waiting = [waited + 1 if there != target else 0.0 for waited, there, target in zip(waiting, following, targets, strict=True)]
+            waiting = [
+                waited + 1 if reached != target else 0.0 for waited, reached, target in zip(waiting, following, targets, strict=True)
+            ]
         return course
 
     def _estimates_of_goals(self, robots: Sequence[Traveller]) -> dict[int, Estimate]:
@@ -173,8 +175,8 @@ class WindowPlanner:
         delayed = self.graph
         if any(robot.held_up for robot in robots):
             places = (robot.place for robot in robots if not robot.movable or robot.goal in (None, robot.place))
-            standing = {near for place in places for near in self._taken(place)}
-            delayed = self.graph.delayed(standing, AROUND)
+            standing = {taken_place for place in places for taken_place in self._taken(place)}
+            delayed = self.graph.delayed(standing, LONGEST_DETOUR)
         return {
             number: (delayed if robot.held_up and self._is_barred(number, robot, standing) else self.graph).distances(robot.goal)
             for number, robot in enumerate(robots)
@@ -189,17 +191,22 @@ class WindowPlanner:
     def _asides(self, robots: Sequence[Traveller], estimates: Mapping[int, Estimate]) -> dict[int, int]:
         """By robot without a goal that makes room for another one: where to. It does so in time: in the step in which that one comes, there
         may be no place to which it could go."""
-        wanted = {
-            near for number in estimates for place in self._wanted(number, robots[number], estimates[number]) for near in self._taken(place)
+        wanted_places = {
+            taken_place
+            for number in estimates
+            for place in self._wanted(number, robots[number], estimates[number])
+            for taken_place in self._taken(place)
         }
-        taken = {place for robot in robots for place in (*self._taken(robot.goal if robot.goal is not None else robot.place), robot.place)}
+        taken_places = {
+            place for robot in robots for place in (*self._taken(robot.goal if robot.goal is not None else robot.place), robot.place)
+        }
         asides: dict[int, int] = {}
         for number, robot in enumerate(robots):
-            if robot.goal is None and robot.movable and robot.place in wanted:
-                aside = self._nearest(number, robot.place, wanted | taken)
+            if robot.goal is None and robot.movable and robot.place in wanted_places:
+                aside = self._nearest(number, robot.place, wanted_places | taken_places)
                 if aside is not None:
                     asides[number] = aside
-                    taken.update(self._taken(aside))
+                    taken_places.update(self._taken(aside))
         return asides
 
     def _wanted(self, number: int, robot: Traveller, estimate: Estimate) -> Iterator[int]:
@@ -220,13 +227,13 @@ class WindowPlanner:
 
     def _nearest(self, robot: int, start: int, avoided: Collection[int]) -> int | None:
         """The nearest place by the number of lanes that is for all robots, and not avoided; None if none is near."""
-        known, waiting = {start}, deque([start])
-        while waiting and len(known) < ASIDE:
+        visited_places, waiting = {start}, deque([start])
+        while waiting and len(visited_places) < ASIDE:
             for place in self.graph.options(waiting.popleft(), robot):
                 if place < self.graph.public_size and place not in avoided:
                     return place
-                if place not in known:
-                    known.add(place)
+                if place not in visited_places:
+                    visited_places.add(place)
                     waiting.append(place)
         return None
 
