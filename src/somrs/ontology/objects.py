@@ -11,6 +11,7 @@ from msgspec import Struct, structs
 
 from somrs.ontology.indexes import Index
 from somrs.ontology.paged import PagedDict, mutable_copy, settled
+from somrs.ontology.places import PlaceIndex, X, Y
 from somrs.ontology.types import PART_OF, UNKNOWN, Value
 
 SIMILAR_NAMES = 5000
@@ -101,6 +102,7 @@ class Map:
         self._by_type: Index[str, str] | None = None
         self._wholes_by_type: Index[str, str] | None = None
         self._by_value: dict[str, Index[_ValueKey, str]] = {}
+        self._places: PlaceIndex | None = None
         self._index_large()
 
     def _index_large(self) -> None:
@@ -217,6 +219,13 @@ class Map:
             self._by_value[path] = self._index((_value_key(value), name) for value, name in value_pairs if value is not None)
         return self._by_value[path]
 
+    @property
+    def places(self) -> PlaceIndex:
+        """Where the objects state that they are."""
+        if self._places is None:
+            self._places = PlaceIndex(self.objects.values())
+        return self._places
+
     def _index(self, pairs: Iterable[tuple[_K, str]]) -> Index[_K, str]:
         """An index of objects."""
         return Index(pairs, isinstance(self.objects, PagedDict))
@@ -267,11 +276,14 @@ class _Draft:
         map.objects, map._facts = base.objects, dict(base._facts)
         map._by_argument, map._arities = dict(base._by_argument), dict(base._arities)
         map._by_type, map._wholes_by_type, map._by_value = base._by_type, base._wholes_by_type, dict(base._by_value)
+        map._places = base._places
         self._objects: MutableMapping[str, Object] | None = None
         self._relations: dict[str, MutableMapping[tuple[str, ...], None]] = {}
         """The facts of the relations that have changed."""
         self._regrouped: dict[str, None] = {}
         """The objects that were added or removed, or that became part of something else."""
+        self._moved: dict[str, None] = {}
+        """The objects that were added or removed, or that have another position."""
 
     def apply(self, change: Change) -> None:
         match change:
@@ -286,6 +298,8 @@ class _Draft:
             case ValueSet(name, path, value):
                 object = self.map.objects[name]
                 self._reindex_value(object, path, value)
+                if path in (X, Y):
+                    self._moved[name] = None
                 values = {**object.values, path: value} if value is not None else {p: v for p, v in object.values.items() if p != path}
                 self._own_objects()[name] = structs.replace(object, values=values)
             case FactAdded(fact):
@@ -314,6 +328,8 @@ class _Draft:
             map._by_type.settle()
         for values in map._by_value.values():
             values.settle()
+        if self._moved and map._places is not None:
+            map._places = map._places.changed((base.objects.get(name), map.objects.get(name)) for name in self._moved)
         map._index_large()
         return map
 
@@ -324,7 +340,7 @@ class _Draft:
 
     def _insert_object(self, object: Object) -> None:
         self._own_objects()[object.name] = object
-        self._regrouped[object.name] = None
+        self._regrouped[object.name] = self._moved[object.name] = None
         if self.map._by_type is not None:
             self._own_types().add(object.type, object.name)
         for path in self.map._by_value:
@@ -336,7 +352,7 @@ class _Draft:
         object = self.map.objects.get(name)
         if object is None:
             return
-        self._regrouped[name] = None
+        self._regrouped[name] = self._moved[name] = None
         if self.map._by_type is not None:
             self._own_types().remove(object.type, name)
         for path in self.map._by_value:

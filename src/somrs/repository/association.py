@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from somrs.entish.formula import Attribute, Comparison, literals
@@ -36,6 +36,9 @@ SAME_PLACE = 0.1
 
 DEVICE = "Device"
 """The type of objects that move by themselves, and that put themselves on the map when they join."""
+
+MOST_COMPARED = 1000
+"""With more objects of its types, a sighting is compared only with those that are near, or that may be anywhere."""
 
 _NEW = 2 * NEAR
 _HELD_BACK, _DOUBTFUL = _NEW - 2e-6, _NEW - 1e-6
@@ -58,14 +61,14 @@ class Surroundings:
     """What the association knows besides the map.
 
     `anywhere`: objects whose place on the map does not count; `sought`: those of them that the report looked for.
-    `held`: objects that are on their way with a device. `has_moved`: whether the map has an object somewhere only since after the report.
+    `held`: objects that are on their way with a device. `moved`: objects that the map has somewhere only since after the report.
     `departed`: objects that were removed after the report. `provisional`: objects that are known from sightings only.
     """
 
     anywhere: Collection[str] = ()
     sought: Collection[str] = ()
     held: Collection[str] = ()
-    has_moved: Callable[[str], bool] = lambda name: False
+    moved: Collection[str] = ()
     departed: Sequence[Object] = ()
     provisional: Collection[str] = ()
 
@@ -143,9 +146,25 @@ class _Associating:
         distance = self._distance(sighting, name)
         return distance is not None and distance <= SAME_PLACE and self._agrees(sighting, self.map.objects[name], self.map)
 
-    def _candidates(self, sighting: Sighting) -> Iterator[str]:
-        for type_name in self._compatible(sighting.object.type):
-            yield from self.map.of_type(type_name)
+    def _candidates(self, sighting: Sighting) -> Iterable[str]:
+        """The objects that the sighting may be of: those of its types, or where they are many, those of them that `_cost` considers."""
+        types = self._compatible(sighting.object.type)
+        x, y = (self._metric(sighting, path) for path in _POSITION[:2])
+        if x is None or y is None or sum(len(self.map.of_type(name)) for name in types) <= MOST_COMPARED:
+            return (name for type_name in types for name in self.map.of_type(type_name))
+        places, around = self.map.places, self.around
+        names = {*places.near(x, y, NEAR), *around.anywhere, *around.held, *around.moved}
+        names.update(name for type_name in types for name in places.unplaced(type_name))
+        names.update(name for name in types if self.ontology.is_subtype(name, DEVICE) for name in self.map.of_type(name))
+        if sighting.place is not None:
+            relations = exclusive_relations(self.ontology)
+            names.update(arguments[0] for relation in relations for arguments in self.map.facts_with(relation, 1, sighting.place))
+        return [name for name in names if name in self.map.objects and self.map.objects[name].type in types]
+
+    def _metric(self, sighting: Sighting, path: str) -> float | None:
+        """The coordinate of a sighting, if it states it in metres, as the squares of a map are."""
+        value = sighting.object.values.get(path)
+        return value if isinstance(value, int | float) and self._to_metres[path] == 1.0 else None
 
     def _cost(self, sighting: Sighting, name: str) -> float | None:
         """The cost of the pair; None if the object cannot be the sighted one."""
@@ -153,7 +172,7 @@ class _Associating:
         distance = self._distance(sighting, name)
         is_near = distance is not None and distance <= NEAR
         is_free = distance is None or name in around.anywhere or self.ontology.is_subtype(object.type, DEVICE)
-        is_doubtful = name in around.held or around.has_moved(name)
+        is_doubtful = name in around.held or name in around.moved
         if not (is_near or is_free or is_doubtful) or not self._agrees(sighting, object, self.map):
             return None
         if is_near and distance is not None:

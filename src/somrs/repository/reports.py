@@ -176,7 +176,9 @@ class _Report:
             anywhere={*sought, *map.with_value(UNKNOWN, True), *self._searched_things()},
             sought=sought,
             held={fact.arguments[0] for relation in holding for fact in map.facts(relation)},
-            has_moved=lambda name: self.observation.as_of is not None and _is_placed_after(provenance.times.get(name, {}), self.at),
+            moved={name for name, times in provenance.times.items() if _is_placed_after(times, self.at)}
+            if self.observation.as_of is not None
+            else (),
             departed=self._departed(),
             provisional=provenance.provisional,
         )

@@ -78,7 +78,8 @@ def test_a_change_copies_one_page_of_a_large_mapping() -> None:
 # Maps
 
 NAMES = [f"N{number}" for number in range(12)]
-PATHS = ("Color", "Weight", "Unknown")
+PATHS = ("Color", "Weight", "Unknown", "PositionX", "PositionY")
+COORDINATES = (-1.0, 0.0, 1.5)
 VALUES = ("Red", True, 1.5, "Blue", 0)
 TYPES = ("Jar", "Shelf", "Room")
 RELATIONS = ("isOn", PART_OF, "near")
@@ -120,6 +121,8 @@ def answers(map: Map) -> dict[str, object]:
         "at": {(relation, place): list(map.objects_at(relation, place)) for relation in RELATIONS for place in (0, 1)},
         "after": {name: list(map.names_after(name)) for name in ("", *NAMES)},
         "roots": map.roots(),
+        "near": {(x, y): [*map.places.near(x, y, 0.5)] for x in COORDINATES for y in COORDINATES},
+        "unplaced": {name: [*map.places.unplaced(name)] for name in TYPES},
     }
 
 
@@ -158,4 +161,6 @@ def test_a_large_map_answers_as_a_plain_one_and_as_one_made_anew(beginning: list
 
 def same_order(answer: Mapping[str, object], fresh_answer: Mapping[str, object]) -> bool:
     """Whether what a large mapping of objects determines has the same order."""
-    return all(answer[part] == fresh_answer[part] for part in ("objects", "types", "wholes", "values", "after", "roots"))
+    return all(
+        answer[part] == fresh_answer[part] for part in ("objects", "types", "wholes", "values", "after", "roots", "near", "unplaced")
+    )

@@ -5,17 +5,20 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import somrs.repository.association
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Ontology
 from somrs.repository.assignment import assign
 from somrs.repository.association import NEAR, Association, Sighting, Surroundings, associate
 from tests.support.building import building
+from tests.support.examples import examples
 
 SITE = (
     building("Kitchen", 10, 10)
@@ -116,10 +119,10 @@ def test_what_is_known_from_a_sighting_alone_may_be_what_is_sought() -> None:
 def test_what_cannot_be_told_apart_is_not_decided() -> None:
     seen = sighting("A", at=(3.0, 3.0), color="Red")
     assert association(seen, held={"Red1"}).undecided == ["A"], "it may be what a device carries"
-    assert association(seen, has_moved={"Red1"}.__contains__).undecided == ["A"], "it may have been here then"
+    assert association(seen, moved={"Red1"}).undecided == ["A"], "it may have been here then"
     assert association(seen, departed=[Object(name="Red9", type="Jar", values={"Color": "Red"})]).undecided == ["A"]
     assert association(seen, departed=[Object(name="Red9", type="Jar", values={"Color": "Blue"})]).new == ["A"]
-    assert association(sighting("A", at=(1.0, 1.0), color="Red"), has_moved={"Red1"}.__contains__).names == {"A": "Red1"}
+    assert association(sighting("A", at=(1.0, 1.0), color="Red"), moved={"Red1"}).names == {"A": "Red1"}
 
 
 # The assignment, and its slow twin
@@ -164,3 +167,38 @@ def test_the_order_of_sightings_does_not_matter_to_their_total(
         if seen.variable in first.names:
             object = MAP.objects[first.names[seen.variable]]
             assert math.dist(*([float(o.values[path]) for path in ("PositionX", "PositionY")] for o in (seen.object, object))) <= NEAR
+
+
+# Many objects
+
+NAMES = [f"Thing{number}" for number in range(8)]
+coordinates = st.one_of(st.none(), st.sampled_from([-0.9, -0.4, 0.0, 0.3, 0.5, 0.8, 1.0, 1.4, 2.0]))
+sets_of_names = st.sets(st.sampled_from(NAMES), max_size=2)
+things = st.fixed_dictionaries(
+    {
+        "type": st.sampled_from(["Jar", "Cup", "PioneerP3DX"]),
+        "at": st.tuples(coordinates, coordinates),
+        "place": st.sampled_from([None, "Table1", "Table2"]),
+    }
+)
+
+
+@given(st.lists(things, max_size=8), things, sets_of_names, sets_of_names, sets_of_names)
+@examples(200)
+def test_what_is_near_is_found_among_many_as_among_few(
+    described: list[dict[str, Any]], seen: dict[str, Any], anywhere: set[str], held: set[str], moved: set[str]
+) -> None:
+    objects = [Object(name=name, type="Table") for name in ("Table1", "Table2")]
+    facts = []
+    for name, thing in zip(NAMES, described, strict=False):
+        values = {path: value for path, value in zip(("PositionX", "PositionY"), thing["at"], strict=True) if value is not None}
+        objects.append(Object(name=name, type=thing["type"], values=values))
+        facts += [Fact("isOn", (name, thing["place"]))] if thing["place"] is not None else []
+    map = Map(objects, facts)
+    x, y = seen["at"]
+    sighted = sighting("A", seen["type"], (x, y) if x is not None and y is not None else None, seen["place"])
+    around: dict[str, object] = {"anywhere": anywhere & {*map.objects}, "held": held, "moved": moved}
+    expected = association(sighted, map=map, **around)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(somrs.repository.association, "MOST_COMPARED", 0)
+        assert association(sighted, map=map, **around) == expected

@@ -29,7 +29,9 @@ from somrs.protocol.messages.knowledge import (
     Updated,
     UpdateMap,
 )
+from somrs.protocol.messages.observations import Observation
 from somrs.protocol.messages.submission import Submit
+from somrs.repository import association, reports
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.task_manager.context import planning_problem
@@ -156,3 +158,19 @@ def test_what_a_follower_does(repository: Repository, visits: Visits) -> None:
     assert isinstance(result, Plan)
     assert [step.service_type for step in result.steps] == ["TransferObject"]
     assert visits.count <= MOST_VISITS
+
+
+def test_a_report_of_what_was_seen(repository: Repository, visits: Visits, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(association, "MOST_COMPARED", 100)
+    monkeypatch.setattr(reports, "MOST_NUMBERED", 100)
+    seen = "?Seen: Jar isOn Shelf70 AND ?Seen.PositionX = 70 AND ?Seen.PositionY = 2 AND ?Seen.PositionZ = 1"
+    assert repository.contents.map.places, "the index is there, as after the first report"
+    updated = answer(repository, visits, UpdateMap(situation=seen, observation=Observation(as_of=0.5)))
+    assert isinstance(updated, Updated)
+    assert updated.reception is not None
+    assert updated.reception.names == {"Seen": "Jar70"}
+    new = seen.replace("70", "7000").replace("isOn Shelf7000", "isOn Shelf71")
+    updated = answer(repository, visits, UpdateMap(situation=new, observation=Observation(as_of=0.6)))
+    assert isinstance(updated, Updated)
+    assert updated.reception is not None
+    assert updated.reception.added == ("Jar001",), "a free name"
