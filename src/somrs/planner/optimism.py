@@ -60,9 +60,11 @@ class _Names:
     """Names for objects that the map does not have."""
 
     def __init__(self, map: Map) -> None:
-        self._taken = set(map.objects)
+        self._map = map
+        self._new_names: set[str] = set()
 
     def new(self, name: str) -> str:
-        free = next(candidate for number in count(1) if (candidate := name if number == 1 else f"{name}-{number}") not in self._taken)
-        self._taken.add(free)
-        return free
+        candidates = (name if number == 1 else f"{name}-{number}" for number in count(1))
+        new_name = next(candidate for candidate in candidates if candidate not in self._map.objects and candidate not in self._new_names)
+        self._new_names.add(new_name)
+        return new_name
