@@ -16,6 +16,7 @@ from typing import Literal
 import pytest
 
 from somrs.client.client import Addresses
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
 from tests.conftest import WORKER_GROUPS
 from tests.support import warm
@@ -110,12 +111,12 @@ window.releaseNews = () => {
 
 
 class RunningSystem:
-    """A system that `somrs up` runs, with its GUI."""
+    """A system that `somrs up` runs, with its GUI. In a kinematic world, robots do the same in a fraction of the CPU time of physics."""
 
-    def __init__(self, data: Path, site: Path = SCENARIO_1, speed: str = "4") -> None:
+    def __init__(self, data: Path, site: Path = SCENARIO_1, speed: str = "4", world: WorldKind = WorldKind.KINEMATIC) -> None:
         self.data = data
         self.log = data.parent / f"{data.name}.log"
-        self._process = warm.Program(["up", str(site), "--data", str(data), "--speed", speed], self.log)
+        self._process = warm.Program(["up", str(site), "--data", str(data), "--speed", speed, "--world", world], self.log)
         try:
             self.addresses = self._addresses()
         except BaseException:  # also an interrupt: no process may be left
@@ -193,8 +194,8 @@ class RunningSystem:
 
 
 @contextmanager
-def running_in(folder: Path, speed: str = "4") -> Iterator[RunningSystem]:
-    running = RunningSystem(folder / "data", speed=speed)
+def running_in(folder: Path, speed: str = "4", world: WorldKind = WorldKind.KINEMATIC) -> Iterator[RunningSystem]:
+    running = RunningSystem(folder / "data", speed=speed, world=world)
     try:
         yield running
     finally:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import WORK_TIME, RunningSystem, resize, take_screenshot
+from somrs.devices.simulator.world.kinds import WorldKind
+
+from .conftest import WORK_TIME, RunningSystem, resize, running_in, take_screenshot
 from .test_define import field, middle
 from .test_ontology import heading, new_type, row, save
 from .test_scene import open_scene, scene_position
@@ -15,6 +17,13 @@ from .test_tasks import breaks_down, formula_holds, is_ended, jar_at_home, panel
 
 OpenPage = Callable[..., Page]
 __all__ = ["jar_at_home"]
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSystem]:
+    """A system with all that a user has, physics included."""
+    with running_in(tmp_path_factory.mktemp("whole"), world=WorldKind.PHYSICS) as running:
+        yield running
 
 
 def test_a_new_type_a_thing_of_it_and_a_task_with_it(system: RunningSystem, window: OpenPage) -> None:

@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
+from somrs.devices.simulator.world.kinds import WorldKind
+
 from .conftest import PATIENCE, WORK_TIME, RunningSystem, running_in, take_screenshot
 
 OpenWindow = Callable[..., Page]
@@ -22,8 +24,8 @@ SMALL = "640"
 
 @pytest.fixture(scope="module")
 def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSystem]:
-    """Robots that take their time, so that a busy machine, too, draws them often enough on their way."""
-    with running_in(tmp_path_factory.mktemp("scene"), speed="3") as running:
+    """Real motion, and robots that take their time, so that a busy machine, too, draws them often enough on their way."""
+    with running_in(tmp_path_factory.mktemp("scene"), "3", WorldKind.PHYSICS) as running:
         yield running
 
 
