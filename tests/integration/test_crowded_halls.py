@@ -9,6 +9,8 @@ from tests.support.halls import Crowd, Hall
 HALL = Hall(side=48.0, aisle=4.0)
 ROOMS = Hall(side=24.0, aisle=4.0, has_wall=True)
 """Two rooms with one door."""
+NARROW = Hall(side=24.0, aisle=2.4)
+"""Between its tables, two robots pass each other only in places, so that ways are searched for."""
 LONGEST = 300.0
 
 
@@ -24,3 +26,9 @@ def test_robots_come_through_a_door_between_two_rooms_with_many_others(seed: int
     journeys = Crowd(ROOMS, robots=60, travellers=10, trips=2, work=5.0, seed=seed).run(LONGEST)
     assert len(journeys) == 20
     assert [journey for journey in journeys if journey.seconds > 1.5 * journey.alone + 15.0] == []
+
+
+def test_others_go_on_while_robots_follow_ways_that_were_searched_for() -> None:
+    journeys = Crowd(NARROW, robots=60, travellers=10, trips=2, work=5.0, seed=1).run(LONGEST)
+    assert len(journeys) == 20
+    assert sum(journey.seconds for journey in journeys) < 1.5 * sum(journey.alone for journey in journeys)

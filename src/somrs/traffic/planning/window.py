@@ -83,8 +83,12 @@ class WindowPlanner:
         if effort == 0:
             return Course(steps=course[:1])
         places, goals, staying = course[0], self._reachable(robots), _staying(robots)
+
+        def follow(ways: list[Configuration]) -> Course:
+            return Course(steps=self._beside(ways, robots, estimates), whole=True)
+
         if (ways := self._search(places, goals, effort, staying)) is not None:
-            return Course(steps=ways, whole=True)
+            return follow(ways)
         in_line = (number for number in self._in_line(robots) if goals[number] not in (None, places[number]))
         aims = {number: self._goal_of(number, goals) for number in in_line}
         stuck: list[int] = []
@@ -96,12 +100,26 @@ class WindowPlanner:
             except SearchLimit:
                 ways = self._search(places, aim, effort, staying)
             if ways is not None:
-                return Course(steps=ways, whole=True)
+                return follow(ways)
         open_aims = [aim for number, aim in aims.items() if number not in stuck]
         ways = self._on_detours(places, open_aims, effort // DETOUR, staying)
         if ways is not None:
-            return Course(steps=ways, whole=True)
+            return follow(ways)
         return Course(steps=course if is_useful else course[:1], stuck=tuple(stuck))
+
+    def _beside(self, ways: list[Configuration], robots: Sequence[Traveller], estimates: Mapping[int, Estimate]) -> list[Configuration]:
+        """The ways, while the robots that do not move on them go on step by step where these do not lead."""
+        start = ways[0]
+        movers = [number for number in range(len(robots)) if any(places[number] != start[number] for places in ways)]
+        graph = self.graph.without({places[number] for places in ways for number in movers})
+        planner = StepPlanner(graph, shuffle=self._shuffle)
+        goals = [estimates[number] if number in estimates else graph.distances(robot.place) for number, robot in enumerate(robots)]
+        staying = [(number, start[number]) for number, robot in enumerate(robots) if number in movers or not robot.movable]
+        order, places, course = self._in_line(robots), start, [start]
+        for following in ways[1:]:
+            places = planner.step(places, goals, order, staying) or places
+            course.append(tuple(following[number] if number in movers else place for number, place in enumerate(places)))
+        return course
 
     def _is_stuck(self, places: Configuration, aim: Goals, effort: int, robots: Sequence[Traveller]) -> bool:
         """Whether there is no room even when all busy robots have come free, of a robot for which there are no ways now. Raises
