@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-import pytest
+from typing import Any
 
+import pytest
+from msgspec import structs
+
+from somrs.kernel.reservations import Reservations
 from somrs.protocol.frp import coordinator_session, participant_session, states
 from somrs.protocol.frp.session import ParticipantBody
 from somrs.protocol.frp.states import Entry, Kind
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import Cancel, End, Fault, State, Stop
+from somrs.protocol.messages.reservations import Claim
+from somrs.task_manager.reservations import TaskReservation
 from verification.model_check import participant
 from verification.model_check.coordinator import Coordinators
 from verification.model_check.explore import explore
@@ -18,6 +24,8 @@ from verification.model_check.pair import explore_pair
 from verification.model_check.participant import WorkState
 from verification.model_check.property import Property
 from verification.model_check.quotient import Quotient, quotient
+from verification.model_check.reservation_check import check_reservations
+from verification.model_check.reservation_model import ReservationModel
 from verification.model_check.rules import RULES
 from verification.model_check.step import Step, StepKind, is_conditional
 from verification.model_check.suite import (
@@ -231,3 +239,44 @@ def test_media() -> None:
     assert {event.word for event in LOSSY_FIFO.events(channels[LOSSY_FIFO])} == {"is lost"}
     lost = next(LOSSY_FIFO.events(channels[LOSSY_FIFO])).channel_after
     assert [(event.word, event.token) for event in LOSSY_FIFO.events(lost)] == [("is lost", second), ("is sent again", first)]
+
+
+def _reservations(medium: Medium, *, restarts: bool = True, decisions: bool = False, lapses: bool = False) -> list[Property]:
+    model = ReservationModel(medium=medium, restarts=restarts, decisions=decisions, lapses=lapses)
+    return _fallen({**check_reservations(model, "").cells})
+
+
+@pytest.mark.parametrize("medium", [OUTBOX if medium is LOSSY_FIFO else medium for medium in MEDIA], ids=str)
+def test_no_two_tasks_of_two_task_managers_have_one_object_and_both_end(medium: Medium) -> None:
+    assert _reservations(medium) == []
+
+
+def test_no_two_tasks_have_one_object_whoever_restarts_is_cancelled_or_tries_again() -> None:
+    assert _reservations(FIFO, decisions=True) == []
+
+
+def test_repositories_that_grant_one_object_twice_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Reservations, "_conflicts", lambda *_, **__: {})
+    assert _reservations(FIFO) == [Property.MUTUAL_EXCLUSION]
+
+
+def test_tasks_that_wait_and_are_not_told_when_their_objects_are_free_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Reservations, "admit_waiting", lambda *_: iter(()))
+    assert _reservations(FIFO) == [Property.TERMINATION]
+
+
+def test_task_managers_that_claim_less_than_they_were_granted_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The answer that grants a reservation is on its way when the Task Manager starts and claims what it knows of."""
+    claim = TaskReservation.claim
+
+    def hasty_claim(reservation: TaskReservation, *task: Any) -> Claim | None:
+        made = claim(reservation, *task)
+        return structs.replace(made, serial=reservation.serial + 1) if made is not None else None
+
+    monkeypatch.setattr(TaskReservation, "claim", hasty_claim)
+    assert _reservations(FIFO, decisions=True) == [Property.MUTUAL_EXCLUSION]
+
+
+@pytest.mark.parametrize("medium", [FIFO, UNORDERED], ids=str)
+def test_the_lease_of_a_silent_task_manager_ends_without_harm(medium: Medium) -> None:
+    assert _reservations(medium, lapses=True) == []

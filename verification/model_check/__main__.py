@@ -17,6 +17,7 @@ from rich.table import Table
 from verification.model_check.media import MEDIA
 from verification.model_check.mutations import all_mutations, judge_all
 from verification.model_check.property import Property
+from verification.model_check.reservation_check import MODELS, check_all_reservations
 from verification.model_check.suite import KINDS, LOST_DISKS, Result, check_all, check_assumption, check_kinds
 
 COLUMNS = 160
@@ -32,6 +33,7 @@ BOUNDS = (
     "Kinds of steps: one at a time, with one formula. Two participants of them: on the medium that can deliver whatever the others can.",
     "A new session follows when both sides have ended the one before. Beside one that has not ended, it is the second participant.",
     "A lost disk: one, once, without other restarts. Only property 3 is checked, as a side is not bound by what it has lost.",
+    "Reservations: two tasks, which change two objects in opposite orders. Each is cancelled or tries again later at most once.",
     "Property 5, map correctness, concerns the Task Manager's data, which are not in this model. The fault runs check it.",
 )
 
@@ -57,14 +59,18 @@ def _bar(console: Console) -> Progress:
 def _properties(console: Console) -> tuple[int, int]:
     started_at = time.perf_counter()
     with _bar(console) as bar:
-        task = bar.add_task("exploring", total=2 * len(MEDIA) + len(LOST_DISKS) + len(KINDS) * (len(MEDIA) + 1) + 2)
+        task = bar.add_task(
+            "exploring", total=2 * len(MEDIA) + len(LOST_DISKS) + len(KINDS) * (len(MEDIA) + 1) + 2 + sum(map(len, MODELS.values()))
+        )
 
         def tick(states: int) -> None:
             bar.update(task, description=f"exploring: {states:,} states")
 
         results: list[Result] = []
         kind_results: list[Result] = []
-        for table_results, checks in ((results, check_all(tick)), (kind_results, check_kinds(tick))):
+        reservation_results: list[Result] = []
+        checked = ((results, check_all(tick)), (kind_results, check_kinds(tick)), (reservation_results, check_all_reservations(tick)))
+        for table_results, checks in checked:
             for result in checks:
                 table_results.append(result)
                 bar.advance(task)
@@ -75,10 +81,11 @@ def _properties(console: Console) -> tuple[int, int]:
     console.print(table(results, "The Failure Recovery Protocol in every reachable state"))
     console.print(table(kind_results, "Conditions, refusals for now, what has to hold meanwhile, and recognition"))
     console.print(f"({'; '.join(prop for prop in Property if prop.number)})")
+    console.print(table(reservation_results, "Reservations of two Task Managers at one Repository"))
     console.print(table(assumption_results, "Without the timing assumption property 1 has to fail: no protocol can ensure it"))
     for bound in BOUNDS:
         console.print(f"- {bound}")
-    results += kind_results
+    results += [*kind_results, *reservation_results]
     _print_charts(console, [*results, *assumption_results])
     cells = [counterexample for result in results for counterexample in result.cells.values()]
     failed = sum(broken is not None for broken in cells) + sum(

@@ -21,6 +21,9 @@ from somrs.protocol.messages.waits import Holder
 LEASE = 300.0
 """Seconds without a message of a Task Manager after which another task may take what its tasks have reserved."""
 
+REMEMBERED = 10_000
+"""The number of ended tasks that are remembered."""
+
 MOST_OVERTAKINGS = 20
 """The number of later tasks that may get an object before a task that waits for it."""
 
@@ -108,9 +111,14 @@ class Denied(Struct, frozen=True, kw_only=True):
 
 
 class Reservations(Struct, kw_only=True):
-    """The reservations of all running tasks. `heard_at`: when the Task Manager at an address was heard of last, in seconds."""
+    """The reservations of all running tasks.
+
+    `ended`: the tasks that ended last, with the number of the message that said so, because earlier messages may arrive later. `heard_at`:
+    when the Task Manager at an address was heard of last, in seconds.
+    """
 
     claimants: dict[str, Claimant] = field(default_factory=dict)
+    ended: dict[str, int] = {}
     arrivals: int = 0
     fences: int = 0
     heard_at: dict[str, float] = {}
@@ -130,6 +138,7 @@ class Reservations(Struct, kw_only=True):
         if mode is Mode.ASK:
             return Denied(holders=self.describe(conflicts)) if conflicts else Granted(fence=0)
         self.claimants[task] = asking
+        self.ended.pop(task, None)
         if conflicts and mode is not Mode.UNDO:
             if mode is Mode.WAIT:
                 self._release(asking)
@@ -149,10 +158,18 @@ class Reservations(Struct, kw_only=True):
             self._release(claimant)
             claimant.waiting, claimant.admitted, self.freed = None, False, True
 
-    def remove(self, task: str) -> None:
-        """Forget a task that has ended."""
+    def remove(self, task: str, serial: int = 0) -> None:
+        """Forget a task that has ended; `serial`: the number of the message that says so."""
         if self.claimants.pop(task, None) is not None:
             self.freed = True
+        self.ended[task] = max(serial, self.ended.pop(task, 0))
+        while len(self.ended) > REMEMBERED:
+            del self.ended[next(iter(self.ended))]
+
+    def last_serial(self, task: str) -> int:
+        """The number of the latest message about the task that was heeded; 0 if there was none."""
+        claimant = self.claimants.get(task)
+        return claimant.serial if claimant is not None else self.ended.get(task, 0)
 
     def restore(self, task: str, claimant: Claimant, now: float) -> tuple[Holder, ...]:
         """Let the task have what it says that it has, or wait for what it says. Returns the tasks that have it instead."""
@@ -167,6 +184,7 @@ class Reservations(Struct, kw_only=True):
         if conflicts:
             self._release(claimant)
         self.claimants[task] = claimant
+        self.ended.pop(task, None)
         self.freed = True
         return self.describe(conflicts)
 
@@ -204,13 +222,13 @@ class Reservations(Struct, kw_only=True):
         claimant = self.claimants.get(task)
         return claimant is not None and bool(claimant.held) and claimant.fence == fence
 
-    def changers(self, objects: Iterable[str], task: str, now: float) -> tuple[Holder, ...]:
+    def changers(self, objects: Iterable[str], task: str) -> tuple[Holder, ...]:
         """The other tasks that have reserved some of the objects to change them."""
         reservation = Reservation(changes=frozenset(objects))
         conflicts = {
             changing_task: reservation.changes & claimant.held.changes
             for changing_task, claimant in self.claimants.items()
-            if changing_task != task and not self._is_lapsed(claimant, now)
+            if changing_task != task
         }
         return self.describe({changing_task: contested for changing_task, contested in conflicts.items() if contested})
 

@@ -155,7 +155,7 @@ class Repository:
             case Consider(change=Undo() as undo):
                 yield _ask(message, undo_query(undo))
             case Consider(change=UpdateMap() | Define() | RenameObject() | MergeObject() as alteration):
-                yield self._consider(message, alteration, self._alteration_outcome(alteration, now), now)
+                yield self._consider(message, alteration, self._alteration_outcome(alteration, now))
             case ReadHistory() as question:
                 yield _ask(message, history_query(question))
             case ReadEvents() as question:
@@ -201,7 +201,7 @@ class Repository:
             case Undo() as undo, ArchivedEvents(events):
                 yield from self._run_once(message, lambda: self._alter(message, undo, self._undo_outcome(undo, events), now))
             case Consider(change=Undo() as undo), ArchivedEvents(events):
-                yield self._consider(message, undo, self._undo_outcome(undo, events), now)
+                yield self._consider(message, undo, self._undo_outcome(undo, events))
             case _:
                 yield self._answer(message, archive_reply(message, value, self.contents))
 
@@ -244,18 +244,18 @@ class Repository:
         violation = Violation(subject=f"version {undo.version}", rule="unknown-version", message=message, section=VERSION)
         return Outcome(map=contents.map, ontology=contents.ontology, broken=(violation,))
 
-    def _consider(self, message: Message, alteration: Alteration, outcome: Outcome, now: float) -> Send:
-        return self._answer(message, considered(self._with_conflicts(alteration, outcome, now), self.contents.version))
+    def _consider(self, message: Message, alteration: Alteration, outcome: Outcome) -> Send:
+        return self._answer(message, considered(self._with_conflicts(alteration, outcome), self.contents.version))
 
-    def _with_conflicts(self, alteration: Alteration, outcome: Outcome, now: float) -> Outcome:
+    def _with_conflicts(self, alteration: Alteration, outcome: Outcome) -> Outcome:
         contents = self.contents
-        late = (*version_conflicts(alteration, outcome, contents), *lost_reservation(alteration, outcome, contents, now))
+        late = (*version_conflicts(alteration, outcome, contents), *lost_reservation(alteration, outcome, contents))
         return replace(outcome, broken=(*late, *outcome.broken)) if late else outcome
 
     def _alter(self, message: Message, alteration: Alteration, outcome: Outcome, now: float) -> Effects:
         """Apply the change, or reject it if it breaks rules or conflicts with a later change."""
         contents = self.contents
-        outcome = self._with_conflicts(alteration, outcome, now)
+        outcome = self._with_conflicts(alteration, outcome)
         if outcome.broken:
             yield self._remember_answer(message, rejected(outcome.broken, contents.version))
             return

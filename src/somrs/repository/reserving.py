@@ -52,7 +52,7 @@ class Reserving:
         known = reservations.claimants.get(request.task)
         if known is not None and known.holder != sender:
             raise InputError(f"the task {request.task} is one of {known.holder}, which reserves for it")
-        if known is not None and request.serial <= known.serial:
+        if request.serial <= reservations.last_serial(request.task):
             return ReservationDenied(task=request.task, holders=()), []  # a later message has come before it
         reservations.heard_at[sender] = now
         claimant = Claimant(holder=sender, goal=request.goal, priority=request.priority, arrival=0)
@@ -77,12 +77,12 @@ class Reserving:
         """A task releases what it has."""
         self.heard_of(sender, now)
         known = self._reservations.claimants.get(release.task)
-        if known is None or known.holder != sender or release.serial <= known.serial:
+        if (known is not None and known.holder != sender) or release.serial <= self._reservations.last_serial(release.task):
             return
-        known.serial = release.serial
         if release.ended:
-            self._reservations.remove(release.task)
-        else:
+            self._reservations.remove(release.task, release.serial)
+        elif known is not None:
+            known.serial = release.serial
             self._reservations.release(release.task)
 
     def claim(self, claims: ClaimReservations, sender: str, now: float) -> Iterator[Send]:
@@ -92,13 +92,13 @@ class Reserving:
         claimed = {claim.task for claim in claims.claims}
         own_tasks = [task for task, claimant in reservations.claimants.items() if claimant.holder == sender]
         for task in own_tasks:
-            if task not in claimed and reservations.claimants[task].serial < claims.serial:
-                reservations.remove(task)
+            if task not in claimed and reservations.last_serial(task) < claims.serial:
+                reservations.remove(task, claims.serial)
         for claim in claims.claims:
             known = reservations.claimants.get(claim.task)
-            if known is not None and (known.holder != sender or known.serial >= claims.serial):
-                continue
-            claimant = Claimant(holder=sender, goal=claim.goal, priority=claim.priority, arrival=0, serial=claims.serial, fence=claim.fence)
+            if (known is not None and known.holder != sender) or reservations.last_serial(claim.task) >= claim.serial:
+                continue  # the Repository knows as much, or more
+            claimant = Claimant(holder=sender, goal=claim.goal, priority=claim.priority, arrival=0, serial=claim.serial, fence=claim.fence)
             if claim.waits:
                 claimant.waiting, claimant.fence = self._reservation(claim), 0
             else:
@@ -126,14 +126,14 @@ class Reserving:
         yield SetTimer(ReservationsDue(), reservations.next_lapse(now))
 
 
-def lost_reservation(alteration: Alteration, outcome: Outcome, contents: Contents, now: float) -> Iterator[Violation]:
+def lost_reservation(alteration: Alteration, outcome: Outcome, contents: Contents) -> Iterator[Violation]:
     """Violations for the objects of a report whose task has lost them to other tasks."""
     if not isinstance(alteration, UpdateMap) or alteration.reservation is None:
         return
     task, reservations = alteration.reservation.task, contents.reservations
     if reservations.is_held(task, alteration.reservation.fence):
         return
-    for holder in reservations.changers(outcome.subjects, task, now):
+    for holder in reservations.changers(outcome.subjects, task):
         for name in holder.objects:
             message = f"is not the task's to change any more: {holders_text([holder])}"
             yield Violation(subject=name, rule=RESERVED, message=message)

@@ -37,7 +37,8 @@ class TaskReservation(Struct, kw_only=True):
     """What a task has: `held`, with the number `fence`.
 
     `requested` is the latest request, with the number `serial`. `waiting`: what the task waits for at the Repository. `is_free`: the
-    Repository has said that this is free, possibly before it said that the task has to wait.
+    Repository has said that this is free, possibly before it said that the task has to wait. `lost`: the highest number under which other
+    tasks have taken what the task had. `settled`: the number of the latest message whose effect is known.
     """
 
     held: Reservation = Reservation()
@@ -46,18 +47,21 @@ class TaskReservation(Struct, kw_only=True):
     serial: int = 0
     waiting: Reservation | None = None
     is_free: bool = False
+    lost: int = 0
+    settled: int = 0
 
     def under(self, task: str) -> UnderReservation | None:
         """The reservation as reports of the task name it."""
         return UnderReservation(task=task, fence=self.fence) if self.fence else None
 
     def claim(self, task: str, goal: str, priority: int) -> Claim | None:
-        """What the task has, for a Repository that may not know it; None if it has nothing."""
-        reservation = self.waiting or self.held
-        if not reservation:
+        """What the task has, for a Repository that may not know it; None if it has never reserved."""
+        if not self.serial and not self.held and self.waiting is None:
             return None
+        reservation = self.waiting or self.held
         return Claim(
             task=task,
+            serial=self.settled,
             fence=self.fence,
             waits=self.waiting is not None,
             goal=goal,
@@ -69,19 +73,26 @@ class TaskReservation(Struct, kw_only=True):
     def lose(self, fence: int) -> bool:
         """Other tasks have taken what the task had under this number. Returns whether it still had it."""
         is_lost = bool(self.held) and self.fence == fence
+        self.lost = max(self.lost, fence)
         if is_lost:
             self._clear()
         return is_lost
 
-    def answered(self, answer: ReservationAnswer) -> None:
-        """Note the answer to the latest request."""
+    def answered(self, answer: ReservationAnswer) -> ReservationAnswer:
+        """Note the answer to the latest request. Returns it as a denial if other tasks have taken since what it grants."""
+        if not isinstance(answer, str):
+            self.settled = self.serial
         match answer:
+            case Reserved(task=task, fence=fence) if 0 < fence <= self.lost:
+                self._clear()
+                return ReservationDenied(task=task, holders=())
             case Reserved(fence=fence, holders=holders):
                 self.held |= self.requested.without({name for holder in holders for name in holder.objects})
                 self.fence, self.waiting = fence, None
             case ReservationDenied(waits=True):
                 self._clear()
                 self.waiting = self.requested
+        return answer
 
     def released(self) -> None:
         """The task has given up everything."""
@@ -144,5 +155,5 @@ class Reserving:
         if local is not None:
             (local.remove if ended else local.release)(self._task)
         elif state.serial and (ended or has_any):
-            state.serial = self._context.requests.next_serial(now)
+            state.serial = state.settled = self._context.requests.next_serial(now)
             yield from self._context.requests.notify(Release(task=self._task, serial=state.serial, ended=ended), now)

@@ -150,9 +150,9 @@ def test_what_tasks_have_by_the_word_of_their_task_manager_takes_the_place_of_wh
     desk.reserves("gone", "Jar2")
     desk.reserves("b", "Table1", sender=B)
     claims = (
-        Claim(task="a", fence=1, changes=("Jar1",)),
-        Claim(task="a2", fence=7, changes=("Table1",)),
-        Claim(task="a3", waits=True, changes=("Jar1",)),
+        Claim(task="a", serial=1, fence=1, changes=("Jar1",)),
+        Claim(task="a2", serial=80, fence=7, changes=("Table1",)),
+        Claim(task="a3", serial=81, waits=True, changes=("Jar1",)),
     )
     assert desk.says(ClaimReservations(serial=99, claims=claims)) == [ReservationLost(task="a2", fence=7, holders=held_by("b", "Table1"))]
     assert desk.reserves("b2", "Jar2", sender=B) == [Reserved(task="b2", fence=8)]
@@ -172,3 +172,26 @@ def test_a_new_name_of_an_object_is_the_name_in_its_reservation() -> None:
     desk.says(RenameObject(name="Jar1", to="Jar7"), "a person")
     assert desk.reserves("b", "Jar7", sender=B) == [ReservationDenied(task="b", holders=held_by("a", "Jar7"))]
     assert desk.reserves("c", "Jar1", sender=B) == [ReservationDenied(task="c", holders=held_by("a", "Jar7"))]
+
+
+def test_what_was_said_before_a_task_ended_and_arrives_after_that_reserves_nothing() -> None:
+    desk = ReservationDesk()
+    desk.reserves("a", "Jar1", serial=1)
+    desk.says(Release(task="a", serial=9, ended=True))
+    assert desk.reserves("a", "Jar2", serial=8) == [ReservationDenied(task="a", holders=())]
+    assert desk.says(ClaimReservations(serial=7, claims=(Claim(task="a", serial=1, fence=1, changes=("Jar1",)),))) == []
+    assert desk.reserves("b", "Jar1", "Jar2", sender=B) == [Reserved(task="b", fence=2)]
+
+
+def test_a_request_that_comes_after_the_end_of_a_task_that_never_had_anything_reserves_nothing() -> None:
+    desk = ReservationDesk()
+    desk.says(Release(task="a", serial=9, ended=True))
+    assert desk.reserves("a", "Jar1", serial=8) == [ReservationDenied(task="a", holders=())]
+
+
+def test_a_claim_that_does_not_know_of_the_latest_grant_does_not_take_it_back() -> None:
+    desk = ReservationDesk()
+    desk.reserves("a", "Jar1", serial=1)
+    desk.reserves("a", "Jar2", serial=2)  # the answer is on its way
+    assert desk.says(ClaimReservations(serial=3, claims=(Claim(task="a", serial=1, fence=1, changes=("Jar1",)),))) == []
+    assert desk.reserves("b", "Jar2", sender=B) == [ReservationDenied(task="b", holders=held_by("a", "Jar2"))]

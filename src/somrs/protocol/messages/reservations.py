@@ -91,9 +91,13 @@ class Release(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Claim(Struct, frozen=True, kw_only=True):
-    """What a running task has under the number `fence`, or, if it `waits`, what it waits for."""
+    """What a running task has under the number `fence`, or, if it `waits`, what it waits for; possibly nothing.
+
+    `serial`: the number of the latest message about the task whose effect is in this. The answer to a later one may be on its way.
+    """
 
     task: str
+    serial: int
     fence: int = 0
     waits: bool = False
     goal: str = ""
@@ -103,8 +107,9 @@ class Claim(Struct, frozen=True, kw_only=True):
 
 
 class ClaimReservations(MessageBody, frozen=True, kw_only=True, tag=True):
-    """All that the tasks of the sender have: sent when the Task Manager or the Repository has started. What the Repository does not know is
-    reserved, if no other task has it; what other tasks of the sender have is released."""
+    """All running tasks of the sender that have ever reserved: sent when the Task Manager or the Repository has started. Of a task of which
+    the Repository has not heeded as much, what it claims is reserved, if no other task has it; what other tasks of the sender have is
+    released."""
 
     serial: int
     claims: tuple[Claim, ...] = ()

@@ -156,6 +156,9 @@ class PlanRequester:
         if isinstance(answer, Reserved):
             return plan
         contested_objects = frozenset(name for holder in answer.holders for name in holder.objects)
+        if request.ignores_reservations and self._modes[True] is ReservationMode.WAIT and not answer.waits:
+            request.plan = plan  # what was granted is lost again
+            return (yield from self._reserve(plan, now))
         if request.ignores_reservations:
             return BlockedPlan(holders=answer.holders, plan=plan)
         if contested_objects <= request.avoided:

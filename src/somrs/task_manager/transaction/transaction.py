@@ -81,7 +81,7 @@ class Transaction:
             state.log.overtake(answer.overtaken)
         if purpose.serial != state.reservation.serial:
             return
-        state.reservation.answered(answer)
+        answer = state.reservation.answered(answer)
         if purpose.goal == UNDOING and state.undoing is not None:
             self._scope.compensation(state.undoing).reserved(answer)
             yield from self.proceed(now)

@@ -1,0 +1,513 @@
+"""Two Task Managers with a task each, and the Repository at which they reserve objects: their states and all their moves.
+
+The rules are those that run in the system: `kernel/reservations.py`, `repository/reserving.py` and `task_manager/reservations.py`. Each
+task changes one object, then the other one, in opposite orders, and reports each change; it may be cancelled, or wait to try again. Numbers
+(serials, fences, arrivals) only grow; a state has their ranks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple, cast
+
+from msgspec import Struct, structs
+
+from somrs.kernel.component import Effects, Send
+from somrs.kernel.reservations import LEASE, Claimant, Reservation, Reservations
+from somrs.ontology.objects import Map
+from somrs.ontology.types import Ontology
+from somrs.protocol.messages.reservations import (
+    ClaimReservations,
+    Release,
+    ReservationDenied,
+    ReservationFree,
+    ReservationLost,
+    ReservationMode,
+    Reserve,
+    Reserved,
+)
+from somrs.repository.reserving import Reserving as Repository
+from somrs.repository.state import Contents
+from somrs.task_manager.context import TaskManagerContext
+from somrs.task_manager.requests import ReservationAnswer
+from somrs.task_manager.reservations import Reserving, TaskReservation
+from verification.model_check.media import EMPTY, Channel, Medium, members
+
+TASKS = ("a", "b")
+MANAGERS = ("tm-a", "tm-b")
+NEEDS = (("x", "y"), ("y", "x"))
+"""The objects that each task changes, in this order."""
+
+TRY, WAIT, UNDO = ReservationMode.TRY, ReservationMode.WAIT, ReservationMode.UNDO
+
+
+class Report(Struct, frozen=True):
+    """A task has changed the object of its step `step`. `attempt` counts the reports of a step, of which each has an id of its own."""
+
+    task: str
+    step: int
+    fence: int
+
+
+class Answer(Struct, frozen=True):
+    """The answer to the request with this number; to a report, whether it was accepted."""
+
+    serial: int
+    body: Reserved | ReservationDenied | bool
+
+
+class Side(NamedTuple):
+    """A task at its Task Manager. `awaits`: the number of the request to which it awaits the answer, and its mode. `retried`: it has
+    released what it had once, to try again later."""
+
+    phase: str = "planning"
+    step: int = 0
+    held: frozenset[str] = frozenset()
+    fence: int = 0
+    requested: frozenset[str] = frozenset()
+    serial: int = 0
+    waiting: frozenset[str] | None = None
+    is_free: bool = False
+    lost: int = 0
+    settled: int = 0
+    sent: int = 0
+    awaits: tuple[int, str] = (0, "")
+    retried: bool = False
+
+    @property
+    def works(self) -> bool:
+        return self.phase in ("working", "reporting")
+
+
+class State(NamedTuple):
+    """`table`: the Repository's reservations, as a tuple; `answers`: those that may have to be repeated, by task and number; `down`, `up`:
+    the channels to the Repository and from it, one for each Task Manager."""
+
+    sides: tuple[Side, Side]
+    table: tuple[Any, ...]
+    answers: frozenset[tuple[int, int, Any]]
+    down: tuple[Channel, Channel]
+    up: tuple[Channel, Channel]
+
+
+class Move(NamedTuple):
+    """A step of the whole system. `wrong`: why it violates mutual exclusion."""
+
+    name: str
+    target: State
+    fair: bool
+    wrong: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReservationModel:
+    """A configuration. `decisions`: a task may be cancelled, or release what it has to try again later. `lapses`: a Task Manager may be
+    silent for longer than its lease."""
+
+    medium: Medium
+    restarts: bool = True
+    decisions: bool = True
+    lapses: bool = False
+
+
+class _Recorder:
+    """Takes the place of the requests of a Task Manager: it notes what is sent, and numbers it."""
+
+    def __init__(self, count: int) -> None:
+        self.count, self.sent = count, list[Struct]()
+
+    def next_serial(self, now: float) -> int:
+        self.count += 1
+        return self.count
+
+    def reserve(self, body: Reserve, purpose: object, now: float) -> Effects:
+        yield from ()
+        self.sent.append(body)
+
+    def notify(self, body: Struct, now: float) -> Effects:
+        yield from ()
+        self.sent.append(body)
+
+
+class _Context(NamedTuple):
+    requests: _Recorder
+    local_reservations: None = None
+
+
+def _answer_of(effects: Any) -> ReservationAnswer | None:
+    while True:
+        try:
+            next(effects)
+        except StopIteration as end:
+            return cast("ReservationAnswer | None", end.value)
+
+
+class System:
+    """All moves of a configuration."""
+
+    def __init__(self, model: ReservationModel) -> None:
+        self.model = model
+        self.messages: list[Struct] = []
+        self._tokens: dict[Struct, int] = {}
+
+    @property
+    def first(self) -> State:
+        return State((Side(), Side()), _frozen(Reservations()), frozenset(), (EMPTY, EMPTY), (EMPTY, EMPTY))
+
+    def token(self, message: Struct) -> int:
+        if message not in self._tokens:
+            self._tokens[message] = len(self.messages)
+            self.messages.append(message)
+        return self._tokens[message]
+
+    def moves(self, state: State) -> Iterator[Move]:
+        """Yield all moves from this state."""
+        for number in (0, 1):
+            yield from self._own_moves(state, number)
+            for arrival in self.model.medium.arrivals(state.down[number]):
+                after = state._replace(down=_put(state.down, number, arrival.channel_after))
+                yield self._at_repository(after, number, self.messages[arrival.token], fair=arrival.is_repeated)
+            for arrival in self.model.medium.arrivals(state.up[number]):
+                after = state._replace(up=_put(state.up, number, arrival.channel_after))
+                yield self._at_manager(after, number, self.messages[arrival.token], fair=arrival.is_repeated)
+            for name, channels in (("down", state.down), ("up", state.up)):
+                for event in self.model.medium.events(channels[number]):
+                    if event.word != "is out of time":
+                        changed = _put(channels, number, event.channel_after)
+                        after = state._replace(down=changed) if name == "down" else state._replace(up=changed)
+                        yield self._move(f"{name} {event.word}", after, fair=event.word == "is sent again")
+
+    # A task at its Task Manager
+
+    def _own_moves(self, state: State, number: int) -> Iterator[Move]:
+        side = state.sides[number]
+        match side.phase:
+            case "planning":
+                yield self._act(state, number, "has a plan", lambda task: task.ask(TRY), fair=True)
+            case "working":
+                yield self._act(state, number, "reports", lambda task: task.report(), fair=True)
+                if self.model.decisions and not side.retried:
+                    yield self._act(state, number, "waits to try again", lambda task: task.wait_to_retry())
+        if self.model.decisions and side.phase not in ("ended", "undoing", "reporting"):
+            yield self._act(state, number, "is cancelled", lambda task: task.cancel())
+        claims_in_transit = any(isinstance(self.messages[token], ClaimReservations) for token in _tokens(state.down[number]))
+        if self.model.restarts and side.phase != "ended" and not claims_in_transit:
+            yield self._act(state, number, "restarts", lambda task: task.claim())
+        table = _thawed(state.table)
+        if self.model.lapses and table.heard_at.get(MANAGERS[number]) == 0.0:
+            table.heard_at[MANAGERS[number]] = -LEASE
+            table.lapse()
+            yield self._repository_move(state, table, f"{MANAGERS[number]}'s lease ends", fair=False)
+
+    def _act(self, state: State, number: int, name: str, act: Callable[[_Task], None], *, fair: bool = False) -> Move:
+        task = _Task(number, state.sides[number])
+        act(task)
+        channel = state.down[number]
+        for message in task.recorder.sent:
+            channel = self.model.medium.send(channel, self.token(message))
+        target = state._replace(sides=_put(state.sides, number, task.side()), down=_put(state.down, number, channel))
+        return self._move(f"{TASKS[number]} {name}", target, fair=fair)
+
+    def _at_manager(self, state: State, number: int, message: Struct, *, fair: bool) -> Move:
+        return self._act(state, number, f"hears {type(message).__name__}", lambda task: task.hear(message), fair=fair)
+
+    # The Repository
+
+    def _at_repository(self, state: State, number: int, message: Struct, *, fair: bool) -> Move:
+        table = _thawed(state.table)
+        repository, sender, up = Repository(_contents(table)), MANAGERS[number], list[tuple[int, Struct]]()
+        answers, wrong = {(task, serial): body for task, serial, body in state.answers}, ""
+        match message:
+            case Reserve(serial=serial):
+                if (number, serial) not in answers:
+                    answers[number, serial], notices = repository.reserve(message, sender, 0.0)
+                    up += [(MANAGERS.index(notice.message.header.recipient), notice.message.body) for notice in notices]
+                up.insert(0, (number, Answer(serial, answers[number, serial])))
+            case Report(step=step, fence=fence):
+                key = (number, -1 - step)
+                if key not in answers or answers[key] is False:
+                    name = NEEDS[number][step]
+                    answers[key] = table.is_held(TASKS[number], fence) or not table.changers([name], TASKS[number])
+                    if answers[key]:
+                        table.note_changes(TASKS[number], [name])
+                        wrong = self._wrong_change(table, number, name)
+                up.append((number, Answer(-1 - step, answers[key])))
+            case Release():
+                repository.release(message, sender, 0.0)
+            case ClaimReservations():
+                sends = [*repository.claim(message, sender, 0.0)]
+                up += [(number, send.message.body) for send in sends]
+        kept = frozenset((task, serial, body) for (task, serial), body in answers.items())
+        move = self._repository_move(state._replace(answers=kept), table, f"the Repository hears {type(message).__name__}", up, fair=fair)
+        return move._replace(wrong=wrong or move.wrong)
+
+    def _repository_move(
+        self, state: State, table: Reservations, name: str, up: list[tuple[int, Struct]] | None = None, *, fair: bool
+    ) -> Move:
+        sent = [*(up or [])]
+        for effect in Repository(_contents(table)).admit(0.0):
+            if isinstance(effect, Send):
+                sent.append((MANAGERS.index(effect.message.header.recipient), effect.message.body))
+        channels = [*state.up]
+        for number, message in sent:
+            channels[number] = self.model.medium.send(channels[number], self.token(message))
+        return self._move(name, state._replace(table=_frozen(table), up=(channels[0], channels[1])), fair=fair)
+
+    @staticmethod
+    def _wrong_change(table: Reservations, number: int, name: str) -> str:
+        other = table.claimants.get(TASKS[1 - number])
+        return f"{TASKS[number]} changed {name}, which {TASKS[1 - number]} has reserved" if other and name in other.held.changes else ""
+
+    def _move(self, name: str, target: State, *, fair: bool) -> Move:
+        wrong = ""
+        a, b = target.sides
+        if a.works and b.works and a.held & b.held and not self.model.lapses:
+            wrong = f"both tasks work, and both believe that they have {', '.join(sorted(a.held & b.held))}"
+        return Move(name, self._ranked(self._without_ineffective(target)), fair, wrong)
+
+    # Equal states
+
+    def _without_ineffective(self, state: State) -> State:
+        """The state without messages that cannot have an effect any more, and without answers that nobody awaits."""
+        table, down, up = _thawed(state.table), [*state.down], [*state.up]
+        for number, side in enumerate(state.sides):
+            last, awaited = table.last_serial(TASKS[number]), side.awaits[0]
+            for token in {*_tokens(down[number])}:
+                match self.messages[token]:
+                    case Reserve(serial=serial):
+                        is_spent = last >= serial != awaited
+                    case Release(serial=serial):
+                        is_spent = last >= serial
+                    case ClaimReservations(claims=claims):
+                        is_spent = all(last >= claim.serial for claim in claims)
+                    case Report(step=step):
+                        is_spent = awaited != -1 - step
+                    case _:
+                        is_spent = False
+                if is_spent:
+                    down[number] = self.model.medium.drop(down[number], 1 << token)
+            for token in {*_tokens(up[number])}:
+                message = self.messages[token]
+                is_spent = side.phase == "ended" or (isinstance(message, Answer) and message.serial != awaited)
+                if is_spent or (isinstance(message, ReservationLost) and message.fence <= side.lost):
+                    up[number] = self.model.medium.drop(up[number], 1 << token)
+        awaits = [side.awaits[0] for side in state.sides]
+        answers = frozenset(answer for answer in state.answers if awaits[answer[0]] == answer[1])
+        return state._replace(down=(down[0], down[1]), up=(up[0], up[1]), answers=answers)
+
+    def _ranked(self, state: State) -> State:
+        """The state with ranks in place of numbers that only grow."""
+        table = _thawed(state.table)
+        in_transit = [[self.messages[token] for token in _tokens(channel)] for channel in (*state.down, *state.up)]
+        fences = {0, *(side.fence for side in state.sides), *(side.lost for side in state.sides)}
+        fences |= {known.fence for known in table.claimants.values()}
+        serials: list[set[int]] = [{0, side.serial, side.settled, side.awaits[0]} for side in state.sides]
+        for number, messages in enumerate(in_transit):
+            for message in messages:
+                fences |= _fences_in(message)
+                serials[number % 2] |= {getattr(part, "serial", 0) for part in (message, *getattr(message, "claims", ()))}
+        for number, _, body in state.answers:
+            fences |= _fences_in(body)
+            serials[number].add(_)
+        for number, task in enumerate(TASKS):
+            serials[number].add(table.last_serial(task))
+        fence_ranks = {fence: rank for rank, fence in enumerate(sorted(fences))}
+        serial_ranks = [{serial: rank for rank, serial in enumerate(sorted(s for s in known if s >= 0))} for known in serials]
+        for ranks in serial_ranks:
+            ranks |= {serial: serial for serial in (-1, -2)}
+        renumber = _Renumbering(fence_ranks, serial_ranks)
+        arrivals = {known.arrival: rank for rank, known in enumerate(sorted(table.claimants.values(), key=lambda known: known.arrival), 1)}
+        for task, known in table.claimants.items():
+            known.arrival, known.fence = arrivals[known.arrival], fence_ranks[known.fence]
+            known.serial = serial_ranks[TASKS.index(task)][known.serial]
+        table.arrivals, table.fences = len(arrivals), max(fence_ranks.values())
+        table.ended = {task: serial_ranks[TASKS.index(task)][serial] for task, serial in sorted(table.ended.items())}
+        sides = [
+            side._replace(
+                fence=fence_ranks[side.fence],
+                lost=fence_ranks[side.lost],
+                serial=serial_ranks[number][side.serial],
+                settled=serial_ranks[number][side.settled],
+                awaits=(serial_ranks[number][side.awaits[0]], side.awaits[1]),
+                sent=max(serial_ranks[number].values()),
+            )
+            for number, side in enumerate(state.sides)
+        ]
+        down = [self._renumbered(channel, number, renumber) for number, channel in enumerate(state.down)]
+        up = [self._renumbered(channel, number, renumber) for number, channel in enumerate(state.up)]
+        answers = frozenset(
+            (number, serial_ranks[number][serial], renumber.message(body, number)) for number, serial, body in state.answers
+        )
+        return State((sides[0], sides[1]), _frozen(table), answers, (down[0], down[1]), (up[0], up[1]))
+
+    def _renumbered(self, channel: Channel, number: int, renumber: _Renumbering) -> Channel:
+        tokens = {token: self.token(renumber.message(self.messages[token], number)) for token in _tokens(channel)}
+        masks = (sum(1 << tokens[token] for token in members(mask)) for mask in (channel.unacknowledged, channel.copies))
+        return Channel(tuple(tokens[token] for token in channel.queue), *masks)
+
+
+class _Renumbering(NamedTuple):
+    fences: dict[int, int]
+    serials: list[dict[int, int]]
+
+    def message(self, message: Any, number: int) -> Any:
+        """The message with ranks in place of its numbers."""
+        if not isinstance(message, Struct):
+            return message
+        changes: dict[str, Any] = {}
+        if hasattr(message, "fence"):
+            changes["fence"] = self.fences[message.fence]
+        if hasattr(message, "serial"):
+            changes["serial"] = self.serials[number][message.serial]
+        if isinstance(message, Answer):
+            changes["body"] = self.message(message.body, number)
+        if isinstance(message, ClaimReservations):
+            changes["claims"] = tuple(self.message(claim, number) for claim in message.claims)
+        return structs.replace(message, **changes)
+
+
+class _Task:
+    """A task that acts. What it sends is in `recorder.sent`."""
+
+    def __init__(self, number: int, side: Side) -> None:
+        self._number, self._name = number, TASKS[number]
+        self.phase, self.step, self.awaits, self.retried = side.phase, side.step, side.awaits, side.retried
+        waiting = Reservation(changes=side.waiting) if side.waiting is not None else None
+        self.reservation = TaskReservation(
+            held=Reservation(changes=side.held),
+            fence=side.fence,
+            requested=Reservation(changes=side.requested),
+            serial=side.serial,
+            waiting=waiting,
+            is_free=side.is_free,
+            lost=side.lost,
+            settled=side.settled,
+        )
+        self.recorder = _Recorder(side.sent)
+        context = cast("TaskManagerContext", _Context(self.recorder))
+        self._reserving = Reserving(self.reservation, self._name, "", 0, context)
+
+    def side(self) -> Side:
+        known = self.reservation
+        waiting = known.waiting.changes if known.waiting is not None else None
+        return Side(
+            self.phase, self.step, known.held.changes, known.fence, known.requested.changes, known.serial, waiting, known.is_free,
+            known.lost, known.settled, self.recorder.count, self.awaits, self.retried,
+        )  # fmt: skip
+
+    def ask(self, mode: ReservationMode) -> None:
+        needed = NEEDS[self._number][: self.step + 1] if mode is not UNDO else NEEDS[self._number][: self.step]
+        answer = _answer_of(self._reserving.request(Reservation(changes=frozenset(needed)), mode, 1, 0.0))
+        self.phase = "undoing" if mode is UNDO else "asking"
+        self.awaits = (self.reservation.serial, mode) if answer is None else (0, "")
+        if answer is not None:
+            self._answered(answer, mode)
+
+    def hear(self, message: Struct) -> None:
+        match message:
+            case Answer(serial=serial, body=bool() as accepted) if self.phase == "reporting" and serial == self.awaits[0]:
+                self.awaits = (0, "")
+                self._reported(accepted=accepted)
+            case Answer(serial=serial, body=Reserved() | ReservationDenied() as body) if serial == self.awaits[0]:
+                mode = ReservationMode(self.awaits[1])
+                self.awaits = (0, "")
+                if serial == self.reservation.serial:
+                    self._answered(self.reservation.answered(body), mode)
+            case ReservationFree() if self.phase != "ended":
+                self.reservation.is_free = True
+                if self.phase == "waiting":
+                    self.phase = "planning"
+            case ReservationLost(fence=fence) if self.phase != "ended" and self.reservation.lose(fence) and self.phase == "working":
+                self.phase = "planning"
+
+    def _answered(self, answer: ReservationAnswer, mode: ReservationMode) -> None:
+        match answer:
+            case Reserved() if mode is UNDO:
+                self._end()
+            case Reserved():
+                self.phase = "working"
+            case ReservationDenied() if mode is WAIT and self.reservation.waiting is not None:
+                self.phase = "planning" if self.reservation.is_free else "waiting"
+            case _:
+                self.ask(UNDO if mode is UNDO else WAIT)
+
+    def report(self) -> None:
+        self.phase, self.awaits = "reporting", (-1 - self.step, "")
+        self.recorder.sent.append(Report(self._name, self.step, self.reservation.fence))
+
+    def _reported(self, *, accepted: bool) -> None:
+        if not accepted or not self.reservation.held:
+            self.phase = "planning"
+        elif self.step == 0:
+            self.step, self.phase = 1, "planning"
+        else:
+            self._end()
+
+    def wait_to_retry(self) -> None:
+        _answer_of(self._reserving.release(0.0))
+        self.phase, self.retried = "planning", True
+
+    def cancel(self) -> None:
+        if self.reservation.waiting is not None:
+            _answer_of(self._reserving.release(0.0))
+        self.awaits = (0, "")
+        if self.step:
+            self.ask(UNDO)
+        else:
+            self._end()
+
+    def _end(self) -> None:
+        _answer_of(self._reserving.release(0.0, ended=True))
+        self.phase, self.awaits = "ended", (0, "")
+
+    def claim(self) -> None:
+        claim = self.reservation.claim(self._name, "", 0)
+        self.recorder.sent.append(ClaimReservations(serial=self.recorder.next_serial(0.0), claims=(claim,) if claim is not None else ()))
+
+
+_ONTOLOGY, _MAP = Ontology(), Map()
+
+
+def _contents(table: Reservations) -> Contents:
+    return Contents(ontology=_ONTOLOGY, map=_MAP, reservations=table)
+
+
+def _frozen(table: Reservations) -> tuple[Any, ...]:
+    claimants = tuple(
+        (task, known.holder, known.priority, known.arrival, known.serial, known.held.changes, known.fence,
+         known.waiting.changes if known.waiting is not None else None, known.admitted, known.overtakings, known.had, known.overtaken)
+        for task, known in sorted(table.claimants.items())
+    )  # fmt: skip
+    return claimants, tuple(sorted(table.ended.items())), tuple(sorted(table.heard_at.items())), table.arrivals, table.fences
+
+
+def _thawed(frozen: tuple[Any, ...]) -> Reservations:
+    claimants, ended, heard_at, arrivals, fences = frozen
+    known = {
+        task: Claimant(
+            holder=holder, goal="", priority=priority, arrival=arrival, serial=serial, held=Reservation(changes=held), fence=fence,
+            waiting=Reservation(changes=waiting) if waiting is not None else None, admitted=admitted, overtakings=overtakings, had=had,
+            overtaken=overtaken,
+        )
+        for task, holder, priority, arrival, serial, held, fence, waiting, admitted, overtakings, had, overtaken in claimants
+    }  # fmt: skip
+    return Reservations(claimants=known, ended=dict(ended), heard_at=dict(heard_at), arrivals=arrivals, fences=fences)
+
+
+def _put(pair: tuple[Any, Any], number: int, value: Any) -> tuple[Any, Any]:
+    return (value, pair[1]) if number == 0 else (pair[0], value)
+
+
+def _tokens(channel: Channel) -> Iterator[int]:
+    yield from dict.fromkeys((*channel.queue, *members(channel.unacknowledged | channel.copies)))
+
+
+def _fences_in(message: Any) -> set[int]:
+    match message:
+        case Answer(body=body):
+            return _fences_in(body)
+        case ClaimReservations(claims=claims):
+            return {claim.fence for claim in claims}
+        case _:
+            return {getattr(message, "fence", 0)}
