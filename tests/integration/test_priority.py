@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,6 +16,7 @@ from somrs.protocol.messages.task_news import ReadTasks, Tasks
 from somrs.protocol.messages.task_views import Phase
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Profile
+from somrs.task_manager import state
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from tests.integration.test_competing_tasks import Hands, run_until_executing
 from tests.support.event_sentences import texts
@@ -165,6 +167,24 @@ def test_a_device_that_does_several_things_at_once_is_told_so_many() -> None:
     assert sum(isinstance(message.body, Execute) for message in system.world.messages) == 2, "the third is not told to begin"
     system.finish(*tasks)
     assert system.world.now - start < 130
+
+
+def test_many_tasks_ask_services_one_after_the_other_and_the_more_urgent_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise, with hundreds of tasks and services, all answers come too late."""
+    monkeypatch.setattr(state, "MOST_INVITATIONS", 5)
+    asked: list[int] = []
+    robots = [Robot(f"Robot{number}", price=10, duration=20) for number in (1, 2, 3, 4)]
+    system = VirtualSystem(*robots, watch=lambda address, event: asked.append(_invitations(system)) if asked else None)
+    asked.append(0)
+    jars = ("Jar001", "Jar002", "Tin001")
+    tasks = [system.submit(f"{jar} isOn Platform001", priority=priority) for priority, jar in enumerate(jars)]
+    views = system.finish(*tasks)
+    assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 3
+    assert 4 <= max(asked) <= 8
+
+
+def _invitations(system: VirtualSystem) -> int:
+    return system.manager.state.invitations
 
 
 def test_priority_is_in_the_list_and_in_the_record() -> None:

@@ -106,5 +106,5 @@ def _stuck(space: _Space) -> State | None:
 
 def _has_ended(state: State) -> bool:
     """Whether both tasks have ended, nobody repeats a message, and nothing is reserved."""
-    quiet = all(not channel.queue and not channel.unacknowledged for channel in (*state.down, *state.up))
+    quiet = all(not channel.queue and not channel.unacknowledged for channel in (*state.to_repository, *state.to_managers))
     return quiet and all(side.phase == "ended" for side in state.sides) and not state.table[0]

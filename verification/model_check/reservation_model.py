@@ -9,86 +9,37 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 from msgspec import Struct, structs
 
-from somrs.kernel.component import Effects, Send
+from somrs.kernel.component import Send
 from somrs.kernel.reservations import LEASE, Claimant, Reservation, Reservations
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.reservations import (
     ClaimReservations,
     Release,
-    ReservationDenied,
-    ReservationFree,
     ReservationLost,
-    ReservationMode,
     Reserve,
-    Reserved,
 )
 from somrs.repository.reserving import Reserving as Repository
 from somrs.repository.state import Contents
-from somrs.task_manager.context import TaskManagerContext
-from somrs.task_manager.requests import ReservationAnswer
-from somrs.task_manager.reservations import Reserving, TaskReservation
 from verification.model_check.media import EMPTY, Channel, Medium, members
+from verification.model_check.reservation_task import NEEDS, TASKS, TRY, Answer, Report, ReservingTask, Side
 
-TASKS = ("a", "b")
 MANAGERS = ("tm-a", "tm-b")
-NEEDS = (("x", "y"), ("y", "x"))
-"""The objects that each task changes, in this order."""
-
-TRY, WAIT, UNDO = ReservationMode.TRY, ReservationMode.WAIT, ReservationMode.UNDO
-
-
-class Report(Struct, frozen=True):
-    """A task has changed the object of its step `step`. `attempt` counts the reports of a step, of which each has an id of its own."""
-
-    task: str
-    step: int
-    fence: int
-
-
-class Answer(Struct, frozen=True):
-    """The answer to the request with this number; to a report, whether it was accepted."""
-
-    serial: int
-    body: Reserved | ReservationDenied | bool
-
-
-class Side(NamedTuple):
-    """A task at its Task Manager. `awaits`: the number of the request to which it awaits the answer, and its mode. `retried`: it has
-    released what it had once, to try again later."""
-
-    phase: str = "planning"
-    step: int = 0
-    held: frozenset[str] = frozenset()
-    fence: int = 0
-    requested: frozenset[str] = frozenset()
-    serial: int = 0
-    waiting: frozenset[str] | None = None
-    is_free: bool = False
-    lost: int = 0
-    settled: int = 0
-    sent: int = 0
-    awaits: tuple[int, str] = (0, "")
-    retried: bool = False
-
-    @property
-    def works(self) -> bool:
-        return self.phase in ("working", "reporting")
 
 
 class State(NamedTuple):
-    """`table`: the Repository's reservations, as a tuple; `answers`: those that may have to be repeated, by task and number; `down`, `up`:
-    the channels to the Repository and from it, one for each Task Manager."""
+    """`table`: the Repository's reservations, as a tuple; `answers`: those that may have to be repeated, by task and number;
+    `to_repository` and `to_managers`: the channels, one for each Task Manager."""
 
     sides: tuple[Side, Side]
     table: tuple[Any, ...]
     answers: frozenset[tuple[int, int, Any]]
-    down: tuple[Channel, Channel]
-    up: tuple[Channel, Channel]
+    to_repository: tuple[Channel, Channel]
+    to_managers: tuple[Channel, Channel]
 
 
 class Move(NamedTuple):
@@ -109,38 +60,6 @@ class ReservationModel:
     restarts: bool = True
     decisions: bool = True
     lapses: bool = False
-
-
-class _Recorder:
-    """Takes the place of the requests of a Task Manager: it notes what is sent, and numbers it."""
-
-    def __init__(self, count: int) -> None:
-        self.count, self.sent = count, list[Struct]()
-
-    def next_serial(self, now: float) -> int:
-        self.count += 1
-        return self.count
-
-    def reserve(self, body: Reserve, purpose: object, now: float) -> Effects:
-        yield from ()
-        self.sent.append(body)
-
-    def notify(self, body: Struct, now: float) -> Effects:
-        yield from ()
-        self.sent.append(body)
-
-
-class _Context(NamedTuple):
-    requests: _Recorder
-    local_reservations: None = None
-
-
-def _answer_of(effects: Any) -> ReservationAnswer | None:
-    while True:
-        try:
-            next(effects)
-        except StopIteration as end:
-            return cast("ReservationAnswer | None", end.value)
 
 
 class System:
@@ -165,17 +84,17 @@ class System:
         """Yield all moves from this state."""
         for number in (0, 1):
             yield from self._own_moves(state, number)
-            for arrival in self.model.medium.arrivals(state.down[number]):
-                after = state._replace(down=_put(state.down, number, arrival.channel_after))
+            for arrival in self.model.medium.arrivals(state.to_repository[number]):
+                after = state._replace(to_repository=_put(state.to_repository, number, arrival.channel_after))
                 yield self._at_repository(after, number, self.messages[arrival.token], fair=arrival.is_repeated)
-            for arrival in self.model.medium.arrivals(state.up[number]):
-                after = state._replace(up=_put(state.up, number, arrival.channel_after))
+            for arrival in self.model.medium.arrivals(state.to_managers[number]):
+                after = state._replace(to_managers=_put(state.to_managers, number, arrival.channel_after))
                 yield self._at_manager(after, number, self.messages[arrival.token], fair=arrival.is_repeated)
-            for name, channels in (("down", state.down), ("up", state.up)):
+            for name, channels in (("down", state.to_repository), ("up", state.to_managers)):
                 for event in self.model.medium.events(channels[number]):
                     if event.word != "is out of time":
                         changed = _put(channels, number, event.channel_after)
-                        after = state._replace(down=changed) if name == "down" else state._replace(up=changed)
+                        after = state._replace(to_repository=changed) if name == "down" else state._replace(to_managers=changed)
                         yield self._move(f"{name} {event.word}", after, fair=event.word == "is sent again")
 
     # A task at its Task Manager
@@ -191,7 +110,7 @@ class System:
                     yield self._act(state, number, "waits to try again", lambda task: task.wait_to_retry())
         if self.model.decisions and side.phase not in ("ended", "undoing", "reporting"):
             yield self._act(state, number, "is cancelled", lambda task: task.cancel())
-        claims_in_transit = any(isinstance(self.messages[token], ClaimReservations) for token in _tokens(state.down[number]))
+        claims_in_transit = any(isinstance(self.messages[token], ClaimReservations) for token in _tokens(state.to_repository[number]))
         if self.model.restarts and side.phase != "ended" and not claims_in_transit:
             yield self._act(state, number, "restarts", lambda task: task.claim())
         table = _thawed(state.table)
@@ -200,13 +119,13 @@ class System:
             table.lapse()
             yield self._repository_move(state, table, f"{MANAGERS[number]}'s lease ends", fair=False)
 
-    def _act(self, state: State, number: int, name: str, act: Callable[[_Task], None], *, fair: bool = False) -> Move:
-        task = _Task(number, state.sides[number])
+    def _act(self, state: State, number: int, name: str, act: Callable[[ReservingTask], None], *, fair: bool = False) -> Move:
+        task = ReservingTask(number, state.sides[number])
         act(task)
-        channel = state.down[number]
+        channel = state.to_repository[number]
         for message in task.recorder.sent:
             channel = self.model.medium.send(channel, self.token(message))
-        target = state._replace(sides=_put(state.sides, number, task.side()), down=_put(state.down, number, channel))
+        target = state._replace(sides=_put(state.sides, number, task.side()), to_repository=_put(state.to_repository, number, channel))
         return self._move(f"{TASKS[number]} {name}", target, fair=fair)
 
     def _at_manager(self, state: State, number: int, message: Struct, *, fair: bool) -> Move:
@@ -216,43 +135,44 @@ class System:
 
     def _at_repository(self, state: State, number: int, message: Struct, *, fair: bool) -> Move:
         table = _thawed(state.table)
-        repository, sender, up = Repository(_contents(table)), MANAGERS[number], list[tuple[int, Struct]]()
+        repository, sender, replies = Repository(_contents(table)), MANAGERS[number], list[tuple[int, Struct]]()
         answers, wrong = {(task, serial): body for task, serial, body in state.answers}, ""
         match message:
             case Reserve(serial=serial):
                 if (number, serial) not in answers:
                     answers[number, serial], notices = repository.reserve(message, sender, 0.0)
-                    up += [(MANAGERS.index(notice.message.header.recipient), notice.message.body) for notice in notices]
-                up.insert(0, (number, Answer(serial, answers[number, serial])))
+                    replies += [(MANAGERS.index(notice.message.header.recipient), notice.message.body) for notice in notices]
+                replies.insert(0, (number, Answer(serial, answers[number, serial])))
             case Report(step=step, fence=fence):
                 key = (number, -1 - step)
                 if key not in answers or answers[key] is False:
-                    name = NEEDS[number][step]
-                    answers[key] = table.is_held(TASKS[number], fence) or not table.changers([name], TASKS[number])
+                    changed = NEEDS[number][step]
+                    answers[key] = table.is_held(TASKS[number], fence) or not table.changers([changed], TASKS[number])
                     if answers[key]:
-                        table.note_changes(TASKS[number], [name])
-                        wrong = self._wrong_change(table, number, name)
-                up.append((number, Answer(-1 - step, answers[key])))
+                        table.note_changes(TASKS[number], [changed])
+                        wrong = self._wrong_change(table, number, changed)
+                replies.append((number, Answer(-1 - step, answers[key])))
             case Release():
                 repository.release(message, sender, 0.0)
             case ClaimReservations():
                 sends = [*repository.claim(message, sender, 0.0)]
-                up += [(number, send.message.body) for send in sends]
+                replies += [(number, send.message.body) for send in sends]
         kept = frozenset((task, serial, body) for (task, serial), body in answers.items())
-        move = self._repository_move(state._replace(answers=kept), table, f"the Repository hears {type(message).__name__}", up, fair=fair)
+        name = f"the Repository hears {type(message).__name__}"
+        move = self._repository_move(state._replace(answers=kept), table, name, replies, fair=fair)
         return move._replace(wrong=wrong or move.wrong)
 
     def _repository_move(
-        self, state: State, table: Reservations, name: str, up: list[tuple[int, Struct]] | None = None, *, fair: bool
+        self, state: State, table: Reservations, name: str, replies: list[tuple[int, Struct]] | None = None, *, fair: bool
     ) -> Move:
-        sent = [*(up or [])]
+        messages = [*(replies or [])]
         for effect in Repository(_contents(table)).admit(0.0):
             if isinstance(effect, Send):
-                sent.append((MANAGERS.index(effect.message.header.recipient), effect.message.body))
-        channels = [*state.up]
-        for number, message in sent:
+                messages.append((MANAGERS.index(effect.message.header.recipient), effect.message.body))
+        channels = [*state.to_managers]
+        for number, message in messages:
             channels[number] = self.model.medium.send(channels[number], self.token(message))
-        return self._move(name, state._replace(table=_frozen(table), up=(channels[0], channels[1])), fair=fair)
+        return self._move(name, state._replace(table=_frozen(table), to_managers=(channels[0], channels[1])), fair=fair)
 
     @staticmethod
     def _wrong_change(table: Reservations, number: int, name: str) -> str:
@@ -270,10 +190,10 @@ class System:
 
     def _without_ineffective(self, state: State) -> State:
         """The state without messages that cannot have an effect any more, and without answers that nobody awaits."""
-        table, down, up = _thawed(state.table), [*state.down], [*state.up]
+        table, to_repository, to_managers = _thawed(state.table), [*state.to_repository], [*state.to_managers]
         for number, side in enumerate(state.sides):
             last, awaited = table.last_serial(TASKS[number]), side.awaits[0]
-            for token in {*_tokens(down[number])}:
+            for token in {*_tokens(to_repository[number])}:
                 match self.messages[token]:
                     case Reserve(serial=serial):
                         is_spent = last >= serial != awaited
@@ -286,22 +206,23 @@ class System:
                     case _:
                         is_spent = False
                 if is_spent:
-                    down[number] = self.model.medium.drop(down[number], 1 << token)
-            for token in {*_tokens(up[number])}:
+                    to_repository[number] = self.model.medium.drop(to_repository[number], 1 << token)
+            for token in {*_tokens(to_managers[number])}:
                 message = self.messages[token]
                 is_spent = side.phase == "ended" or (isinstance(message, Answer) and message.serial != awaited)
                 if is_spent or (isinstance(message, ReservationLost) and message.fence <= side.lost):
-                    up[number] = self.model.medium.drop(up[number], 1 << token)
+                    to_managers[number] = self.model.medium.drop(to_managers[number], 1 << token)
         awaits = [side.awaits[0] for side in state.sides]
         answers = frozenset(answer for answer in state.answers if awaits[answer[0]] == answer[1])
-        return state._replace(down=(down[0], down[1]), up=(up[0], up[1]), answers=answers)
+        channels = (to_repository[0], to_repository[1]), (to_managers[0], to_managers[1])
+        return state._replace(to_repository=channels[0], to_managers=channels[1], answers=answers)
 
     def _ranked(self, state: State) -> State:
         """The state with ranks in place of numbers that only grow."""
         table = _thawed(state.table)
-        in_transit = [[self.messages[token] for token in _tokens(channel)] for channel in (*state.down, *state.up)]
+        in_transit = [[self.messages[token] for token in _tokens(channel)] for channel in (*state.to_repository, *state.to_managers)]
         fences = {0, *(side.fence for side in state.sides), *(side.lost for side in state.sides)}
-        fences |= {known.fence for known in table.claimants.values()}
+        fences |= {claimant.fence for claimant in table.claimants.values()}
         serials: list[set[int]] = [{0, side.serial, side.settled, side.awaits[0]} for side in state.sides]
         for number, messages in enumerate(in_transit):
             for message in messages:
@@ -313,14 +234,14 @@ class System:
         for number, task in enumerate(TASKS):
             serials[number].add(table.last_serial(task))
         fence_ranks = {fence: rank for rank, fence in enumerate(sorted(fences))}
-        serial_ranks = [{serial: rank for rank, serial in enumerate(sorted(s for s in known if s >= 0))} for known in serials]
+        serial_ranks = [{serial: rank for rank, serial in enumerate(sorted(serial for serial in used if serial >= 0))} for used in serials]
         for ranks in serial_ranks:
             ranks |= {serial: serial for serial in (-1, -2)}
         renumber = _Renumbering(fence_ranks, serial_ranks)
-        arrivals = {known.arrival: rank for rank, known in enumerate(sorted(table.claimants.values(), key=lambda known: known.arrival), 1)}
-        for task, known in table.claimants.items():
-            known.arrival, known.fence = arrivals[known.arrival], fence_ranks[known.fence]
-            known.serial = serial_ranks[TASKS.index(task)][known.serial]
+        arrivals = {arrival: rank for rank, arrival in enumerate(sorted(claimant.arrival for claimant in table.claimants.values()), 1)}
+        for task, claimant in table.claimants.items():
+            claimant.arrival, claimant.fence = arrivals[claimant.arrival], fence_ranks[claimant.fence]
+            claimant.serial = serial_ranks[TASKS.index(task)][claimant.serial]
         table.arrivals, table.fences = len(arrivals), max(fence_ranks.values())
         table.ended = {task: serial_ranks[TASKS.index(task)][serial] for task, serial in sorted(table.ended.items())}
         sides = [
@@ -334,12 +255,12 @@ class System:
             )
             for number, side in enumerate(state.sides)
         ]
-        down = [self._renumbered(channel, number, renumber) for number, channel in enumerate(state.down)]
-        up = [self._renumbered(channel, number, renumber) for number, channel in enumerate(state.up)]
+        to_repository = [self._renumbered(channel, number, renumber) for number, channel in enumerate(state.to_repository)]
+        to_managers = [self._renumbered(channel, number, renumber) for number, channel in enumerate(state.to_managers)]
         answers = frozenset(
             (number, serial_ranks[number][serial], renumber.message(body, number)) for number, serial, body in state.answers
         )
-        return State((sides[0], sides[1]), _frozen(table), answers, (down[0], down[1]), (up[0], up[1]))
+        return State((sides[0], sides[1]), _frozen(table), answers, (to_repository[0], to_repository[1]), (to_managers[0], to_managers[1]))
 
     def _renumbered(self, channel: Channel, number: int, renumber: _Renumbering) -> Channel:
         tokens = {token: self.token(renumber.message(self.messages[token], number)) for token in _tokens(channel)}
@@ -367,105 +288,6 @@ class _Renumbering(NamedTuple):
         return structs.replace(message, **changes)
 
 
-class _Task:
-    """A task that acts. What it sends is in `recorder.sent`."""
-
-    def __init__(self, number: int, side: Side) -> None:
-        self._number, self._name = number, TASKS[number]
-        self.phase, self.step, self.awaits, self.retried = side.phase, side.step, side.awaits, side.retried
-        waiting = Reservation(changes=side.waiting) if side.waiting is not None else None
-        self.reservation = TaskReservation(
-            held=Reservation(changes=side.held),
-            fence=side.fence,
-            requested=Reservation(changes=side.requested),
-            serial=side.serial,
-            waiting=waiting,
-            is_free=side.is_free,
-            lost=side.lost,
-            settled=side.settled,
-        )
-        self.recorder = _Recorder(side.sent)
-        context = cast("TaskManagerContext", _Context(self.recorder))
-        self._reserving = Reserving(self.reservation, self._name, "", 0, context)
-
-    def side(self) -> Side:
-        known = self.reservation
-        waiting = known.waiting.changes if known.waiting is not None else None
-        return Side(
-            self.phase, self.step, known.held.changes, known.fence, known.requested.changes, known.serial, waiting, known.is_free,
-            known.lost, known.settled, self.recorder.count, self.awaits, self.retried,
-        )  # fmt: skip
-
-    def ask(self, mode: ReservationMode) -> None:
-        needed = NEEDS[self._number][: self.step + 1] if mode is not UNDO else NEEDS[self._number][: self.step]
-        answer = _answer_of(self._reserving.request(Reservation(changes=frozenset(needed)), mode, 1, 0.0))
-        self.phase = "undoing" if mode is UNDO else "asking"
-        self.awaits = (self.reservation.serial, mode) if answer is None else (0, "")
-        if answer is not None:
-            self._answered(answer, mode)
-
-    def hear(self, message: Struct) -> None:
-        match message:
-            case Answer(serial=serial, body=bool() as accepted) if self.phase == "reporting" and serial == self.awaits[0]:
-                self.awaits = (0, "")
-                self._reported(accepted=accepted)
-            case Answer(serial=serial, body=Reserved() | ReservationDenied() as body) if serial == self.awaits[0]:
-                mode = ReservationMode(self.awaits[1])
-                self.awaits = (0, "")
-                if serial == self.reservation.serial:
-                    self._answered(self.reservation.answered(body), mode)
-            case ReservationFree() if self.phase != "ended":
-                self.reservation.is_free = True
-                if self.phase == "waiting":
-                    self.phase = "planning"
-            case ReservationLost(fence=fence) if self.phase != "ended" and self.reservation.lose(fence) and self.phase == "working":
-                self.phase = "planning"
-
-    def _answered(self, answer: ReservationAnswer, mode: ReservationMode) -> None:
-        match answer:
-            case Reserved() if mode is UNDO:
-                self._end()
-            case Reserved():
-                self.phase = "working"
-            case ReservationDenied() if mode is WAIT and self.reservation.waiting is not None:
-                self.phase = "planning" if self.reservation.is_free else "waiting"
-            case _:
-                self.ask(UNDO if mode is UNDO else WAIT)
-
-    def report(self) -> None:
-        self.phase, self.awaits = "reporting", (-1 - self.step, "")
-        self.recorder.sent.append(Report(self._name, self.step, self.reservation.fence))
-
-    def _reported(self, *, accepted: bool) -> None:
-        if not accepted or not self.reservation.held:
-            self.phase = "planning"
-        elif self.step == 0:
-            self.step, self.phase = 1, "planning"
-        else:
-            self._end()
-
-    def wait_to_retry(self) -> None:
-        _answer_of(self._reserving.release(0.0))
-        self.phase, self.retried = "planning", True
-
-    def cancel(self) -> None:
-        if self.reservation.waiting is not None:
-            _answer_of(self._reserving.release(0.0))
-        self.awaits = (0, "")
-        if self.step:
-            self.ask(UNDO)
-        else:
-            self._end()
-
-    def _end(self) -> None:
-        _answer_of(self._reserving.release(0.0, ended=True))
-        self.phase, self.awaits = "ended", (0, "")
-
-    def claim(self) -> None:
-        claim = self.reservation.claim(self._name, "", 0)
-        self.recorder.sent.append(ClaimReservations(serial=self.recorder.next_serial(0.0), claims=(claim,) if claim is not None else ()))
-
-
 _ONTOLOGY, _MAP = Ontology(), Map()
 
 
@@ -474,17 +296,21 @@ def _contents(table: Reservations) -> Contents:
 
 
 def _frozen(table: Reservations) -> tuple[Any, ...]:
-    claimants = tuple(
-        (task, known.holder, known.priority, known.arrival, known.serial, known.held.changes, known.fence,
-         known.waiting.changes if known.waiting is not None else None, known.admitted, known.overtakings, known.had, known.overtaken)
-        for task, known in sorted(table.claimants.items())
-    )  # fmt: skip
+    claimants = tuple((task, *_frozen_claimant(claimant)) for task, claimant in sorted(table.claimants.items()))
     return claimants, tuple(sorted(table.ended.items())), tuple(sorted(table.heard_at.items())), table.arrivals, table.fences
+
+
+def _frozen_claimant(claimant: Claimant) -> tuple[Any, ...]:
+    waiting = claimant.waiting.changes if claimant.waiting is not None else None
+    return (
+        claimant.holder, claimant.priority, claimant.arrival, claimant.serial, claimant.held.changes, claimant.fence, waiting,
+        claimant.admitted, claimant.overtakings, claimant.had, claimant.overtaken,
+    )  # fmt: skip
 
 
 def _thawed(frozen: tuple[Any, ...]) -> Reservations:
     claimants, ended, heard_at, arrivals, fences = frozen
-    known = {
+    by_task = {
         task: Claimant(
             holder=holder, goal="", priority=priority, arrival=arrival, serial=serial, held=Reservation(changes=held), fence=fence,
             waiting=Reservation(changes=waiting) if waiting is not None else None, admitted=admitted, overtakings=overtakings, had=had,
@@ -492,7 +318,7 @@ def _thawed(frozen: tuple[Any, ...]) -> Reservations:
         )
         for task, holder, priority, arrival, serial, held, fence, waiting, admitted, overtakings, had, overtaken in claimants
     }  # fmt: skip
-    return Reservations(claimants=known, ended=dict(ended), heard_at=dict(heard_at), arrivals=arrivals, fences=fences)
+    return Reservations(claimants=by_task, ended=dict(ended), heard_at=dict(heard_at), arrivals=arrivals, fences=fences)
 
 
 def _put(pair: tuple[Any, Any], number: int, value: Any) -> tuple[Any, Any]:

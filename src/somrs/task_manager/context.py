@@ -86,6 +86,7 @@ class TaskManagerContext:
         commitments: Callable[[], Commitments],
         still_at_work: Callable[[AtWork], bool],
         reserved_elsewhere: Callable[[str], frozenset[str]],
+        may_ask: Callable[[str], bool],
     ) -> None:
         self.address = requests.address
         self.replica, self.requests, self.queues, self.quotes = replica, requests, queues, quotes
@@ -100,6 +101,8 @@ class TaskManagerContext:
         """Whether a participant's device still carries out its last order."""
         self.reserved_elsewhere = reserved_elsewhere
         """The objects that other tasks of this Task Manager than the given one have reserved to change them."""
+        self.may_ask = may_ask
+        """Whether a task may ask services for terms now. Otherwise it is continued as soon as it may."""
         self.plans_to_quote: list[PlanToQuote] = []
         """The plans to quote, until the Task Manager begins with them in the same step."""
 

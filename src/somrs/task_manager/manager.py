@@ -95,6 +95,7 @@ class TaskManager:
             commitments=state.commitments,
             still_at_work=self._still_at_work,
             reserved_elsewhere=state.reserved_elsewhere,
+            may_ask=state.may_ask,
         )
         self._subscriptions = TaskSubscriptions(state.subscriptions, state.tasks)
         self._queries = TaskQueries(state)
@@ -124,6 +125,8 @@ class TaskManager:
         for task in state.queues.admit_waiting(self._still_at_work):
             if task in state.tasks:
                 yield from self._transaction(task).proceed(now)
+        for task in state.next_to_ask():
+            yield from self._transaction(task).proceed(now)
         yield from self._quote_plans(now)
         if state.touched:
             yield from self._replies(self._subscriptions.notify_watchers(state.touched))

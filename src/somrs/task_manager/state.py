@@ -25,6 +25,11 @@ REMEMBERED = 200
 """The number of tasks in memory. Beyond that, the oldest ended tasks are dropped; the archive keeps their records."""
 
 
+MOST_INVITATIONS = 1000
+"""The number of services that are asked for terms at a time, by all tasks together, unless one task asks more. When hundreds of tasks ask
+hundreds of services each at once, the answers come too late for all of them."""
+
+
 class UnsettledReport(Struct, frozen=True, kw_only=True):
     """A task's report that is settled when the replica reaches `version`, and what became of it."""
 
@@ -68,6 +73,8 @@ class TaskManagerState(Struct, kw_only=True):
     clock: WorldClock = field(default_factory=WorldClock)
     subscriptions: Subscriptions = field(default_factory=Subscriptions)
     touched: dict[str, None] = {}
+    waiting_to_ask: dict[str, None] = {}
+    """The tasks that wait until fewer services are being asked for terms."""
     map_version: int = -1
     unsettled: list[UnsettledReport] = []
     awaiting_map: dict[str, Message] = field(default_factory=dict, name="until_ready")
@@ -90,6 +97,27 @@ class TaskManagerState(Struct, kw_only=True):
     def reserved_elsewhere(self, id: str) -> frozenset[str]:
         """The objects that other tasks have reserved to change them."""
         return frozenset(name for task in self.running_tasks if task.id != id for name in task.reservation.held.changes)
+
+    @property
+    def invitations(self) -> int:
+        """How many services are being asked for terms, by all tasks."""
+        calls = (call for task in self.running_tasks for execution in task.executions for call in execution.calls)
+        return sum(len(call.invited) for call in calls)
+
+    def may_ask(self, id: str) -> bool:
+        """Whether a task may ask services for terms now. Otherwise it may when it is one of `next_to_ask`."""
+        if self.invitations < MOST_INVITATIONS:
+            return True
+        self.waiting_to_ask[id] = None
+        return False
+
+    def next_to_ask(self) -> Iterator[str]:
+        """The tasks that waited to ask services and may do so now, by priority, then as they came. Each asks before the next is yielded."""
+        while self.waiting_to_ask and self.invitations < MOST_INVITATIONS:
+            id = max(self.waiting_to_ask, key=lambda id: self.tasks[id].task.priority if id in self.tasks else 0)
+            del self.waiting_to_ask[id]
+            if id in self.running:
+                yield id
 
     def commitments(self) -> Commitments:
         """The intervals in which providers are committed."""

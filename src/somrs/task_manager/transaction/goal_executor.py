@@ -237,6 +237,8 @@ class GoalExecutor:
         elif (runs := workflow.open) or execution.calls:
             execution.phase = Phase.ARRANGING
             for run in runs[: MAX_OPEN_CALLS - len(execution.calls)]:
+                if not self._context.may_ask(self._scope.state.id):
+                    break
                 if reasons := (yield from self.arranger.arrange(run, now)):
                     return (yield from self._begin_recovery(run, reasons, now))
         elif workflow.arranged:

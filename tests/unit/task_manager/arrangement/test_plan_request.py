@@ -61,6 +61,7 @@ def context(reserved_elsewhere: Callable[[str], frozenset[str]] = lambda task: f
         commitments=dict,
         still_at_work=lambda work: True,
         reserved_elsewhere=reserved_elsewhere,
+        may_ask=lambda task: True,
     )
 
 

@@ -55,6 +55,7 @@ class TransactionHarness:
             commitments=dict,
             still_at_work=lambda work: True,
             reserved_elsewhere=lambda task: frozenset(),
+            may_ask=lambda task: True,
         )
         self.participants = Participants("task1", self.members, context, self._log_event, self._log_message)
         self._message_count = 0
