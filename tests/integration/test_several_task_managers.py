@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.kernel.reservations import LEASE
+from somrs.kernel.reservations import LEASE, Reservations
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import CancelTask, Policy
 from somrs.protocol.messages.task_views import Phase
+from somrs.runtime.virtual_time import Work
+from somrs.service_manager.sdk.orders import Order, ServiceFailed, WorkDone
+from somrs.task_manager.reservations import TaskReservation
 from tests.integration.test_competing_tasks import Hands, run_until_executing
 from tests.support.event_sentences import texts
-from tests.support.virtual_system import Robot, VirtualSystem
+from tests.support.virtual_system import Robot, VirtualSystem, transfer_effect
 
 A, B = "tm", "tm-b"
 FIRST, SECOND = "Jar002 isOn Platform001", "Jar002 isOn Cupboard002"
@@ -60,37 +63,49 @@ def test_a_wish_that_any_thing_fulfils_takes_one_that_nobody_has() -> None:
 
 
 def test_a_cancelled_task_does_not_put_back_what_a_task_of_another_has_moved() -> None:
-    """A's first thing is done, then the task waits for the second, and so holds nothing. B moves the first. A is cancelled."""
-    hands = Hands()
-    system = two_managers(hands.robot("Robot1", seconds=20), hands.robot("Robot2", seconds=20))
-    holding = system.submit("Tin001 isOn Cupboard002", B, policy=Policy.TIME)
-    run_until_executing(system, holding)
-    a = system.submit("Jar002 isOn Platform001", A)
-    (view,) = system.finish(a)
-    b = system.submit("Jar002 isOn Cupboard002", B)
-    system.finish(b, holding)
-    system.ask(CancelTask(task=a), A)
-    system.world.run(300)
-    assert view.outcome is Outcome.ACCOMPLISHED
-    assert system.map.has_fact("isOn", ("Jar002", "Cupboard002"))
-
-
-def test_what_was_done_before_a_wait_and_changed_meanwhile_is_not_undone_and_the_client_is_told() -> None:
+    """The first of two things is where A's task wants it, when B's task wants it elsewhere and A's task is cancelled."""
     hands = Hands()
     system = two_managers(hands.robot("Robot1", seconds=20), hands.robot("Robot2", seconds=20))
     a = system.submit("Jar001 isOn Platform001 AND Jar002 isOn Platform001", A)
-    assert system.world.run(600, lambda: len([work for work in system.view(a).work if work.ended is not None]) == 1)
-    done = system.view(a).work[0].inputs["Object"]
-    other = "Jar002" if done == "Jar001" else "Jar001"
-    system.change(f"{other} isOn Floor001")  # the plan is out of date, and what it needs now is another's
-    b = system.submit(f"{done} isOn Cupboard001", B)
-    views = system.finish(b, seconds=2000)
+    moved = first_moved(system, a)
+    b = system.submit(f"{moved} isOn Floor001", B)
+    system.world.run(100, lambda: system.view(b).phase is Phase.ENDED)
     system.ask(CancelTask(task=a), A)
-    views += system.finish(a, seconds=2000)
-    assert views[0].outcome is Outcome.ACCOMPLISHED
-    if views[1].outcome is Outcome.CANCELLED:
-        assert system.map.has_fact("isOn", (done, "Cupboard001"))
+    views = system.finish(a, b)
+    assert views[1].outcome is Outcome.ACCOMPLISHED
+    assert system.map.has_fact("isOn", (moved, "Floor001"))
     assert not hands.conflicts
+
+
+def first_moved(system: VirtualSystem, task: str) -> str:
+    """What the task has moved first, as soon as it is there."""
+    assert system.world.run(600, lambda: any(work.ended is not None for work in system.view(task).work))
+    return system.view(task).work[0].inputs["Object"]
+
+
+def test_what_a_waiting_task_has_done_and_another_has_by_now_is_not_undone_and_the_client_is_told() -> None:
+    """The robot has no charge left for the second thing of A's task, so that the task waits, and releases what it has. B's task takes the
+    first thing."""
+
+    def works(order: Order) -> Work:
+        if len(robot.orders) == 1:
+            yield 20.0, WorkDone(situation=transfer_effect(order))
+        robot.refuses, robot.not_now = "is charging", True
+        yield 1.0, ServiceFailed("the charge is low")
+
+    robot = Robot("Robot1", price=10, duration=20, works=works)
+    system = two_managers(robot)
+    a = system.submit("Jar001 isOn Platform001 AND Jar002 isOn Platform001", A)
+    moved = first_moved(system, a)
+    assert system.world.run(60, lambda: system.view(a).phase is Phase.WAITING)
+    system.join(Robot("Robot2", price=10, duration=30))
+    b = system.submit(f"{moved} isOn Floor001", B)
+    run_until_executing(system, b)
+    system.ask(CancelTask(task=a), A)
+    views = system.finish(a, b)
+    assert [view.outcome for view in views] == [Outcome.CANCELLED, Outcome.ACCOMPLISHED]
+    assert system.map.has_fact("isOn", (moved, "Floor001"))
+    assert short_id(b) in " ".join(texts(system.task_state(a)))
 
 
 def test_tasks_of_two_task_managers_spread_over_the_robots() -> None:
@@ -165,4 +180,23 @@ def test_who_was_cut_off_too_long_is_told_that_another_has_its_things_and_does_t
     assert any(
         "the reservation was lost" in text or "is not the task's to change any more" in text for text in texts(system.task_state(first))
     )
+    assert not hands.conflicts
+
+
+def test_what_a_program_of_before_had_reserved_itself_is_kept_for_its_tasks_after_the_upgrade() -> None:
+    """As of a journal of version 2: the Task Manager has reserved, and the Repository knows nothing of it."""
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1"), hands.robot("Robot2"))
+    first = system.submit(FIRST, A)
+    run_until_executing(system, first)
+    state, reservations = system.manager_at(A).state, system.repository.contents.reservations
+    state.tasks[first].reservation = TaskReservation(held=state.tasks[first].reservation.held)
+    state.local_reservations, reservations.claimants = Reservations(claimants=reservations.claimants), {}
+    system.world.snapshot(A)
+    system.world.revive(A)
+    system.world.run(5)
+    second = system.submit(SECOND, B)
+    system.world.run(5)
+    assert system.view(second).phase is Phase.WAITING
+    assert [view.outcome for view in system.finish(first, second)] == [Outcome.ACCOMPLISHED] * 2
     assert not hands.conflicts

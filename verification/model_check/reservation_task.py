@@ -19,7 +19,7 @@ from somrs.protocol.messages.reservations import (
 )
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.requests import ReservationAnswer
-from somrs.task_manager.reservations import Reserving, TaskReservation
+from somrs.task_manager.reservations import ReservationRequester, TaskReservation
 
 TASKS = ("a", "b")
 NEEDS = (("x", "y"), ("y", "x"))
@@ -117,7 +117,7 @@ class ReservingTask:
         )
         self.recorder = _Recorder(side.sent)
         context = cast("TaskManagerContext", _Context(self.recorder))
-        self._reserving = Reserving(self.reservation, self._name, "", 0, context)
+        self._reserving = ReservationRequester(self.reservation, self._name, "", 0, context)
 
     def side(self) -> Side:
         held = self.reservation

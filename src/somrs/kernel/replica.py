@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from msgspec import Struct, field
 
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Received, Send, SetTimer, TimerFired
-from somrs.ontology.naming import DefinitionKey, Renaming, Section, revise_ontology
+from somrs.ontology.naming import DefinitionKey, Renaming, revise_ontology
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages.bodies import Body
@@ -30,6 +30,7 @@ from somrs.protocol.messages.knowledge import (
     ReadMap,
     ReadOntology,
     SubscribeMap,
+    new_names_of,
 )
 
 LEASE = 60.0
@@ -272,10 +273,9 @@ class Replica(Struct):
             if applied:
                 self.map = self.map.changed(applied)
                 changes += applied
-            lost_names = {renaming.name: renaming.to for renaming in change_event.renamed if renaming.section is Section.OBJECTS}
+            lost_names = new_names_of(change_event.renamed, event.event.merged if isinstance(event, MapChanged) else ())
             if isinstance(event, MapChanged):
                 merged += event.event.merged
-                lost_names |= {merging.name: merging.into for merging in event.event.merged}
             else:
                 definitions += event.definitions.all_definitions()
                 removed += event.removed

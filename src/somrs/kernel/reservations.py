@@ -167,9 +167,9 @@ class Reservations(Struct, kw_only=True):
             del self.ended[next(iter(self.ended))]
 
     def last_serial(self, task: str) -> int:
-        """The number of the latest message about the task that was heeded; 0 if there was none."""
+        """The number of the latest message about the task that was heeded; -1 if there was none."""
         claimant = self.claimants.get(task)
-        return claimant.serial if claimant is not None else self.ended.get(task, 0)
+        return claimant.serial if claimant is not None else self.ended.get(task, -1)
 
     def restore(self, task: str, claimant: Claimant, now: float) -> tuple[Holder, ...]:
         """Let the task have what it says that it has, or wait for what it says. Returns the tasks that have it instead."""

@@ -36,7 +36,7 @@ from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.outlook import foresee
 from somrs.task_manager.preview_state import PreviewState
 from somrs.task_manager.requests import ReservationAnswered
-from somrs.task_manager.reservations import BlockedPlan, Reserving
+from somrs.task_manager.reservations import BlockedPlan, ReservationRequester
 from somrs.task_manager.timers import Answer, PlanWanted, PreviewDue
 from somrs.task_manager.transaction.views import foreseen_views, preview_reply, step_view
 
@@ -80,7 +80,7 @@ class PreviewExecutor:
     @property
     def _planning(self) -> PlanRequester:
         state, task = self._state, self._state.task
-        reserving = Reserving(state.reservation, state.id, task.effect, task.priority, self._context)
+        reserving = ReservationRequester(state.reservation, state.id, task.effect, task.priority, self._context)
         return PlanRequester(state.planning, self._services, self._context, reserving, (ReservationMode.ASK, ReservationMode.ASK))
 
     def discovered(self, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[Previewed | None]:

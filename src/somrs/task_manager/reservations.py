@@ -34,7 +34,7 @@ class BlockedPlan(Struct, frozen=True, kw_only=True):
 
 
 class TaskReservation(Struct, kw_only=True):
-    """What a task has: `held`, with the number `fence`.
+    """What a task has: `held`. `fence`: the number under which it has this, or had what it had last.
 
     `requested` is the latest request, with the number `serial`. `waiting`: what the task waits for at the Repository. `is_free`: the
     Repository has said that this is free, possibly before it said that the task has to wait. `lost`: the highest number under which other
@@ -51,8 +51,8 @@ class TaskReservation(Struct, kw_only=True):
     settled: int = 0
 
     def under(self, task: str) -> UnderReservation | None:
-        """The reservation as reports of the task name it."""
-        return UnderReservation(task=task, fence=self.fence) if self.fence else None
+        """The reservation as reports of the task name it, even if it is lost; None if the task has never reserved."""
+        return UnderReservation(task=task, fence=self.fence) if self.serial or self.held else None
 
     def claim(self, task: str, goal: str, priority: int) -> Claim | None:
         """What the task has, for a Repository that may not know it; None if it has never reserved."""
@@ -75,7 +75,7 @@ class TaskReservation(Struct, kw_only=True):
         is_lost = bool(self.held) and self.fence == fence
         self.lost = max(self.lost, fence)
         if is_lost:
-            self._clear()
+            self.clear()
         return is_lost
 
     def answered(self, answer: ReservationAnswer) -> ReservationAnswer:
@@ -84,30 +84,27 @@ class TaskReservation(Struct, kw_only=True):
             self.settled = self.serial
         match answer:
             case Reserved(task=task, fence=fence) if 0 < fence <= self.lost:
-                self._clear()
+                self.clear()
                 return ReservationDenied(task=task, holders=())
             case Reserved(fence=fence, holders=holders):
                 self.held |= self.requested.without({name for holder in holders for name in holder.objects})
                 self.fence, self.waiting = fence, None
             case ReservationDenied(waits=True):
-                self._clear()
+                self.clear()
                 self.waiting = self.requested
         return answer
-
-    def released(self) -> None:
-        """The task has given up everything."""
-        self._clear()
 
     def rename(self, names: Mapping[str, str]) -> None:
         """Give objects the names that they have now."""
         self.held, self.requested = self.held.renamed(names), self.requested.renamed(names)
         self.waiting = self.waiting.renamed(names) if self.waiting is not None else None
 
-    def _clear(self) -> None:
-        self.held, self.fence, self.waiting = Reservation(), 0, None
+    def clear(self) -> None:
+        """The task has nothing any more, and waits for nothing."""
+        self.held, self.waiting = Reservation(), None
 
 
-class Reserving:
+class ReservationRequester:
     """Requests the reservations of one task. It has no state of its own. `goal` and `priority` are those of the task."""
 
     def __init__(self, state: TaskReservation, task: str, goal: str, priority: int, context: TaskManagerContext) -> None:
@@ -151,9 +148,9 @@ class Reserving:
         """Release what the task holds, and let it wait no more."""
         state, local = self._state, self._context.local_reservations
         has_any = bool(state.held) or state.waiting is not None
-        state.released()
+        state.clear()
         if local is not None:
             (local.remove if ended else local.release)(self._task)
-        elif state.serial and (ended or has_any):
+        elif has_any or (ended and state.serial):
             state.serial = state.settled = self._context.requests.next_serial(now)
             yield from self._context.requests.notify(Release(task=self._task, serial=state.serial, ended=ended), now)

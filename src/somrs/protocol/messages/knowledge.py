@@ -258,6 +258,12 @@ class Merging(Struct, frozen=True, kw_only=True):
         return f"{self.name} is {self.into}"
 
 
+def new_names_of(renamed: Iterable[Renaming], merged: Iterable[Merging] = ()) -> dict[str, str]:
+    """The names that objects have now, by the names that they lost."""
+    names = {renaming.name: renaming.to for renaming in renamed if renaming.section is Section.OBJECTS}
+    return names | {merging.name: merging.into for merging in merged}
+
+
 class Event(Struct, frozen=True, kw_only=True):
     """One change of the map or the ontology: its author, time (seconds since 1970), changes of the map, and `revision` of the ontology.
 
@@ -283,8 +289,7 @@ class Event(Struct, frozen=True, kw_only=True):
     @property
     def new_names(self) -> dict[str, str]:
         """The names that objects have after the event, by the names that they lost."""
-        names = {renaming.name: renaming.to for renaming in self.renamed if renaming.section is Section.OBJECTS}
-        return names | {merging.name: merging.into for merging in self.merged}
+        return new_names_of(self.renamed, self.merged)
 
 
 class History(MessageBody, frozen=True, kw_only=True, tag=True):

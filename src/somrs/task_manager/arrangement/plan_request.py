@@ -23,7 +23,7 @@ from somrs.task_manager.arrangement.plan_reservation import plan_reservation
 from somrs.task_manager.context import TaskManagerContext, planning_problem
 from somrs.task_manager.execution.workflow import Progress, Workflow
 from somrs.task_manager.requests import ForPlan, ReservationAnswer
-from somrs.task_manager.reservations import BlockedPlan, Reserving
+from somrs.task_manager.reservations import BlockedPlan, ReservationRequester
 from somrs.task_manager.timers import Answer, PlanWanted
 
 
@@ -78,7 +78,7 @@ class PlanRequester:
         request: PlanRequest,
         services: AvailableServices,
         context: TaskManagerContext,
-        reserving: Reserving,
+        reserving: ReservationRequester,
         modes: tuple[ReservationMode, ReservationMode],
         old_workflow: Workflow | None = None,
     ) -> None:

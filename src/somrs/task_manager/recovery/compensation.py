@@ -26,7 +26,7 @@ from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.recovery.handlers import fitting_handlers
 from somrs.task_manager.requests import ReservationAnswer
-from somrs.task_manager.reservations import Reserving
+from somrs.task_manager.reservations import ReservationRequester
 
 UNDOING = 0
 """The number of the goal in requests for the objects of work that is to be undone."""
@@ -82,7 +82,7 @@ class Compensation:
         log: ExecutionLog,
         members: Members,
         participants: Participants,
-        reserving: Reserving,
+        reserving: ReservationRequester,
         context: TaskManagerContext,
         log_event: Callable[[Event, float, Work], None],
     ) -> None:

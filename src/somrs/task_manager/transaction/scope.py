@@ -12,7 +12,7 @@ from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.execution.workflow import StepRun
 from somrs.task_manager.recovery.compensation import Compensation, Undoing
 from somrs.task_manager.recovery.observation import Observation
-from somrs.task_manager.reservations import Reserving
+from somrs.task_manager.reservations import ReservationRequester
 from somrs.task_manager.transaction.retry import QUIET_EVENTS
 from somrs.task_manager.transaction.state import Attempt, LoggedEvent, LoggedMessage, TaskState
 
@@ -24,7 +24,7 @@ class TaskScope:
         self.state, self.context = state, context
         self.participants = Participants(state.id, state.members, context, self.log_event, self._log_message)
         self.services = AvailableServices(state.services, context.replica)
-        self.reserving = Reserving(state.reservation, state.id, state.task.effect, state.task.priority, context)
+        self.reserving = ReservationRequester(state.reservation, state.id, state.task.effect, state.task.priority, context)
 
     def log_event(self, event: Event, now: float, subject: StepRun | Work | None = None) -> None:
         """Log an event for the client. `subject`: the step or the work that it concerns."""

@@ -26,8 +26,7 @@ from somrs.task_manager.device_queue import DeviceQueues
 from somrs.task_manager.execution.workflow import Progress, Workflow
 from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import ForPlan, ForReservation, Requests
-from somrs.task_manager.reservations import BlockedPlan, TaskReservation
-from somrs.task_manager.reservations import Reserving as TaskReserving
+from somrs.task_manager.reservations import BlockedPlan, ReservationRequester, TaskReservation
 from somrs.task_manager.timers import Answer, PlanWanted
 from somrs.task_manager.world_clock import WorldClock
 from tests.support.effects import run_effects
@@ -78,7 +77,7 @@ class PlanRequestHarness:
         self.context, self.serial = context(lambda task: frozenset(held)), 0
         self.repository = Reserving(Contents(ontology=laboratory(), map=MAP))
         self.reservation, self.requested_modes = TaskReservation(), list[ReservationMode]()
-        reserving = TaskReserving(self.reservation, "task1", GOAL, 0, self.context)
+        reserving = ReservationRequester(self.reservation, "task1", GOAL, 0, self.context)
         if held:
             self.reserve_elsewhere(*held)
         self.services = AvailableServices(KnownServices(), self.context.replica)

@@ -18,7 +18,7 @@ from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.recovery.compensation import Attempt, Compensation, RestorationGoal, Undoing
 from somrs.task_manager.requests import ReservationAnswer
-from somrs.task_manager.reservations import Reserving, TaskReservation
+from somrs.task_manager.reservations import ReservationRequester, TaskReservation
 from tests.support.effects import run_effects
 from tests.support.laboratory import MAP, TRANSFER
 from tests.unit.task_manager.arrangement.test_plan_request import context
@@ -66,14 +66,14 @@ class CompensationHarness:
             log=ExecutionLog(works=[*works]),
             members=self.transaction.members,
             participants=self.transaction.participants,
-            reserving=Reserving(self.reservation, "task1", ON_SHELF, 0, self.context),
+            reserving=ReservationRequester(self.reservation, "task1", ON_SHELF, 0, self.context),
             context=self.context,
             log_event=lambda event, now, work: self.logged_events.append((event, now, work)),
         )
 
     def reserve(self, answer: ReservationAnswer) -> Reserve:
         """The task holds nothing any more: it asks for what it is to undo, and gets this answer."""
-        self.reservation.released()
+        self.reservation.clear()
         effects, result = self.proceeds()
         (request,) = [effect.message.body for effect in effects if isinstance(effect, Send)]
         assert isinstance(request, Reserve)

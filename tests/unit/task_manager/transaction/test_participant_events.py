@@ -110,7 +110,7 @@ class TaskManagerHarness:
 
     def take_away(self, *objects: str, goal: str = "") -> None:
         """The task has had to release what it had, and a task of another Task Manager has these objects now."""
-        self.task.reservation.released()
+        self.task.reservation.clear()
         self.reservations.release(self.task.id)
         self.reserve_elsewhere(*objects, goal=goal)
 
