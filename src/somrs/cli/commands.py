@@ -117,6 +117,7 @@ async def run_system(
     fresh: bool,
     launcher: Launcher,
     devices_per_process: int | None,
+    task_managers: int | None,
 ) -> None:
     """Run a system until it is asked to stop."""
     from somrs.cli.import_commands import import_sources
@@ -142,6 +143,7 @@ async def run_system(
         windows=True,
         launcher=launcher,
         devices_per_process=devices_per_process,
+        task_managers=task_managers,
     )
     try:
         world_program = "the simulator" if simulates else "traffic"

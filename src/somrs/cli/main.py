@@ -112,6 +112,14 @@ def up(
             show_default=False,
         ),
     ] = None,
+    task_managers: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="How many Task Managers share the tasks. By default as many as in the last run with this data folder, at first one.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import run_system as run
@@ -120,7 +128,7 @@ def up(
 
     files = guarded(lambda: site_to_run(site or [], data, fresh=fresh))
     launcher_process = fork_launcher()
-    awaited(run(files, data, speed, world, simulator, host, fresh, Launcher(launcher_process), devices_per_process))
+    awaited(run(files, data, speed, world, simulator, host, fresh, Launcher(launcher_process), devices_per_process, task_managers))
 
 
 @app.command()

@@ -36,12 +36,17 @@ def registry(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: Por
 
 
 @run_app.command(name="task-manager")
-def task_manager(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+def task_manager(
+    number: Annotated[int, typer.Option(min=1, help="Which one, in a system with several.")] = 1,
+    data: Data = DEFAULT_FOLDER,
+    host: HostOption = LOOPBACK,
+    port: PortOption = 0,
+) -> None:
     """A Task Manager."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program, run_task_manager
 
-    guarded(lambda: run_program(run_task_manager(data, Addresses.read(data), host, port)))
+    guarded(lambda: run_program(run_task_manager(data, Addresses.read(data), host, port, number)))
 
 
 @run_app.command()

@@ -57,6 +57,13 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     """The Scheduler, which keeps templates and standing orders."""
     traffic: str | None = None
     """Traffic, which grants places to robots; None for a symbolic world."""
+    further_task_managers: tuple[str, ...] = ()
+    """The Task Managers besides `task_manager`, in a system with several."""
+
+    @property
+    def task_managers(self) -> dict[str, str]:
+        """The addresses of all Task Managers, by their names."""
+        return {task_manager_name(number): address for number, address in enumerate((self.task_manager, *self.further_task_managers), 1)}
 
     @classmethod
     def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:
@@ -71,6 +78,11 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
 
     def write(self, data: Path, name: str = SYSTEM_FILE) -> None:
         (data / name).write_bytes(msgspec.json.format(msgspec.json.encode(self)))
+
+
+def task_manager_name(number: int) -> str:
+    """The name of the Task Manager with this number, counted from 1."""
+    return f"TaskManager{number}"
 
 
 def client_name() -> str:

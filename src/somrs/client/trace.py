@@ -88,6 +88,11 @@ def without_heartbeats(lines: Sequence[Line]) -> list[Line]:
     return kept_lines[::-1]
 
 
+def trace_file(data: Path, number: int = 1) -> Path:
+    """The trace file of the Task Manager with this number, counted from 1."""
+    return data / ("messages.jsonl" if number == 1 else f"messages-{number}.jsonl")
+
+
 class Trace:
     """Writes messages to a trace file, unbuffered, so that other programs can read them at once."""
 

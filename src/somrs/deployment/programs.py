@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 import msgspec
 
 from somrs.client.client import Addresses
-from somrs.client.trace import Trace
+from somrs.client.trace import Trace, trace_file
 from somrs.errors import RemoteError, UsageError
 from somrs.runtime.host import Host
 from somrs.runtime.node import Report, Watch
@@ -146,8 +146,8 @@ async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -
         journal.close()
 
 
-async def run_task_manager(data: Path, addresses: Addresses, host: str, port: int) -> None:
-    """Run the Task Manager, with the planner in a separate process so that planning does not delay messages.
+async def run_task_manager(data: Path, addresses: Addresses, host: str, port: int, number: int = 1) -> None:
+    """Run the Task Manager with this number, with the planner in a separate process so that planning does not delay messages.
 
     It continues the tasks that were open when its process ended, at the same address.
     """
@@ -156,14 +156,15 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
     from somrs.planner_service.process import PlannerProcess
     from somrs.planner_service.service import Planner
     from somrs.protocol.messages.records import ReadRecords
-    from somrs.storage.archive import FILE
+    from somrs.storage.archive import archive_file
     from somrs.storage.journal import Journal
     from somrs.task_manager.manager import SCHEMA, TaskManager
 
     data.mkdir(parents=True, exist_ok=True)
-    journal = Journal(data / FILE, SCHEMA, f"the Repository at {addresses.repository}, the Registry at {addresses.registry}")
+    file = archive_file(data, number)
+    journal = Journal(file, SCHEMA, f"the Repository at {addresses.repository}, the Registry at {addresses.registry}")
     try:
-        trace = Trace(data / "messages.jsonl")
+        trace = Trace(trace_file(data, number))
         runtime = await _start_runtime(journal, host, port, trace)
         with PlannerProcess() as process:
             planner = Planner(process)

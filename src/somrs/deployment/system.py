@@ -19,6 +19,7 @@ from somrs.client.client import SYSTEM_FILE, Addresses, Client
 from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_windows
+from somrs.deployment.task_managers import task_manager_count
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError, UsageError
 from somrs.ontology.modes import DOOR, LIFT
@@ -38,6 +39,9 @@ SITE_FILE = "site.json"
 LAST_FILE = "last.json"
 """File in the data folder: the addresses of the last run. Programs listen there again if they can, because parties to open
 contracts know each other by these addresses."""
+
+TASK_MANAGER, DEVICES = "task-manager", "devices"
+"""Commands of `somrs run` of which a system may have several programs."""
 
 STOP_TIME = 5.0
 """Seconds that a program has to end after SIGTERM before it is killed."""
@@ -95,6 +99,7 @@ class System:
     system starts its own.
     `launcher`: starts the programs; None: the system makes its own. `stop` ends it in either case.
     `devices_per_process`: how many devices share a process; None: as `group_devices` says.
+    `task_managers`: the number of Task Managers; None: as many as in the last run.
     """
 
     def __init__(
@@ -110,11 +115,13 @@ class System:
         world_address: str | None = None,
         launcher: Launcher | None = None,
         devices_per_process: int | None = None,
+        task_managers: int | None = None,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
         self.speed, self.world, self._simulates = speed, world, simulates
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
+        self._task_managers = task_managers
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._listed = False
         self._reservation: Reservation | None = None
@@ -142,12 +149,16 @@ class System:
         """Start all programs. Return when all devices offer their services."""
         self.data.mkdir(parents=True, exist_ok=True)
         check_unused(self.data)
-        self._reservation = Reservation(self.host, 8, self._ports_before())
+        manager_count = task_manager_count(self.data, self._task_managers)
+        self._reservation = Reservation(self.host, 7 + manager_count, self._ports_before())
         ports = self._reservation.ports
+        manager_ports = [ports[2], *ports[8:]]
+        manager_address, *further_managers = (f"http://{self.host}:{port}/task-manager" for port in manager_ports)
         self.addresses = Addresses(
             repository=f"http://{self.host}:{ports[0]}/repository",
             registry=f"http://{self.host}:{ports[1]}/registry",
-            task_manager=f"http://{self.host}:{ports[2]}/task-manager",
+            task_manager=manager_address,
+            further_task_managers=tuple(further_managers),
             gui=f"http://{self.host}:{ports[4]}" if self._windows and has_windows() else None,
             api=f"http://{self.host}:{ports[5]}/api",
             scheduler=f"http://{self.host}:{ports[6]}/scheduler",
@@ -175,7 +186,8 @@ class System:
         self.addresses.write(self.data)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
-        first = [self._start("registry", "--port", str(ports[1])), self._start("task-manager", "--port", str(ports[2]))]
+        first = [self._start("registry", "--port", str(ports[1]))]
+        first += [self._start_task_manager(number, port) for number, port in enumerate(manager_ports, 1)]
         if not has_world:
             first.append(self._start("traffic", "--port", str(ports[7])))
         elif self._world_address is None:
@@ -206,11 +218,17 @@ class System:
             addresses.api or "",
             addresses.scheduler or "",
             addresses.traffic or "",
+            *addresses.further_task_managers,
         )
         return [urlsplit(place).port or 0 for place in places]
 
+    async def _start_task_manager(self, number: int, port: int) -> Program:
+        if number == 1:
+            return await self._start(TASK_MANAGER, "--port", str(port))
+        return await self._start(TASK_MANAGER, "--port", str(port), "--number", str(number), label=f"{TASK_MANAGER}-{number}")
+
     async def _start_devices(self, group: DeviceGroup) -> Program:
-        return await self._start("devices", *(f"{name}={driver}" for name, driver in group.drivers.items()), label=group.name)
+        return await self._start(DEVICES, *(f"{name}={driver}" for name, driver in group.drivers.items()), label=group.name)
 
     async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
         """Start a program, and wait until it is ready."""
@@ -258,8 +276,8 @@ class System:
     async def stop(self) -> None:
         """Stop all programs: devices first, so that they can leave in order."""
         running = [program for program in reversed(self.programs.values()) if program.process.returncode is None]
-        core = {"repository", "registry", "task-manager", "simulator", "world", "traffic", "scheduler", "api", "gui"}
-        for group in ([p for p in running if p.name not in core], [p for p in running if p.name in core]):
+        device_programs = [program for program in running if program.arguments[1] == DEVICES]
+        for group in (device_programs, [program for program in running if program not in device_programs]):
             for program in group:
                 with contextlib.suppress(ProcessLookupError):  # it has just ended
                     program.process.send_signal(signal.SIGTERM)

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import itertools
 import sqlite3
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import msgspec
 from msgspec import structs
@@ -20,7 +22,7 @@ from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.storage.disk import Disk
 
 FILE = "task-manager.sqlite"
-"""The Task Manager's journal in the data folder, with the archive in it."""
+"""The Task Manager's journal in the data folder, with the archive in it. Further Task Managers have a number in the name."""
 
 TABLES = """
     CREATE TABLE records (task TEXT PRIMARY KEY, submitted_at REAL NOT NULL, ended_at REAL NOT NULL, outcome TEXT NOT NULL,
@@ -39,6 +41,17 @@ WORKED = """instr(document, ?) > 0 AND EXISTS (SELECT 1 FROM json_each(document,
 """Whether a service, or a service of a device, took part. Documents that do not contain its name are not parsed."""
 
 _RECORD = msgspec.json.Decoder(TaskRecord)
+
+
+def archive_file(data: Path, number: int = 1) -> Path:
+    """The journal of the Task Manager with this number, counted from 1."""
+    return data / (FILE if number == 1 else f"{Path(FILE).stem}-{number}{Path(FILE).suffix}")
+
+
+def archive_files(data: Path) -> list[Path]:
+    """The journals of all Task Managers that a data folder has had: those with the numbers 1, 2, ..."""
+    files = itertools.takewhile(Path.exists, (archive_file(data, number) for number in itertools.count(1)))
+    return [*files]
 
 
 class TaskArchive:
