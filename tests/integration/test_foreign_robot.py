@@ -7,6 +7,8 @@ import contextlib
 import itertools
 import math
 import time
+import urllib.error
+import urllib.request
 from collections.abc import AsyncIterator, Callable, Coroutine
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -27,6 +29,7 @@ from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
 from somrs.ontology.objects import Fact, Map, Object, ObjectAdded, ValueSet
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.soap.soap import ENV, MEDIA_TYPE, TRAFFIC, WSA
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.runtime.host import Host
@@ -240,6 +243,30 @@ def test_what_is_wrong_is_refused_with_a_reason(tmp_path: Path) -> None:
             foreigner.report()
         with pytest.raises(refused, match="there is no place Nowhere"):
             foreigner.request("away", "Nowhere")
+        foreigner.close()
+
+    play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), tmp_path, work)
+
+
+HOLD = f"""<env:Envelope xmlns:env="{ENV}" xmlns:wsa="{WSA}"><env:Header>
+<wsa:From><wsa:Address>map</wsa:Address></wsa:From><wsa:Action>{TRAFFIC}:HoldTraffic</wsa:Action><wsa:MessageID>urn:hold</wsa:MessageID>
+</env:Header><env:Body><HoldTraffic xmlns="{TRAFFIC}"><Reason>a joke</Reason><Number>1</Number></HoldTraffic></env:Body></env:Envelope>"""
+
+
+def test_who_claims_to_be_another_one_cannot_do_more(tmp_path: Path) -> None:
+    def work(building: Building) -> None:
+        foreigner = ForeignRobot("Foreigner", building.traffic, HANG_TIME)
+        foreigner.read_roadmap()
+        foreigner.inbox.address = "Robot1"
+        with pytest.raises(zeep.exceptions.Fault, match="Robot1 is in the simulator: state the address of your own program in wsa:From"):
+            foreigner.enter(foreigner.nearest(7.4, 0), LONG_LEASE)
+        request = urllib.request.Request(building.traffic, HOLD.encode(), {"Content-Type": MEDIA_TYPE})
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(request)
+        assert "HoldTraffic is not a known message" in refused.value.read().decode()
+        ends = building.drive("Robot1", 2.5, 0.0)
+        foreigner.wait_until(lambda: bool(ends))
+        assert isinstance(ends[0], CommandDone), ends
         foreigner.close()
 
     play(Map([*corridor_with_bay(), robot("Robot1", (0.6, 0, 0))]), tmp_path, work)

@@ -17,18 +17,18 @@ from somrs.runtime.virtual_time import QUIET, Work, World
 from somrs.space.lines import segment_distance
 from somrs.traffic.berths import SPEED
 from somrs.traffic.component import SCHEMA, Traffic
+from somrs.traffic.notices import HoldTraffic
 from somrs.traffic.passage_program import PassageProgram
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.planning.graph import Graph
 from somrs.traffic.roadmap import NumberedRoadmap
 from somrs.traffic.state import PlanTraffic
-from verification.traffic_runs.alarm import Alarm
 from verification.traffic_runs.draw import RADIUS
 from verification.traffic_runs.hardware import Hardware, Violation
 from verification.traffic_runs.scenario import GateIncident, GateTrouble, Incident, Scenario, Trouble
 from verification.traffic_runs.vehicle import Robot, Vehicle
 
-TRAFFIC, ALARM = "traffic", "alarm"
+TRAFFIC = "traffic"
 LONGEST = 3_600.0
 """The time within which all robots have to be at the ends of their trips, in seconds of virtual time."""
 
@@ -71,6 +71,8 @@ class Play:
         self._lanes: dict[str, tuple[str, str | None]] = {}
         """By robot: the lane on which it was seen last."""
         self._program_count = 0
+        self._hold = ""
+        """Why traffic is held; empty if it is not."""
         self._leaving = False
         """Whether the granted way of a robot ends in a zone, which it has to leave when traffic is held."""
         self._grants: dict[tuple[str, int], tuple[int, str]] = {}
@@ -96,7 +98,6 @@ class Play:
         world, started_at = self.world, self.world.now
         self._apart()
         world.add(TRAFFIC, Traffic(TRAFFIC, self.scenario.roadmap), self._plan, journaled=SCHEMA)
-        world.add(ALARM, Alarm(ALARM, TRAFFIC))
         for gate in self._hardware.gates:
             self._start_gate(gate)
         for number in range(len(self.robots)):
@@ -116,12 +117,20 @@ class Play:
             yield incident.at, partial(self._meddle, incident, mended=False)
             yield incident.at + incident.seconds, partial(self._meddle, incident, mended=True)
         for hold in self.scenario.holds:
-            yield hold.at, partial(self.world.notify, ALARM, "fire alarm")
-            yield hold.at + hold.seconds, partial(self.world.notify, ALARM, "")
-
+            yield hold.at, partial(self._set_hold, "fire alarm")
+            yield hold.at + hold.seconds, partial(self._set_hold, "")
         for gate_incident in self.scenario.gate_incidents:
             yield gate_incident.at, partial(self._meddle_with_gate, gate_incident, mended=False)
             yield gate_incident.at + gate_incident.seconds, partial(self._meddle_with_gate, gate_incident, mended=True)
+
+    def _set_hold(self, reason: str) -> None:
+        self._hold = reason
+        self._notify_of_hold()
+
+    def _notify_of_hold(self) -> None:
+        """As the program of traffic does, which ends with it, and says so again after its start."""
+        if self.world.alive(TRAFFIC):
+            self.world.notify(TRAFFIC, HoldTraffic(reason=self._hold))
 
     def _start_gate(self, name: str) -> None:
         self._program_count += 1
@@ -170,6 +179,7 @@ class Play:
                 world.kill(TRAFFIC)
             case Trouble.TRAFFIC_DIES, True if not world.alive(TRAFFIC):
                 world.revive(TRAFFIC)
+                self._notify_of_hold()
 
     def _plan(self, task: object) -> Work:
         assert isinstance(task, PlanTraffic)

@@ -14,7 +14,6 @@ from somrs.deployment.programs import until_stopped
 from somrs.deployment.traffic_entrance import PATH
 from somrs.errors import UsageError
 from somrs.kernel.component import Notified
-from somrs.protocol.messages.traffic import CloseWays
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
 from somrs.storage.journal import Journal
@@ -22,6 +21,7 @@ from somrs.storage.journal import Journal
 if TYPE_CHECKING:
     from somrs.deployment.traffic_worker import TrafficWorker
     from somrs.traffic.component import Traffic
+    from somrs.traffic.notices import CloseWays
     from somrs.traffic.survey import Survey
 
 
@@ -48,20 +48,28 @@ def add_traffic(runtime: Host, journal: Journal, worker: TrafficWorker, reposito
     """Add traffic with this journal to the runtime, and the component that follows the map for it."""
     from somrs.traffic.component import Traffic
     from somrs.traffic.follower import MapFollower
+    from somrs.traffic.notices import CloseWays, HoldTraffic, RoadmapExpected
     from somrs.traffic.roadmap import Roadmap
-    from somrs.traffic.state import MAP_FOLLOWER, PlanTraffic, RoadmapExpected
+    from somrs.traffic.state import PlanTraffic
 
     async def plan(task: object, report: Report) -> object:
         assert isinstance(task, PlanTraffic), "traffic requests nothing else"
         return await worker.plan(task, _traffic_of(node).state.roadmap)
 
     def begin(address: str) -> Traffic:
-        return Traffic(address, Roadmap(places=(), lanes=()), follower=MAP_FOLLOWER, edition=int(runtime.clock.now()))
+        return Traffic(address, Roadmap(places=(), lanes=()), edition=int(runtime.clock.now()))
 
     node = runtime.add_journaled(PATH, begin, journal, carry_out=plan)
     node.feed(Notified(RoadmapExpected(False)))  # it may have been so when an earlier program ended
     surveys = _Surveys(node, worker)
-    runtime.add("/map-follower", lambda address: MapFollower(address, repository, node.address), carry_out=surveys.carry_out)
+
+    async def work(task: object, report: Report) -> object:
+        if isinstance(task, CloseWays | HoldTraffic):
+            node.feed(Notified(task))
+            return None
+        return await surveys.carry_out(task, report)
+
+    runtime.add("/map-follower", lambda address: MapFollower(address, repository), carry_out=work)
     return node
 
 
@@ -96,7 +104,7 @@ class _Surveys:
 
     async def _replace(self, survey: Survey) -> CloseWays:
         """Have traffic use another roadmap, on which the places of all robots are closed until they enter anew."""
-        from somrs.traffic.state import RoadmapExpected, RoadmapMade
+        from somrs.traffic.notices import RoadmapExpected, RoadmapMade
 
         self._node.feed(Notified(RoadmapExpected(True)))
         try:

@@ -9,8 +9,8 @@ from msgspec import Struct
 
 from somrs.errors import RemoteError
 from somrs.kernel.codec import Codec, encode
-from somrs.protocol.messages.traffic import CloseWays
 from somrs.traffic.layout import Layout, lay_out
+from somrs.traffic.notices import CloseWays
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import Roadmap
 from somrs.traffic.state import PlanTraffic, TrafficPlan

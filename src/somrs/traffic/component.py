@@ -22,10 +22,8 @@ from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.traffic import (
     Berth,
     CancelTrip,
-    CloseWays,
     EnterPassage,
     EnterTraffic,
-    HoldTraffic,
     LeaveTraffic,
     Mobility,
     PassageEntered,
@@ -41,18 +39,16 @@ from somrs.protocol.messages.traffic import (
 from somrs.traffic.berths import Berths
 from somrs.traffic.dispatcher import Dispatcher
 from somrs.traffic.drives import Drives
+from somrs.traffic.notices import CloseWays, HoldTraffic, Notice, RoadmapExpected, RoadmapMade
 from somrs.traffic.planning.graph import Graph
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
     LeasesDue,
-    Notice,
     PlanDue,
     PlanQuestion,
     PlanTraffic,
     Position,
-    RoadmapExpected,
-    RoadmapMade,
     RobotRecord,
     Timer,
     TrafficPlan,
@@ -68,8 +64,8 @@ REMEMBERED = 1_000
 class Traffic:
     """The traffic on a roadmap. Robots enter, ask for trips, and report where they are."""
 
-    def __init__(self, address: str, roadmap: Roadmap, *, follower: str = "", edition: int = 0) -> None:
-        self._begin(TrafficState(address=address, roadmap=roadmap, follower=follower, edition=edition, fences=edition))
+    def __init__(self, address: str, roadmap: Roadmap, *, edition: int = 0) -> None:
+        self._begin(TrafficState(address=address, roadmap=roadmap, edition=edition, fences=edition))
 
     @classmethod
     def restored(cls, state: TrafficState) -> Self:
@@ -142,6 +138,10 @@ class Traffic:
             case Notified(RoadmapMade(roadmap=roadmap, closing=closing)):
                 yield from self.renew(roadmap, int(now))
                 self._close(closing)
+            case Notified(CloseWays() as closing):
+                self._close(closing)
+            case Notified(HoldTraffic(reason=reason)):
+                self._hold(reason, now)
         self._note_silent(now)
         yield from self._dispatcher.end_trips()
         yield from self._dispatcher.grant(now)
@@ -160,14 +160,12 @@ class Traffic:
             TrafficState(
                 address=state.address,
                 roadmap=roadmap,
-                follower=state.follower,
                 edition=edition,
                 fences=edition,
                 sent=state.sent,
                 serial=state.serial,
                 entered=state.entered,
                 hold=state.hold,
-                held_by=state.held_by,
                 passages=state.passages,
                 astray={name: positions for name, positions in astray.items() if name not in placed},
             )
@@ -199,14 +197,6 @@ class Traffic:
                     self._schedule.leave(name)
                     self._obstacles_changed()
                 yield self._answer(message, TrafficLeft(robot=name))
-            case CloseWays() | HoldTraffic() if self.state.follower not in ("", message.header.sender):
-                raise UsageError("traffic follows the map by itself: change the map, where doors are open and buildings have modes")
-            case CloseWays() as body:
-                self._close(body)
-            case HoldTraffic() as body if body.number > self.state.held_by:
-                self._hold(body, now)
-            case HoldTraffic():
-                pass  # a later one has overtaken it
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
             case body:
@@ -343,8 +333,8 @@ class Traffic:
         self._berths.add(robot, berth)
         self._schedule.graph = self._berths.graph
 
-    def _close(self, body: CloseWays) -> None:
-        self.state.closed = closed_by(body, self._berths.roadmap.number)
+    def _close(self, closing: CloseWays) -> None:
+        self.state.closed = closed_by(closing, self._berths.roadmap.number)
         self._apply_closed()
 
     def _apply_closed(self) -> None:
@@ -353,9 +343,9 @@ class Traffic:
         self._schedule.graph = self._berths.graph
         self._obstacles_changed()
 
-    def _hold(self, body: HoldTraffic, now: float) -> None:
+    def _hold(self, reason: str, now: float) -> None:
         """Hold traffic, or let it go on: what was planned ends. The time in which it was held counts for no trip."""
-        self.state.hold, self.state.held_by = body.reason, body.number
+        self.state.hold = reason
         for record in self.state.robots.values():
             if record.trip is not None:
                 record.trip.progressed_at = now
@@ -392,7 +382,7 @@ def only_reads(event: Input) -> bool:
 
 SCHEMA = Schema(
     component="traffic",
-    version=1,
+    version=2,
     state=TrafficState,
     timers=Timer,
     questions=PlanQuestion,

@@ -1,4 +1,4 @@
-"""Follows the map for traffic: has the building surveyed, closes ways, and holds traffic. Its program does the surveys.
+"""Follows the map for traffic: has the building surveyed, ways closed, and traffic held. Its program does the work.
 
 It keeps nothing on disk: whatever traffic is to know follows from the map, and is told once at the start, because traffic may know what was
 so in an earlier run.
@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from somrs.kernel.component import Answered, Ask, Effect, Effects, Input, Send, SetTimer, Started, TimerFired
+from somrs.kernel.component import Answered, Ask, Effect, Effects, Input, SetTimer, Started, TimerFired
 from somrs.kernel.replica import Replica
 from somrs.ontology.modes import MOBILE_ROBOT, hold_reason, modes
-from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.envelope import Header, Message, message_id
-from somrs.protocol.messages.traffic import CloseWays, HoldTraffic
-from somrs.traffic.state import MAP_FOLLOWER
+from somrs.traffic.notices import CloseWays, HoldTraffic
 from somrs.traffic.survey import Survey
 
 LOOK = 0.5
@@ -29,17 +26,22 @@ class SurveyQuestion(Struct, frozen=True, tag=True):
     """What is closed now?"""
 
 
-class MapFollower:
-    """Tells traffic what follows from the map. While there are no robots on it, there is nothing to do."""
+class NoticeQuestion(Struct, frozen=True, tag=True):
+    """Has traffic been notified?"""
 
-    def __init__(self, address: str, repository: str, traffic: str) -> None:
-        self._address, self._traffic = address, traffic
+    number: int
+
+
+class MapFollower:
+    """Asks its program to survey the building, and to notify traffic of what follows from the map. While there are no robots on it, there
+    is nothing to do."""
+
+    def __init__(self, address: str, repository: str) -> None:
         self.replica = Replica(address, repository)
         self._closing: CloseWays | None = None
         self._hold: str | None = None
         """The reason that traffic was told last; None before the first."""
-        self._hold_number = 0
-        self._message_count = 0
+        self._notice_count = 0
         self._is_survey_open = self._is_outdated = self._was_surveyed = False
 
     def handle(self, event: Input, now: float) -> list[Effect]:
@@ -53,7 +55,7 @@ class MapFollower:
                 self._is_survey_open = False
                 if isinstance(value, CloseWays) and value != self._closing:
                     self._closing = value
-                    yield self._send(value, now)
+                    yield self._notify(value)
                 yield SetTimer(SurveyDue(), now + LOOK if self._has_robots else None)
                 if self._is_outdated:
                     yield from self._survey()
@@ -72,9 +74,7 @@ class MapFollower:
         reason = hold_reason(modes(self.replica.map))
         if reason != self._hold:
             self._hold = reason
-            # The time makes it greater than those of an earlier run, also if the map is one from a backup.
-            self._hold_number = max(self._hold_number + 1, int(now * 1000))
-            yield self._send(HoldTraffic(reason=reason, number=self._hold_number), now)
+            yield self._notify(HoldTraffic(reason=reason))
         if (news.changes or news.ontology_changed) and (self._has_robots or self._was_surveyed):
             self._is_outdated = True
             yield from self._survey()
@@ -89,7 +89,6 @@ class MapFollower:
         ontology = self.replica.ontology
         return any(ontology.is_subtype(object.type, MOBILE_ROBOT) for object in self.replica.map.objects.values())
 
-    def _send(self, body: Body, now: float) -> Send:
-        self._message_count += 1
-        id = message_id(self._address, self._traffic, self._message_count, now)
-        return Send(Message(header=Header(sender=MAP_FOLLOWER, recipient=self._traffic, message_id=id), body=body))
+    def _notify(self, notice: CloseWays | HoldTraffic) -> Ask:
+        self._notice_count += 1
+        return Ask(NoticeQuestion(self._notice_count), notice)

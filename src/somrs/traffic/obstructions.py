@@ -12,7 +12,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from somrs.protocol.messages.traffic import ClosedLane, ClosedPassage, CloseWays
 from somrs.space.clearance import Disc
 from somrs.space.distances import distances_from
 from somrs.space.free_space import SLACK, FreeSpace
@@ -20,6 +19,7 @@ from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import Role, Solid
 from somrs.traffic.coverage import SAMPLES, Points
 from somrs.traffic.layout import MARGIN
+from somrs.traffic.notices import ClosedLane, ClosedPassage, CloseWays
 from somrs.traffic.planning.graph import Lane
 from somrs.traffic.roadmap import NumberedRoadmap
 from somrs.traffic.state import Position

@@ -7,13 +7,10 @@ from itertools import chain
 
 from msgspec import Struct, field, structs
 
-from somrs.protocol.messages.traffic import ClosedLane, CloseWays, Mobility
+from somrs.protocol.messages.traffic import Mobility
+from somrs.traffic.notices import ClosedLane, CloseWays
 from somrs.traffic.passage_call import PassageCall
 from somrs.traffic.roadmap import Roadmap, UsedBerth
-
-MAP_FOLLOWER = "map"
-"""The sender of what follows from the map, which is a part of the program that has traffic."""
-
 
 MOST_CLOSINGS = 2**20
 """With editions that are seconds, numbers of roadmaps stay smaller than 2**53, which other programs read exactly."""
@@ -149,7 +146,7 @@ class Closed(Struct, frozen=True, array_like=True):
 
 
 def closed_by(body: CloseWays, number: Callable[[str], int]) -> Closed:
-    """What is closed by a message. `number`: that of the place of a name."""
+    """What is closed by a notice. `number`: that of the place of a name."""
 
     def lanes(closed: tuple[ClosedLane, ...]) -> tuple[tuple[int, int], ...]:
         return tuple((number(lane.start), number(lane.end)) for lane in closed)
@@ -199,31 +196,13 @@ class Position(Struct, frozen=True, kw_only=True):
     zone: str | None = None
 
 
-class RoadmapExpected(Struct, frozen=True, tag=True):
-    """Whether the program is about to replace the roadmap. Meanwhile nobody is granted anything, so that robots are no farther than
-    known."""
-
-    is_expected: bool
-
-
-class RoadmapMade(Struct, frozen=True, kw_only=True, tag=True):
-    """The program has made a new roadmap, because the building has changed; `closing` is closed on it."""
-
-    roadmap: Roadmap
-    closing: CloseWays
-
-
-Notice = RoadmapExpected | RoadmapMade
-
-
 class TrafficState(Struct, kw_only=True):
     """The state of traffic on a roadmap.
 
     `held` and `planned` belong to the schedule, `berths` to `Berths`. `serial` is that of the last plan that was asked for; `is_planning`:
     its answer is awaited. `changed`: robots, their trips or their mobility are others than in the last plan that was asked for. `whole`:
-    what is planned is to be followed to its end. `hold`: why nobody is granted a way, if that is so; `held_by`: the number of the message
-    that said so. `follower`: the sender that follows the map; if there is one, nobody else closes ways and holds traffic. `edition`:
-    that of the roadmap; `closings`: how often other places and lanes were closed on it; `is_roadmap_expected`: another one is about to
+    what is planned is to be followed to its end. `hold`: why nobody is granted a way, if that is so. `edition`: that of the
+    roadmap; `closings`: how often other places and lanes were closed on it; `is_roadmap_expected`: another one is about to
     come. `astray`: the robots that took part on the roadmap before and not on this one yet, with the points of the places that they held,
     in the order of their ways. `closed`: what follows from the map; `idle`: the passages that are closed because their programs do not take
     part, do not answer, or say that they do not work. `planned_at`: when the last plan was asked for. `failures`: how many of the last
@@ -250,8 +229,6 @@ class TrafficState(Struct, kw_only=True):
     changed: bool = False
     whole: bool = False
     hold: str = ""
-    held_by: int = 0
-    follower: str = ""
     edition: int = 0
     closings: int = 0
     is_roadmap_expected: bool = False

@@ -10,7 +10,6 @@ from msgspec import Struct
 from somrs.ontology.modes import closed_passages
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
-from somrs.protocol.messages.traffic import CloseWays
 from somrs.space.clearance import Disc
 from somrs.space.dimensions import dimensions_of
 from somrs.space.free_space import FreeSpace
@@ -18,6 +17,7 @@ from somrs.space.shafts import Shaft, shafts_of
 from somrs.space.solids import Role, Solid, solid_of
 from somrs.space.zones import zones_of
 from somrs.traffic.layout import OpenBuilding, connected_levels, lay_out, sizes
+from somrs.traffic.notices import CloseWays
 from somrs.traffic.obstructions import Obstructions, discs_along
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.state import Position

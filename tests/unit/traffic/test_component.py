@@ -15,12 +15,8 @@ from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.traffic import (
     Berth,
     CancelTrip,
-    ClosedLane,
-    ClosedPassage,
-    CloseWays,
     EnterTraffic,
     Granted,
-    HoldTraffic,
     LeaveTraffic,
     Mobility,
     ReadTraffic,
@@ -35,9 +31,10 @@ from somrs.protocol.messages.traffic import (
 )
 from somrs.runtime.virtual_journal import VirtualJournal
 from somrs.traffic.component import SCHEMA, Traffic
+from somrs.traffic.notices import ClosedLane, ClosedPassage, CloseWays, HoldTraffic, RoadmapMade
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import Lane, Place, Roadmap
-from somrs.traffic.state import LeasesDue, PlanTraffic, RoadmapMade
+from somrs.traffic.state import LeasesDue, PlanTraffic
 
 LEASE = 30.0
 LINE = ("West", "A", "B", "C", "East")
@@ -127,7 +124,13 @@ class Harness:
         return self.send(robot, body)
 
     def replace_roadmap(self, map: Roadmap, closing: CloseWays = CloseWays()) -> None:
-        self._handle(Notified(RoadmapMade(roadmap=map, closing=closing)))
+        self.notify(RoadmapMade(roadmap=map, closing=closing))
+
+    def notify(self, notice: object) -> list[Body]:
+        """The bodies that are sent because of this notice."""
+        before = len(self.sent)
+        self._handle(Notified(notice))
+        return [sent for _, sent in self.sent[before:]]
 
     def wait(self, seconds: float) -> list[Body]:
         before = len(self.sent)
@@ -301,19 +304,19 @@ def test_a_passage_that_is_out_of_order_is_avoided_and_named_if_there_is_no_othe
     harness = Harness(roadmap(LINE, ("A", "Bay", "C")))
     harness.enter("R1", "West")
     door = ClosedPassage(name="Door1", lanes=(ClosedLane(start="A", end="B"), ClosedLane(start="B", end="A")))
-    harness.send("map", CloseWays(passages=(door,)))
+    harness.notify(CloseWays(passages=(door,)))
     harness.trip("R1", "East")
     harness.wait(1)
     assert harness.way("R1") == ("West", "A", "Bay", "C")
     lift = ClosedPassage(name="Lift1", places=("East",))
-    ended = harness.send("map", CloseWays(passages=(door, lift)))
+    ended = harness.notify(CloseWays(passages=(door, lift)))
     assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.CLOSED, passages=("Lift1",)) in [*ended, *harness.wait(1)]
     harness.restart()
     assert text_of(harness.trip("R1", "East")[0]) == "no lanes lead from C to East: Lift1 is out of order"
-    harness.send("map", CloseWays(places=("East",), passages=(door, lift)))
+    harness.notify(CloseWays(places=("East",), passages=(door, lift)))
     closed = "no lanes lead from C to East now, because of doors that are shut, or of what stands there"
     assert text_of(harness.trip("R1", "East")[0]) == closed
-    harness.send("map", CloseWays(passages=(door,)))
+    harness.notify(CloseWays(passages=(door,)))
     assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.ARRIVED) in [*harness.trip("R1", "East"), *drive(harness)]
 
 
@@ -323,7 +326,7 @@ def test_nobody_is_granted_a_way_while_traffic_is_held_and_trips_go_on_afterward
     harness.trip("R1", "Further")
     harness.wait(1)
     assert harness.way("R1") == ("West", "A", "B", "C")
-    harness.send("map", HoldTraffic(reason="fire alarm in House", number=7))
+    harness.notify(HoldTraffic(reason="fire alarm in House"))
     assert harness.view().hold == "fire alarm in House"
     harness.enter("R2", "Further")
     assert isinstance(harness.trip("R2", "Farthest")[0], TripBegun)
@@ -334,8 +337,7 @@ def test_nobody_is_granted_a_way_while_traffic_is_held_and_trips_go_on_afterward
         harness.report("R1", "C", 3), harness.report("R2", "Further", 0)
         assert not [body for body in sent if isinstance(body, Granted | TripEnded)]
     assert (harness.view().robots[0].held, harness.view().robots[1].held) == (("C",), ("Further",))
-    harness.send("map", HoldTraffic(number=8))
-    harness.send("map", HoldTraffic(reason="fire alarm in House", number=7))
+    harness.notify(HoldTraffic())
     results = {body.robot: body.result for body in drive(harness) if isinstance(body, TripEnded)}
     assert results == {"R1": TripResult.ARRIVED, "R2": TripResult.ARRIVED}
 
@@ -359,17 +361,17 @@ def house() -> Roadmap:
     return Roadmap(places=tuple(places), lanes=(*lanes, *rides))
 
 
-FIRE = HoldTraffic(reason="fire alarm in House", number=1)
+FIRE = HoldTraffic(reason="fire alarm in House")
 
 
 def test_a_robot_in_a_lift_is_granted_its_way_out_while_traffic_is_held_and_no_further() -> None:
     harness = Harness(house())
     harness.enter("R1", "Cabin0")
-    harness.send("map", FIRE)
+    harness.notify(FIRE)
     harness.trip("R1", "Hall1")
     drive(harness)
     assert harness.view().robots[0].held == ("Door0",), "out of the lift, on its storey"
-    harness.send("map", HoldTraffic(number=2))
+    harness.notify(HoldTraffic())
     assert TripEnded(robot="R1", trip="R1 to Hall1", result=TripResult.ARRIVED) in drive(harness)
 
 
@@ -380,7 +382,7 @@ def test_a_robot_that_rides_leaves_the_lift_where_it_takes_it() -> None:
     harness.wait(1)
     assert harness.way("R1") == ("Front0", "Cabin0", "Cabin1", "Front1")
     harness.report("R1", "Cabin0", 1, between=True)
-    harness.send("map", FIRE)
+    harness.notify(FIRE)
     drive(harness)
     assert harness.view().robots[0].held == ("Door1",)
 
@@ -389,7 +391,7 @@ def test_a_robot_in_front_of_a_lift_makes_room_for_one_that_leaves_it_in_a_fire_
     harness = Harness(house())
     for robot, place in (("R1", "Cabin0"), ("R2", "Door0"), ("R3", "Hall1")):
         harness.enter(robot, place)
-    harness.send("map", FIRE)
+    harness.notify(FIRE)
     harness.trip("R2", "Hall1")
     harness.trip("R3", "Corner1")
     drive(harness)
@@ -405,27 +407,27 @@ def test_a_plan_that_was_asked_for_before_a_hold_is_not_followed() -> None:
     harness.postponed = []
     harness.trip("R1", "East")
     harness.wait(1)
-    harness.send("map", HoldTraffic(reason="fire alarm in House", number=1))
+    harness.notify(HoldTraffic(reason="fire alarm in House"))
     assert harness.postponed
     harness.make_postponed_plans()
     assert harness.way("R1") == ("West",)
-    harness.send("map", HoldTraffic(number=2))
+    harness.notify(HoldTraffic())
     assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.ARRIVED) in drive(harness)
 
 
 def test_nobody_is_sent_through_places_that_are_closed() -> None:
     harness = Harness(roadmap(LINE, ("A", "Bay", "C")))
     harness.enter("R1", "West")
-    harness.send("map", CloseWays(lanes=(ClosedLane(start="A", end="B"), ClosedLane(start="B", end="A"))))
+    harness.notify(CloseWays(lanes=(ClosedLane(start="A", end="B"), ClosedLane(start="B", end="A"))))
     harness.trip("R1", "East")
     harness.wait(1)
     assert harness.way("R1") == ("West", "A", "Bay", "C")
-    ended = harness.send("map", CloseWays(places=("B", "East")))
+    ended = harness.notify(CloseWays(places=("B", "East")))
     assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.CLOSED) in [*ended, *harness.wait(1)]
     assert "no lanes lead" in text_of(harness.trip("R1", "East")[0])
     harness.restart()
     assert "no lanes lead" in text_of(harness.trip("R1", "East")[0])
-    harness.send("map", CloseWays())
+    harness.notify(CloseWays())
     harness.trip("R1", "East")
     harness.report("R1", "A", 1)
     harness.report("R1", "Bay", 2)

@@ -8,14 +8,13 @@ from somrs.kernel.component import Effect, Input
 from somrs.ontology.objects import ValueSet
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.protocol.messages.traffic import CloseWays
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
-from somrs.runtime.virtual_time import World
+from somrs.runtime.virtual_time import Work, World
 from somrs.traffic.component import SCHEMA, Traffic
 from somrs.traffic.follower import MapFollower
+from somrs.traffic.notices import CloseWays, HoldTraffic
 from somrs.traffic.roadmap import Roadmap
-from somrs.traffic.state import MAP_FOLLOWER
 from tests.support.simulated_tower import tower
 from tests.support.simulator_room import ONTOLOGY
 
@@ -34,7 +33,7 @@ class _Building:
 
     def __init__(self) -> None:
         self.world, self._ids = World(), count()
-        self.traffic = Traffic("traffic", Roadmap(places=(), lanes=()), follower=MAP_FOLLOWER)
+        self.traffic = Traffic("traffic", Roadmap(places=(), lanes=()))
         self.start_repository()
         self.world.add("operator", _Operator())
         self.world.add("traffic", self.traffic, journaled=SCHEMA)
@@ -45,10 +44,16 @@ class _Building:
 
     def start_follower(self) -> None:
         """With nothing but the map: no memory of what an earlier one has told."""
-        follower = MapFollower("map-follower", "repository", "traffic")
+        follower = MapFollower("map-follower", "repository")
         self.world.remove("map-follower")
-        self.world.add("map-follower", follower, lambda task: iter([(0.1, CloseWays())]))
+        self.world.add("map-follower", follower, self._work)
         self.world.run(5.0)
+
+    def _work(self, task: object) -> Work:
+        """What the program of traffic does: a survey finds nothing closed."""
+        if isinstance(task, CloseWays | HoldTraffic):
+            self.world.notify("traffic", task)
+        yield 0.1, CloseWays()
 
     def set_mode(self, mode: str) -> None:
         header = Header(sender="operator", recipient="repository", message_id=f"m{next(self._ids)}", reply_to="operator")

@@ -42,7 +42,7 @@ OrderBody = (
 TrafficBody = (
     traffic.EnterTraffic | traffic.TrafficEntered | traffic.ReportPlace | traffic.RequestTrip | traffic.TripBegun
     | traffic.CancelTrip | traffic.TripEnded | traffic.Granted | traffic.LeaveTraffic | traffic.TrafficLeft
-    | traffic.CloseWays | traffic.HoldTraffic | traffic.ReadTraffic | traffic.TrafficView
+    | traffic.ReadTraffic | traffic.TrafficView
     | traffic.ReadRoadmap | traffic.RoadmapPage | traffic.RoadmapReplaced | traffic.PassageOpen
     | traffic.PassageClosed | traffic.EnterPassage | traffic.PassageEntered | traffic.ReportPassage | traffic.CallPassage
     | traffic.ReleasePassage

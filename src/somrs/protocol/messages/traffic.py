@@ -248,45 +248,6 @@ class TrafficLeft(MessageBody, frozen=True, kw_only=True, tag=True):
     robot: str
 
 
-class ClosedLane(Struct, frozen=True, kw_only=True):
-    """A lane, in one direction, by the places at which it begins and ends."""
-
-    start: str
-    end: str
-
-
-class ClosedPassage(Struct, frozen=True, kw_only=True):
-    """A lift or a door that is out of order, or a no-go zone (`zone`), with the places and lanes to which nobody comes because of it."""
-
-    name: str
-    zone: bool = False
-    places: tuple[str, ...] = ()
-    lanes: tuple[ClosedLane, ...] = ()
-
-
-class CloseWays(MessageBody, frozen=True, kw_only=True, tag=True):
-    """These places and lanes are closed from now on, and all others are open: doors are shut, or things stand in the way; or they are ways
-    through `passages` that are out of order, or into no-go zones. Robots that are there may leave. Sent by whoever follows the map; nothing
-    is answered.
-    """
-
-    places: tuple[str, ...] = ()
-    lanes: tuple[ClosedLane, ...] = ()
-    passages: tuple[ClosedPassage, ...] = ()
-
-
-class HoldTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Nobody is granted a way from now on, such as in a fire. Robots stay where their granted ways end; their trips go on afterwards.
-    Only those in zones, such as the cabin of a lift, are still granted their way out, and others make room for them if need be.
-
-    `reason`: why, for users, such as `fire alarm in Building1`; without one, traffic goes on. `number` grows with each such message,
-    because messages may overtake each other. Sent by whoever follows the map; nothing is answered.
-    """
-
-    reason: str = ""
-    number: int
-
-
 class ReadRoadmap(MessageBody, frozen=True, kw_only=True, tag=True):
     """Read the places and lanes, page by page. `after`: `next` of the page before."""
 

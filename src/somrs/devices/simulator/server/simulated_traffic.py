@@ -27,7 +27,7 @@ from somrs.traffic.component import Traffic
 from somrs.traffic.layout import Layout, OpenBuilding, lay_out
 from somrs.traffic.obstructions import discs_along
 from somrs.traffic.roadmap import Roadmap
-from somrs.traffic.state import MAP_FOLLOWER, Position
+from somrs.traffic.state import Position
 from somrs.traffic.ways import Ways
 
 LOOK = 1.0
@@ -53,7 +53,7 @@ class SimulatedTraffic:
         self._deliver: Deliver = lambda message: None
         self._store: StoreForeign = lambda positions: None
         self._stored_positions: Mapping[str, tuple[Position, ...]] = {}
-        traffic = Traffic(address, Roadmap(places=(), lanes=()), follower=MAP_FOLLOWER, edition=int(time.time()))
+        traffic = Traffic(address, Roadmap(places=(), lanes=()), edition=int(time.time()))
         self.office = TrafficOffice(traffic, self._send)
         self._passages = SimulatedPassages(robots.lifts, robots.doors)
         self.layouter: Layouter | None = None

@@ -8,22 +8,22 @@ from itertools import count
 from random import Random
 
 from somrs.devices.simulator.motion.road_user import RoadUser
-from somrs.kernel.component import Answered, Ask, Input, Received, Send, SetTimer, TimerFired
+from somrs.kernel.component import Answered, Ask, Input, Notified, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, reply
 from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.traffic import ClosedLane, CloseWays, HoldTraffic
 from somrs.space.clearance import Disc
 from somrs.space.free_space import FreeSpace
 from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import Point, Solid
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import SAME_SIZE
+from somrs.traffic.notices import ClosedLane, CloseWays, HoldTraffic
 from somrs.traffic.obstructions import Obstructions
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.planning.graph import FAR
 from somrs.traffic.roadmap import NumberedRoadmap
-from somrs.traffic.state import MAP_FOLLOWER, PlanTraffic
+from somrs.traffic.state import PlanTraffic
 
 ADDRESS = "traffic"
 """The address of traffic in which only simulated robots take part."""
@@ -89,17 +89,22 @@ class TrafficOffice:
     def receive(self, message: Message, now: float) -> None:
         """A message of a robot that is not simulated, or of somebody who wants to see traffic."""
         self._now = now
-        robot = getattr(message.body, "robot", None)
-        if robot in self._users:
-            text = f"{robot} is a robot of the simulator, which moves it and reports where it is: let your robot have another name"
-            self._deliver(reply(message, Fault(code="Sender", text=text), self.component.state.address))
-            return
-        passage = getattr(message.body, "passage", None)
-        if passage in self.passages:
-            text = f"{passage} is moved by the simulator, which calls it for robots: only a real lift or door has a program of its own"
-            self._deliver(reply(message, Fault(code="Sender", text=text), self.component.state.address))
+        if reason := self._why_refused(message):
+            self._deliver(reply(message, Fault(code="Sender", text=reason), self.component.state.address))
             return
         self._handle(Received(message))
+
+    def _why_refused(self, message: Message) -> str:
+        """Why a message from outside is refused; empty if it is not."""
+        robot, passage = getattr(message.body, "robot", None), getattr(message.body, "passage", None)
+        if robot in self._users:
+            return f"{robot} is a robot of the simulator, which moves it and reports where it is: let your robot have another name"
+        if passage in self.passages:
+            return f"{passage} is moved by the simulator, which calls it for robots: only a real lift or door has a program of its own"
+        names = self._users.keys() | self.passages.keys()
+        if (name := next((address for address in (message.header.sender, message.header.reply_to) if address in names), None)) is not None:
+            return f"{name} is in the simulator: state the address of your own program in wsa:From, to which traffic sends what is for it"
+        return ""
 
     @property
     def foreign(self) -> list[str]:
@@ -191,7 +196,7 @@ class TrafficOffice:
     def hold(self, reason: str) -> None:
         """Hold traffic for a reason, or without one let it go on."""
         if reason != self.component.state.hold:
-            self.tell(MAP_FOLLOWER, HoldTraffic(reason=reason, number=self.component.state.held_by + 1))
+            self._handle(Notified(HoldTraffic(reason=reason)))
 
     # What stands in the way
 
@@ -208,7 +213,7 @@ class TrafficOffice:
         closing = self._obstructions.closing(free_spaces, things, out_of_order, forbidden, occupied_lifts)
         if closing != self._closed:
             self._closed = closing
-            self.tell(MAP_FOLLOWER, closing)
+            self._handle(Notified(closing))
 
     @property
     def closed_places(self) -> set[str]:
