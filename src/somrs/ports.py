@@ -48,6 +48,13 @@ class Reservation:
         """The environment for programs that may listen at the ports."""
         return {**os.environ, RESERVED: ",".join(map(str, self.ports))}
 
+    def release(self, port: int) -> None:
+        """Release a port for a program that cannot share it with its reservation, such as one that is not ours."""
+        for sock in [sock for sock in self._sockets if sock.getsockname()[1] == port]:
+            sock.close()
+            self._sockets.remove(sock)
+            _reserved.discard(port)
+
     def __enter__(self) -> Reservation:
         return self
 

@@ -23,6 +23,7 @@ from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime import http
 from somrs.runtime.http import QuietServer, Server
+from somrs.runtime.reception import Handler
 from somrs.runtime.wire import NONE_ADDRESS, Unanswered, Wire, retry_unanswered
 from tests.support.hang import HANG_TIME
 
@@ -211,7 +212,7 @@ def test_stopping_while_requests_are_open(caplog: pytest.LogCaptureFixture) -> N
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(b"POST /repository HTTP/1.1\r\nHost: x\r\nContent-Type: application/soap+xml\r\nContent-Length: 99\r\n\r\n<")
         waiting = asyncio.create_task(wire.post(session_message(f"{server.url}/repository"), timeout=HANG_TIME))
-        while len(server._open) < 2:
+        while server.open_count < 2:
             await asyncio.sleep(0.01)
         async with asyncio.timeout(HANG_TIME):
             await server.stop()
@@ -366,7 +367,8 @@ def test_who_comes_while_a_process_starts_comes_again() -> None:
     """Between listening and the first part, which is read from its journal, somebody who knows the address may be there already."""
 
     async def play() -> None:
-        server, wire = Server("127.0.0.1", 0), Wire()
+        parts: dict[str, Handler] = {}
+        server, wire = Server("127.0.0.1", 0, parts), Wire()
         await server.start()
         try:
             message_pattern = "HTTP 503: no component is available yet; this process is starting"
@@ -377,7 +379,7 @@ def test_who_comes_while_a_process_starts_comes_again() -> None:
             pending_reply = asyncio.create_task(retry_unanswered(lambda: wire.post(query(f"{server.url}/repository")), 60))
             await asyncio.sleep(0.05)
             assert not pending_reply.done()
-            server.parts["/repository"] = answer
+            parts["/repository"] = answer
             reply_message = await pending_reply
             assert reply_message is not None
             assert reply_message.body == knowledge.Rows(rows=(), version=7)

@@ -33,7 +33,7 @@ class Lab:
             return await request(host, body, self.repository)
 
         self.ask: Callable[[Body], Awaitable[Body]] = count
-        self.shared = SharedMap(host, self.repository, count)
+        self.shared = SharedMap(host, "/maps/Robot001", self.repository, count)
 
     async def read(self) -> None:
         """Wait until the copy is there."""

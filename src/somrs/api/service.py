@@ -67,7 +67,7 @@ async def open_api_service(addresses: Addresses, data: Path, host: str = "127.0.
     Raises:
         RemoteError: the Repository sent no map within `MAP_TIMEOUT`.
     """
-    hub, runtime = Hub(), Host(host)
+    hub, runtime = Hub(), Host(host, bus=addresses.bus)
     await runtime.start()
     listener = Listener(f"{runtime.url}/news", addresses, hub)
     runtime.add("/news", lambda address: listener)

@@ -118,6 +118,8 @@ async def run_system(
     launcher: Launcher,
     devices_per_process: int | None,
     task_managers: int | None,
+    bus: str | None,
+    name: str | None,
 ) -> None:
     """Run a system until it is asked to stop."""
     from somrs.cli.import_commands import import_sources
@@ -144,6 +146,8 @@ async def run_system(
         launcher=launcher,
         devices_per_process=devices_per_process,
         task_managers=task_managers,
+        bus=bus,
+        name=name,
     )
     try:
         world_program = "the simulator" if simulates else "traffic"

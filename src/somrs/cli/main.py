@@ -7,15 +7,16 @@ from collections.abc import Callable
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 from typer.main import get_command
 
 from somrs.cli.control import control_app
 from somrs.cli.map_commands import map_app
 from somrs.cli.ontology import ontology_app
-from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, Formula, HostOption, Json, WorldOption, awaited, fail, guarded
+from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, Formula, HostOption, Json, SiteName, WorldOption, awaited, fail, guarded
 from somrs.cli.orders import orders_app, templates_app
 from somrs.cli.run import run_app
 from somrs.cli.task_options import PolicyOption
@@ -83,7 +84,19 @@ def demo(
     sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed, launcher=Launcher(launcher_process))))
 
 
-@app.command()
+class UpCommand(TyperCommand):
+    """`--bus` alone, which no option of typer can be: the system then starts a bus of its own."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        completed: list[str] = []
+        for argument, following in zip(args, [*args[1:], ""], strict=True):
+            completed.append(argument)
+            if argument == "--bus" and "://" not in following:
+                completed.append("own")
+        return super().parse_args(ctx, completed)
+
+
+@app.command(cls=UpCommand)
 def up(
     site: Annotated[
         list[Path] | None,
@@ -120,6 +133,14 @@ def up(
             show_default=False,
         ),
     ] = None,
+    bus: Annotated[
+        str | None,
+        typer.Option(
+            help="Have the components talk over NATS: `--bus` alone starts a server, `--bus nats://HOST:4222` joins one.",
+            show_default=False,
+        ),
+    ] = None,
+    name: SiteName = None,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import run_system as run
@@ -128,7 +149,8 @@ def up(
 
     files = guarded(lambda: site_to_run(site or [], data, fresh=fresh))
     launcher_process = fork_launcher()
-    awaited(run(files, data, speed, world, simulator, host, fresh, Launcher(launcher_process), devices_per_process, task_managers))
+    options = devices_per_process, task_managers, bus, name
+    awaited(run(files, data, speed, world, simulator, host, fresh, Launcher(launcher_process), *options))
 
 
 @app.command()

@@ -23,6 +23,16 @@ WorldOption = Annotated[
     typer.Option("--world", help="What moves the simulated world: `physics`, or `kinematic`, without forces, for hundreds of robots."),
 ]
 PortOption = Annotated[int, typer.Option("--port", help="The port to listen on; 0 selects a free port.")]
+BusOption = Annotated[
+    str | None,
+    typer.Option(
+        "--bus", help="Run on the bus with these NATS servers, such as nats://HOST:4222, separated by commas.", show_default=False
+    ),
+]
+SiteName = Annotated[
+    str | None,
+    typer.Option("--name", help="The site's name on the bus; not necessary when there is only one.", show_default=False),
+]
 Formula = Annotated[str, typer.Argument(help="An Entish formula, such as 'Jar002 isOn Platform001'.")]
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, HostOption, PortOption, WorldOption, guarded
+from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, BusOption, Data, HostOption, PortOption, SiteName, WorldOption, guarded
 from somrs.devices.simulator.world.kinds import WorldKind
+
+if TYPE_CHECKING:
+    from somrs.client.client import Addresses
 
 run_app = typer.Typer(help="Run a single component of a system.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -19,20 +23,56 @@ def repository(
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
+    bus: BusOption = None,
+    name: SiteName = None,
 ) -> None:
     """The Repository."""
     from somrs.deployment.programs import run_program, run_repository
 
-    guarded(lambda: run_program(run_repository(data, site, host, port)))
+    def run() -> None:
+        run_program(run_repository(data, site, host, port, _addresses(data, bus, name).bus if bus is not None else None))
+
+    guarded(run)
 
 
 @run_app.command()
-def registry(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+def bus(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 4222) -> None:
+    """A server of the bus: NATS with JetStream."""
+    from somrs.deployment.bus import run_bus
+    from somrs.deployment.programs import run_program
+
+    guarded(lambda: run_program(run_bus(data, host, port)))
+
+
+@run_app.command()
+def gateway(
+    bus: Annotated[str, typer.Option(help="The NATS servers of the bus, such as nats://HOST:4222, separated by commas.")],
+    name: Annotated[str, typer.Option(help="The site's name on the bus: letters, digits, '-' and '_'.")],
+    host: HostOption = LOOPBACK,
+    port: PortOption = 8600,
+    url: Annotated[
+        str | None, typer.Option(help="The gateway's URL for participants, if it is not http://HOST:PORT.", show_default=False)
+    ] = None,
+) -> None:
+    """The gateway of a site on the bus: the address of all its components for SOAP participants that are not on the bus."""
+    from somrs.deployment.bus import bus_address, run_gateway
+    from somrs.deployment.programs import run_program
+
+    def run() -> None:
+        address = bus_address(bus, name, url or f"http://{host}:{port}")
+        run_program(run_gateway(address, host, port))
+
+    guarded(run)
+
+
+@run_app.command()
+def registry(
+    data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0, bus: BusOption = None, name: SiteName = None
+) -> None:
     """The Service Registry."""
-    from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program, run_registry
 
-    guarded(lambda: run_program(run_registry(data, Addresses.read(data), host, port)))
+    guarded(lambda: run_program(run_registry(data, _addresses(data, bus, name), host, port)))
 
 
 @run_app.command(name="task-manager")
@@ -41,12 +81,13 @@ def task_manager(
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
+    bus: BusOption = None,
+    name: SiteName = None,
 ) -> None:
     """A Task Manager."""
-    from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program, run_task_manager
 
-    guarded(lambda: run_program(run_task_manager(data, Addresses.read(data), host, port, number)))
+    guarded(lambda: run_program(run_task_manager(data, _addresses(data, bus, name), host, port, number)))
 
 
 @run_app.command()
@@ -57,25 +98,27 @@ def simulator(
     port: PortOption = 0,
     speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
     world: WorldOption = WorldKind.PHYSICS,
+    bus: BusOption = None,
+    name: SiteName = None,
 ) -> None:
     """The simulator, with the world of the Repository's map."""
-    from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program, run_simulator, run_simulator_of_files, speed_of
 
     if site:
         guarded(lambda: run_program(run_simulator_of_files(site, host, port, speed_of(speed), world)))
     else:
-        guarded(lambda: run_program(run_simulator(data, Addresses.read(data), host, port, speed_of(speed), world)))
+        guarded(lambda: run_program(run_simulator(data, _addresses(data, bus, name), host, port, speed_of(speed), world)))
 
 
 @run_app.command()
-def traffic(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+def traffic(
+    data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0, bus: BusOption = None, name: SiteName = None
+) -> None:
     """The traffic of a building without a simulator, which has one of its own."""
-    from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program
     from somrs.deployment.traffic import run_traffic
 
-    guarded(lambda: run_program(run_traffic(data, Addresses.read(data), host, port)))
+    guarded(lambda: run_program(run_traffic(data, _addresses(data, bus, name), host, port)))
 
 
 @run_app.command()
@@ -84,38 +127,42 @@ def world(
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
     speed: Annotated[str, typer.Option(help="At speed 1, a service of cost 1 takes 1 s; at `max`, no time.")] = "1",
+    bus: BusOption = None,
+    name: SiteName = None,
 ) -> None:
     """The symbolic world of devices without a simulated body."""
-    from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program, run_world, speed_of
 
-    guarded(lambda: run_program(run_world(Addresses.read(data), host, port, speed_of(speed))))
+    guarded(lambda: run_program(run_world(_addresses(data, bus, name), host, port, speed_of(speed))))
 
 
 @run_app.command()
-def scheduler(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+def scheduler(
+    data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0, bus: BusOption = None, name: SiteName = None
+) -> None:
     """The Scheduler, which keeps templates and standing orders."""
-    from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program
     from somrs.scheduling.program import run_scheduler
 
-    guarded(lambda: run_program(run_scheduler(data, Addresses.read(data), host, port)))
+    guarded(lambda: run_program(run_scheduler(data, _addresses(data, bus, name), host, port)))
 
 
 @run_app.command()
-def api(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+def api(
+    data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0, bus: BusOption = None, name: SiteName = None
+) -> None:
     """The API: REST and WebSocket."""
     from somrs.api.program import run_api
-    from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program
 
-    guarded(lambda: run_program(run_api(data, Addresses.read(data), host, port)))
+    guarded(lambda: run_program(run_api(data, _addresses(data, bus, name), host, port)))
 
 
 @run_app.command()
-def gui(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+def gui(
+    data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0, bus: BusOption = None, name: SiteName = None
+) -> None:
     """The windows, for the browser. They need the API."""
-    from somrs.client.client import Addresses
     from somrs.deployment.programs import has_windows, run_program
     from somrs.errors import UsageError
 
@@ -124,7 +171,7 @@ def gui(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOpti
             raise UsageError("the windows need additional packages: pip install 'somrs[gui]'")
         from somrs.gui.server import run_gui
 
-        run_program(run_gui(data, Addresses.read(data), host, port))
+        run_program(run_gui(data, _addresses(data, bus, name), host, port))
 
     guarded(run)
 
@@ -147,8 +194,21 @@ def devices(
     devices: Annotated[list[str], typer.Argument(help="NAME=DRIVER for each device; a driver is `module:Class` or `file.py:Class`.")],
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
+    bus: BusOption = None,
+    name: SiteName = None,
 ) -> None:
     """The Service Managers of several devices, in one process."""
     from somrs.deployment.device_host import parse_device, run_devices
 
-    guarded(lambda: run_devices(dict(map(parse_device, devices)), data, host))
+    guarded(lambda: run_devices(dict(map(parse_device, devices)), _addresses(data, bus, name), data, host))
+
+
+def _addresses(data: Path, bus: str | None, name: str | None) -> Addresses:
+    """The addresses of the running system: of its data folder, or of a site on a bus. Raises UsageError when it is not there."""
+    from somrs.client.client import Addresses
+
+    if bus is None:
+        return Addresses.read(data)
+    from somrs.deployment.bus import find_site
+
+    return asyncio.run(find_site(bus, name))

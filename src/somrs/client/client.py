@@ -20,6 +20,7 @@ from somrs.protocol.messages import directory, frp, knowledge, previews, records
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.people import client_address
+from somrs.runtime.bus import BusAddress
 from somrs.runtime.wire import Wire, retry_unanswered
 
 SYSTEM_FILE = "system.json"
@@ -57,6 +58,8 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     """The Scheduler, which keeps templates and standing orders."""
     traffic: str | None = None
     """Traffic, which grants places to robots; None for a symbolic world."""
+    bus: BusAddress | None = None
+    """The bus on which the components are; None for a system without one."""
     further_task_managers: tuple[str, ...] = ()
     """The Task Managers besides `task_manager`, in a system with several."""
 
@@ -78,6 +81,11 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
 
     def write(self, data: Path, name: str = SYSTEM_FILE) -> None:
         (data / name).write_bytes(msgspec.json.format(msgspec.json.encode(self)))
+
+
+def task_manager_path(number: int) -> str:
+    """The path of a Task Manager's address: on a bus, all addresses have the same origin."""
+    return "/task-manager" if number == 1 else f"/task-manager-{number}"
 
 
 def task_manager_name(number: int) -> str:

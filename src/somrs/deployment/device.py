@@ -30,6 +30,7 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.knowledge import QueryMap, ReadMap, UpdateMap
 from somrs.protocol.messages.observations import Observation, observed_at
 from somrs.protocol.messages.people import client_address
+from somrs.runtime.bus import BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
 from somrs.runtime.wire import retry_unanswered
@@ -67,10 +68,11 @@ def last_port(journal: Journal) -> int:
     return urlsplit(journal.address).port or 0
 
 
-async def listen(host: str, port: int, name: str) -> Host:
-    """Listen at the port of the last run if it is free: coordinators that have a contract know the device by that address."""
+async def listen(host: str, port: int, name: str, bus: BusAddress | None = None) -> Host:
+    """Listen on the bus, or else at the port of the last run if it is free: coordinators that have a contract know the device by that
+    address."""
     for candidate in dict.fromkeys((port, 0)):
-        runtime = Host(host, candidate)
+        runtime = Host(host, candidate, bus=bus)
         try:
             await runtime.start()
         except (OSError, SystemExit, RemoteError, InputError):
@@ -207,7 +209,7 @@ class DeviceRunner:
     async def _listen(self) -> Host:
         if isinstance(self._host, Host):
             return self._host
-        return await listen(self._host, last_port(self._journal), self.device.name)
+        return await listen(self._host, last_port(self._journal), self.device.name, self._addresses.bus)
 
     async def _carry_out(self, task: object, report: Report) -> object:
         match task:

@@ -14,8 +14,9 @@ from pathlib import Path
 from somrs.client.client import Addresses
 from somrs.deployment.device import DeviceRunner, device_journal, last_port, listen, load, request
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, run_program, until_stopped
-from somrs.deployment.shared_map import SharedMap
+from somrs.deployment.shared_map import MAPS, SharedMap
 from somrs.errors import DeviceError, SomrsError
+from somrs.runtime.bus import BusAddress
 from somrs.runtime.host import Host
 
 log = logging.getLogger(__name__)
@@ -31,26 +32,26 @@ class Listeners:
     port.
     """
 
-    def __init__(self, address: str) -> None:
-        self._address = address
+    def __init__(self, address: str, bus: BusAddress | None = None) -> None:
+        self._address, self._bus = address, bus
         self._hosts: dict[int, Host] = {}
         """By the ports at which they listen, and by those at which they could not."""
         self._lock = asyncio.Lock()
         self._shared_map: SharedMap | None = None
 
-    def share_map(self, host: Host, repository: str) -> SharedMap:
-        """The copy of the map for all devices; the first of their hosts keeps it."""
+    def share_map(self, host: Host, name: str, repository: str) -> SharedMap:
+        """The copy of the map for all devices; the first of their hosts keeps it, under the name of the first device."""
         if self._shared_map is None:
-            self._shared_map = SharedMap(host, repository, lambda body: request(host, body, repository))
+            self._shared_map = SharedMap(host, f"{MAPS}/{name}", repository, lambda body: request(host, body, repository))
         return self._shared_map
 
     async def find(self, port: int, name: str) -> Host:
         """The host that listens at a port of the last run, or in its place; for port 0, any."""
         async with self._lock:
-            if port == 0 and self._hosts:
+            if (port == 0 or self._bus is not None) and self._hosts:
                 return next(iter(self._hosts.values()))
             if port not in self._hosts:
-                host = await listen(self._address, port, name)
+                host = await listen(self._address, port, name, self._bus)
                 self._hosts |= {port: host, host.port: host} if port else {host.port: host}
             return self._hosts[port] if port else next(iter(self._hosts.values()))
 
@@ -99,7 +100,7 @@ class HostedDevice:
         journal = device_journal(self._data, self.name)
         try:
             host = await self._listeners.find(last_port(journal), self.name)
-            shared_map = self._listeners.share_map(host, self._addresses.repository)
+            shared_map = self._listeners.share_map(host, self.name, self._addresses.repository)
             runner = DeviceRunner(driver(self.name, world), self._addresses, self._data, host, journal=journal, shared_map=shared_map)
             try:
                 address = await runner.start()
@@ -114,13 +115,12 @@ class HostedDevice:
             journal.close()
 
 
-async def serve_devices(drivers: Mapping[str, str], data: Path, address: str = "127.0.0.1") -> None:
+async def serve_devices(drivers: Mapping[str, str], addresses: Addresses, data: Path, address: str = "127.0.0.1") -> None:
     """Run the devices, which have these drivers by their names, until this process receives SIGTERM or SIGINT.
 
     It is ready when each device has started or failed to. Raises the error of the first device when none of them starts.
     """
-    addresses = Addresses.read(data)
-    listeners = Listeners(address)
+    listeners = Listeners(address, addresses.bus)
     devices = [HostedDevice(name, driver, data, addresses, listeners) for name, driver in drivers.items()]
     running = [asyncio.create_task(device.run()) for device in devices]
     try:
@@ -137,12 +137,12 @@ async def serve_devices(drivers: Mapping[str, str], data: Path, address: str = "
         await listeners.stop()
 
 
-def run_devices(drivers: Mapping[str, str], data: Path, address: str = "127.0.0.1") -> None:
+def run_devices(drivers: Mapping[str, str], addresses: Addresses, data: Path, address: str = "127.0.0.1") -> None:
     """Run the devices until the process receives SIGTERM or SIGINT. Each line of the log begins with the device that it is about."""
     handler = logging.StreamHandler()
     handler.addFilter(name_device)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
-    run_program(serve_devices(drivers, data, address))
+    run_program(serve_devices(drivers, addresses, data, address))
 
 
 def name_device(record: logging.LogRecord) -> bool:

@@ -19,9 +19,10 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from somrs.client.client import Addresses
+from somrs.client.client import Addresses, task_manager_path
 from somrs.client.trace import Trace, trace_file
 from somrs.errors import RemoteError, UsageError
+from somrs.runtime.bus import BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import Report, Watch
 
@@ -105,7 +106,7 @@ def load_site(site: Sequence[Path]) -> LoadedModel:
     return loaded
 
 
-async def run_repository(data: Path, site: Sequence[Path], host: str, port: int) -> None:
+async def run_repository(data: Path, site: Sequence[Path], host: str, port: int, bus: BusAddress | None = None) -> None:
     """Run the Repository. It continues from its journal, or starts with the site's files when there is none."""
     from somrs.repository.component import Repository
     from somrs.repository.state import Contents
@@ -119,9 +120,10 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
     data.mkdir(parents=True, exist_ok=True)
     journal = repository_journal(data / "repository.sqlite")
     try:
-        runtime = Host(host, port)
+        runtime = Host(host, port, bus=bus)
         await runtime.start()
         node = runtime.add_journaled("/repository", create_repository, journal, carry_out=journal.carry_out)
+        await runtime.listening()
         await until_stopped("repository", node.address)
         await runtime.stop()
     finally:
@@ -137,9 +139,10 @@ async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -
     data.mkdir(parents=True, exist_ok=True)
     journal = Journal(data / "registry.sqlite", SCHEMA, f"the Repository at {addresses.repository}")
     try:
-        runtime = Host(host, port)
+        runtime = Host(host, port, bus=addresses.bus)
         await runtime.start()
         node = runtime.add_journaled("/registry", lambda address: Registry(address, upper(), addresses.repository), journal)
+        await runtime.listening()
         await until_stopped("registry", node.address)
         await runtime.stop()
     finally:
@@ -165,7 +168,7 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
     journal = Journal(file, SCHEMA, f"the Repository at {addresses.repository}, the Registry at {addresses.registry}")
     try:
         trace = Trace(trace_file(data, number))
-        runtime = await _start_runtime(journal, host, port, trace)
+        runtime = await _start_runtime(journal, host, port, trace, addresses.bus)
         with PlannerProcess() as process:
             planner = Planner(process)
 
@@ -175,14 +178,16 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
                 assert isinstance(task, Problem), "a Task Manager requests nothing else"
                 return await planner.plan(task)
 
-            trace.coordinator = f"{runtime.url}/task-manager"
+            path = task_manager_path(number)
+            trace.coordinator = f"{runtime.url}{path}"
             node = runtime.add_journaled(
-                "/task-manager",
+                path,
                 lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
                 journal,
                 carry_out=carry_out,
             )
             async with clock_follower(node, runtime.clock, addresses.simulator):
+                await runtime.listening()
                 await until_stopped("task-manager", node.address)
                 await runtime.stop()
         trace.close()
@@ -190,10 +195,10 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
         journal.close()
 
 
-async def _start_runtime(journal: Journal, host: str, port: int, watch: Watch) -> Host:
-    """Listen at `port`, or at the port of the last run: participants know only that address."""
+async def _start_runtime(journal: Journal, host: str, port: int, watch: Watch, bus: BusAddress | None) -> Host:
+    """Listen on the bus, or else at `port`, or at the port of the last run: participants know only that address."""
     last_port = urlsplit(journal.address).port or 0
-    runtime = Host(host, port or last_port, watch)
+    runtime = Host(host, port or last_port, watch, bus=bus)
     try:
         await runtime.start()
     except UsageError as error:
@@ -230,7 +235,7 @@ async def run_simulator(data: Path, addresses: Addresses, host: str, port: int, 
     from somrs.devices.simulator.server.follower import Follower
     from somrs.devices.simulator.server.server import Server
 
-    runtime = Host(host, urlsplit(addresses.traffic or "").port or 0)
+    runtime = Host(host, urlsplit(addresses.traffic or "").port or 0, bus=addresses.bus)
     await runtime.start()
     world = Follower(f"{runtime.url}/simulator", addresses.repository, kind, traffic=f"{runtime.url}/traffic")
     runtime.add("/simulator", lambda address: world)

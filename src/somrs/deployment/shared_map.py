@@ -18,7 +18,8 @@ from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap
 from somrs.repository.map_answers import MapAnswers
 from somrs.runtime.host import Host
 
-PATH = "/map"
+MAPS = "/maps"
+"""The path above those of all copies."""
 LAST_NAME = "\ufffd"
 """A name after those of all objects: the page that begins there has the version alone."""
 PATIENCE = 60.0
@@ -44,16 +45,16 @@ class _Copy:
 
 
 class SharedMap:
-    """A copy of the map at a host, from which devices are answered. `request`: asks the Repository."""
+    """A copy of the map at a host, from which devices are answered. `path`: that of the copy; `request`: asks the Repository."""
 
-    def __init__(self, host: Host, repository: str, request: Request) -> None:
-        self._copy = _Copy(f"{host.url}{PATH}", repository)
+    def __init__(self, host: Host, path: str, repository: str, request: Request) -> None:
+        self._copy = _Copy(f"{host.url}{path}", repository)
         self._answers, self._request = MapAnswers(), request
         self._open_probe: asyncio.Task[int] | None = None
         """The question for the current version that is on its way."""
         self._queued_probe: asyncio.Task[int] | None = None
         """The question that is sent after it."""
-        host.add(PATH, lambda _: self._copy)
+        host.add(path, lambda _: self._copy)
 
     async def answer(self, question: QueryMap | ReadMap) -> Body:
         """The answer to a question about the map as it is now. Raises RemoteError."""

@@ -15,7 +15,8 @@ from urllib.parse import urlsplit
 import msgspec
 from msgspec.structs import replace
 
-from somrs.client.client import SYSTEM_FILE, Addresses, Client
+from somrs.client.client import SYSTEM_FILE, Addresses, Client, task_manager_path
+from somrs.deployment.bus import bus_address, list_site
 from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_windows
@@ -26,6 +27,7 @@ from somrs.ontology.modes import DOOR, LIFT
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.ports import Reservation
+from somrs.runtime.bus import BusAddress
 from somrs.storage.disk import is_in_use
 
 log = logging.getLogger(__name__)
@@ -42,6 +44,15 @@ contracts know each other by these addresses."""
 
 TASK_MANAGER, DEVICES = "task-manager", "devices"
 """Commands of `somrs run` of which a system may have several programs."""
+
+BUS, GATEWAY = "bus", "gateway"
+"""Commands of `somrs run` on which all others rely, if the system is on a bus."""
+
+_WITHOUT_BUS = {3, 4, 5}
+"""The numbers of the ports that a system has on a bus, too: of the world, the windows and the API."""
+
+OWN_BUS = "own"
+"""A bus that is started with the system."""
 
 STOP_TIME = 5.0
 """Seconds that a program has to end after SIGTERM before it is killed."""
@@ -100,6 +111,8 @@ class System:
     `launcher`: starts the programs; None: the system makes its own. `stop` ends it in either case.
     `devices_per_process`: how many devices share a process; None: as `group_devices` says.
     `task_managers`: the number of Task Managers; None: as many as in the last run.
+    `bus`: the URLs of the NATS servers on which the components are, `OWN_BUS` for one that is started with them, None for no bus; `name`:
+    the site's name there.
     """
 
     def __init__(
@@ -116,8 +129,11 @@ class System:
         launcher: Launcher | None = None,
         devices_per_process: int | None = None,
         task_managers: int | None = None,
+        bus: str | None = None,
+        name: str | None = None,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
+        self._bus, self._name = bus, name
         self.speed, self.world, self._simulates = speed, world, simulates
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
@@ -150,22 +166,28 @@ class System:
         self.data.mkdir(parents=True, exist_ok=True)
         check_unused(self.data)
         manager_count = task_manager_count(self.data, self._task_managers)
-        self._reservation = Reservation(self.host, 7 + manager_count, self._ports_before())
+        self._reservation = Reservation(self.host, 9 + manager_count, self._ports_before())
         ports = self._reservation.ports
-        manager_ports = [ports[2], *ports[8:]]
-        manager_address, *further_managers = (f"http://{self.host}:{port}/task-manager" for port in manager_ports)
+        origins = [f"http://{self.host}:{port}" for port in ports]
+        self._check_site()
+        bus = await self._start_bus(ports[8], ports[9])
+        if bus is not None:
+            origins = [origin if number in _WITHOUT_BUS else bus.gateway for number, origin in enumerate(origins)]
+        manager_origins = [origins[2], *origins[10:]]
+        manager_address, *further_managers = (origin + task_manager_path(number) for number, origin in enumerate(manager_origins, start=1))
         self.addresses = Addresses(
-            repository=f"http://{self.host}:{ports[0]}/repository",
-            registry=f"http://{self.host}:{ports[1]}/registry",
+            repository=f"{origins[0]}/repository",
+            registry=f"{origins[1]}/registry",
             task_manager=manager_address,
             further_task_managers=tuple(further_managers),
-            gui=f"http://{self.host}:{ports[4]}" if self._windows and has_windows() else None,
-            api=f"http://{self.host}:{ports[5]}/api",
-            scheduler=f"http://{self.host}:{ports[6]}/scheduler",
+            gui=origins[4] if self._windows and has_windows() else None,
+            api=f"{origins[5]}/api",
+            scheduler=f"{origins[6]}/scheduler",
+            bus=bus,
         )
-        self._check_site()
         site = [argument for path in self.site for argument in ("--site", str(path))]
-        await self._start("repository", "--port", str(ports[0]), *site)
+        entrance = ["--port", str(ports[0])] if bus is None else ["--bus", bus.servers, "--name", bus.site]
+        await self._start("repository", *entrance, *site)
         async with Client(self.addresses) as client:
             ontology, map = await client.ontology(), await client.map()
         driven = devices(map, ontology)
@@ -175,7 +197,7 @@ class System:
         if not has_world:
             driven = unsimulated(driven, map, ontology)
         # A simulator that runs already has a traffic of its own.
-        traffic_address = f"http://{self.host}:{ports[7]}/traffic" if self._world_address is None and not bodiless else None
+        traffic_address = f"{origins[7]}/traffic" if self._world_address is None and not bodiless else None
         self.addresses = replace(
             self.addresses,
             world=world_address if bodiless else None,
@@ -187,7 +209,7 @@ class System:
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         first = [self._start("registry", "--port", str(ports[1]))]
-        first += [self._start_task_manager(number, port) for number, port in enumerate(manager_ports, 1)]
+        first += [self._start_task_manager(number, port) for number, port in enumerate([ports[2], *ports[10:]], 1)]
         if not has_world:
             first.append(self._start("traffic", "--port", str(ports[7])))
         elif self._world_address is None:
@@ -201,6 +223,22 @@ class System:
         await asyncio.gather(*last_starts)
         # Not earlier: when a start fails because an address is taken, the next start tries the same address again.
         self.addresses.write(self.data, LAST_FILE)
+        if bus is not None:
+            await list_site(self.addresses)
+
+    async def _start_bus(self, server_port: int, gateway_port: int) -> BusAddress | None:
+        """Start the bus, if it is to be the system's own, and the site's gateway. Returns where the bus is, if there is one."""
+        if self._bus is None:
+            return None
+        name = self._name or "".join(letter if letter.isalnum() and letter.isascii() else "-" for letter in self.site[0].stem)
+        servers = f"nats://{self.host}:{server_port}" if self._bus == OWN_BUS else self._bus
+        bus = bus_address(servers, name, f"http://{self.host}:{gateway_port}")
+        if self._bus == OWN_BUS:
+            assert self._reservation is not None, "made before"
+            self._reservation.release(server_port)
+            await self._start(BUS, "--port", str(server_port))
+        await self._start(GATEWAY, "--bus", servers, "--name", name, "--port", str(gateway_port))
+        return bus
 
     def _ports_before(self) -> list[int]:
         """The ports of the last run; empty if there was none."""
@@ -218,6 +256,8 @@ class System:
             addresses.api or "",
             addresses.scheduler or "",
             addresses.traffic or "",
+            addresses.bus.servers if addresses.bus is not None else "",
+            addresses.bus.gateway if addresses.bus is not None else "",
             *addresses.further_task_managers,
         )
         return [urlsplit(place).port or 0 for place in places]
@@ -235,7 +275,7 @@ class System:
         name = label or command
         output = self.data / "logs" / f"{name}.log"
         output.parent.mkdir(exist_ok=True)
-        line = ["run", command, *arguments, "--data", str(self.data), "--host", self.host]
+        line = ["run", command, *arguments, *(() if command == GATEWAY else ("--data", str(self.data))), "--host", self.host]
         output.unlink(missing_ok=True)
         program = self.programs[name] = Program(name, line, await self._process(line, output), output)
         await _ready(program)
@@ -276,12 +316,14 @@ class System:
     async def stop(self) -> None:
         """Stop all programs: devices first, so that they can leave in order."""
         running = [program for program in reversed(self.programs.values()) if program.process.returncode is None]
-        device_programs = [program for program in running if program.arguments[1] == DEVICES]
-        for group in (device_programs, [program for program in running if program not in device_programs]):
-            for program in group:
+        devices, bus = ([program for program in running if program.arguments[1] in commands] for commands in ({DEVICES}, {BUS, GATEWAY}))
+        core = [program for program in running if program not in devices and program not in bus]
+        for group in (devices, core, bus):
+            still_running = [program for program in group if program.process.returncode is None]
+            for program in still_running:
                 with contextlib.suppress(ProcessLookupError):  # it has just ended
                     program.process.send_signal(signal.SIGTERM)
-            await asyncio.gather(*(_end(program) for program in group))
+            await asyncio.gather(*(_end(program) for program in still_running))
         await self._launcher.stop()
         if self._reservation is not None:
             self._reservation.close()

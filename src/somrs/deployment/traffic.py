@@ -35,10 +35,12 @@ async def run_traffic(data: Path, addresses: Addresses, host: str, port: int) ->
     data.mkdir(parents=True, exist_ok=True)
     journal = Journal(data / "traffic.sqlite", SCHEMA)
     try:
-        runtime = Host(host, port or urlsplit(addresses.traffic or "").port or 0)
+        runtime = Host(host, port or urlsplit(addresses.traffic or "").port or 0, bus=addresses.bus)
         await runtime.start()
         with TrafficWorker() as worker:
-            await until_stopped("traffic", add_traffic(runtime, journal, worker, addresses.repository).address)
+            node = add_traffic(runtime, journal, worker, addresses.repository)
+            await runtime.listening()
+            await until_stopped("traffic", node.address)
             await runtime.stop()
     finally:
         journal.close()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from somrs.errors import SomrsError
 from somrs.kernel.component import Notified
-from somrs.runtime.http import NotTaken
+from somrs.runtime.reception import NotTaken
 from somrs.task_manager.world_clock import WorldClock, WorldTimePassed
 
 if TYPE_CHECKING:

@@ -14,10 +14,12 @@ from somrs.errors import RemoteError
 from somrs.kernel.component import Component, Received, Stateful
 from somrs.kernel.durability import JournaledComponent
 from somrs.protocol.messages.envelope import Message
+from somrs.runtime.bus import Bus, BusAddress
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import Server
 from somrs.runtime.node import CarryOut, Node, Report, Watch
-from somrs.runtime.outbox import Outboxes, OutgoingMessage
+from somrs.runtime.outbox import Outboxes, OutgoingMessage, Transport
+from somrs.runtime.reception import Handler
 from somrs.runtime.wire import Wire
 from somrs.storage.journal import Journal
 
@@ -29,16 +31,27 @@ async def _refuse_work(task: object, report: Report) -> object:
 
 
 class Host:
-    """The components of one process behind one port, by default at the loopback address. `clock` is the clock of all components."""
+    """The components of one process behind one port, by default at the loopback address. `clock` is the clock of all components.
 
-    def __init__(self, host: str = "127.0.0.1", port: int = 0, watch: Watch | None = None, clock: Clock | None = None) -> None:
+    `bus`: where the components are instead, and how they reach those of the same site.
+    """
+
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        watch: Watch | None = None,
+        clock: Clock | None = None,
+        bus: BusAddress | None = None,
+    ) -> None:
         self.clock = clock if clock is not None else Clock()
-        self.wire = Wire()
+        self._wire, self._bus = Wire(), Bus(bus) if bus is not None else None
         self._nodes: dict[str, Node] = {}
-        self._server = Server(host, port, {})
+        self._parts: dict[str, Handler] = self._bus.parts if self._bus is not None else {}
+        self._server = self._bus or Server(host, port, self._parts)
         self._watch = watch
         self._local: deque[tuple[Node, OutgoingMessage]] = deque()
-        self._outboxes = Outboxes(self.wire, self._post, self.clock.now)
+        self._outboxes = Outboxes(self._route, self._post, self.clock.now)
 
     @property
     def url(self) -> str:
@@ -50,6 +63,11 @@ class Host:
 
     async def start(self) -> None:
         await self._server.start()
+
+    async def listening(self) -> None:
+        """Return when others can reach the components that have been added."""
+        if self._bus is not None:
+            await self._bus.listening()
 
     def add(self, path: str, factory: Callable[[str], Component], *, carry_out: CarryOut = _refuse_work) -> Node:
         """Add a component without a journal at a path such as `/repository`, and start it. `factory` creates it for its address."""
@@ -101,14 +119,18 @@ class Host:
 
     def _start(self, path: str, node: Node, *, is_resumed: bool, notices: Sequence[object] = ()) -> Node:
         self._nodes[node.address] = node
-        self._server.parts[path] = node.receive
+        self._parts[path] = node.receive
         node.start(is_resumed=is_resumed, notices=notices)
         return node
 
     async def remove(self, node: Node) -> None:
         """Stop the component, and free its address."""
         await node.close()
-        del self._nodes[node.address], self._server.parts[urlsplit(node.address).path]
+        del self._nodes[node.address], self._parts[urlsplit(node.address).path]
+
+    def _route(self, address: str) -> Transport:
+        """What reaches the address: the bus within the site, HTTP outside."""
+        return self._bus if self._bus is not None and self._bus.destination(address) is not None else self._wire
 
     def send(self, outgoing: OutgoingMessage) -> None:
         """Deliver the message to its recipient, in this process or another, after the messages to it that wait already."""
@@ -152,7 +174,7 @@ class Host:
 
     async def _post(self, message: Message, seconds: float) -> Message | None:
         if (local := self._nodes.get(message.header.recipient)) is None:
-            return await self.wire.post(message, timeout=seconds)
+            return await self._route(message.header.recipient).post(message, seconds)
         local.feed(Received(message))
         await local.output.on_disk()
         return None
@@ -162,7 +184,7 @@ class Host:
         if (local := self._nodes.get(message.header.recipient)) is not None:
             answer = await local.receive(message)
         else:
-            answer = await self.wire.post(message, timeout=timeout)
+            answer = await self._route(message.header.recipient).post(message, timeout)
         if answer is None:
             raise RemoteError(f"{message.header.recipient} did not answer {type(message.body).__name__}")
         return answer
@@ -173,4 +195,6 @@ class Host:
         await self._outboxes.close()
         with contextlib.suppress(RemoteError):
             await self._server.stop()
-        await self.wire.close()
+        await self._wire.close()
+        if self._bus is not None:
+            await self._bus.close()

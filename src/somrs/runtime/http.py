@@ -8,10 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
-from collections.abc import Awaitable, Callable, Iterator
-from typing import TypeVar
-from urllib.parse import unquote, urlsplit
+from collections.abc import Iterator, Mapping
 
 import uvicorn
 from starlette.requests import ClientDisconnect, Request
@@ -19,22 +16,16 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import Receive, Scope
 from starlette.types import Send as SendPart
 
-from somrs.errors import InputError, RemoteError, UsageError, WireError
+from somrs.errors import RemoteError, UsageError
 from somrs.ports import bound
-from somrs.protocol.messages import frp
-from somrs.protocol.messages.envelope import Message
 from somrs.protocol.soap import soap
-from somrs.protocol.soap.document import MOST_BYTES, SENDER
+from somrs.protocol.soap.document import MOST_BYTES
 from somrs.protocol.soap.wsdl import description, schema
 from somrs.runtime import batches
 from somrs.runtime.batches import Outcome
+from somrs.runtime.reception import Format, Handler, Reception, unavailable
 
-log = logging.getLogger(__name__)
-
-T = TypeVar("T")
-
-Handler = Callable[[Message], Awaitable[Message | None]]
-"""Handles a message; returns the answer, when it goes back on the same connection."""
+SOAP = Format(soap.encode, soap.decode, soap.fault)
 
 BODY_TIME = 10.0
 """Seconds within which the whole message must arrive."""
@@ -48,28 +39,27 @@ DATE_TIME = 1.0
 CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
 _HANG_UP = {"Connection": "close"}
 _ACCEPTED = Response(status_code=202)
-_STOPPING = "this component is stopping"
 _STARTING = "no component is available yet; this process is starting"
-
-
-class NotTaken(RemoteError):
-    """No component accepted the message: the sender has to send it again."""
 
 
 class Server:
     """Serves `parts`, the handlers by path, at one port. Runs in the present event loop."""
 
-    def __init__(self, host: str, port: int, parts: dict[str, Handler] | None = None, body_time: float = BODY_TIME) -> None:
+    def __init__(self, host: str, port: int, parts: Mapping[str, Handler] | None = None, body_time: float = BODY_TIME) -> None:
         self.host, self.port, self.body_time = host, port, body_time
-        self.parts: dict[str, Handler] = parts if parts is not None else {}
+        self.parts: Mapping[str, Handler] = parts if parts is not None else {}
         self._serving: asyncio.Task[None] | None = None
         self._server: QuietServer | None = None
-        self._open: set[asyncio.Task[object]] = set()
-        self._stopping = False
+        self._reception = Reception(SOAP, self.parts)
 
     @property
     def url(self) -> str:
         return f"http://{self.host}:{self.port}"
+
+    @property
+    def open_count(self) -> int:
+        """How many requests are open."""
+        return self._reception.open_count
 
     async def start(self) -> None:
         """Listen. Port 0 becomes a free port. Raises UsageError when the port is not available."""
@@ -99,9 +89,7 @@ class Server:
         """Stop listening. Requests that wait for an answer get a Fault; requests that are still being read get the status 503."""
         if self._server is not None and self._serving is not None:
             self._server.end()
-            self._stopping = True
-            for task in self._open:
-                task.cancel()
+            self._reception.stop()
             with contextlib.suppress(asyncio.CancelledError):
                 await self._serving
 
@@ -110,7 +98,7 @@ class Server:
         match scope["method"]:
             case _ if not self.parts:
                 # A process listens before its components are read from disk; clients that know their addresses have to try again.
-                response = _response(_unavailable(RemoteError(_STARTING)))
+                response = _response(unavailable(RemoteError(_STARTING)))
             case "POST":
                 response = await self._handle_post(scope, receive)
             case "GET" | "HEAD":
@@ -122,26 +110,25 @@ class Server:
     async def _handle_post(self, scope: Scope, receive: Receive) -> Response:
         handler = self.parts.get(scope["path"])
         if handler is None:
-            return PlainTextResponse(self._not_found_text(scope["path"]), 404)
+            return PlainTextResponse(self._reception.not_found_text(scope["path"]), 404)
         headers: dict[bytes, bytes] = dict(scope["headers"])
         content_type = headers.get(b"content-type", b"").decode("latin-1")
         is_batch = content_type == batches.MEDIA_TYPE
         if not (is_batch or _is_soap(content_type)) or not _is_plain(headers):
             return PlainTextResponse(f"send {CONTENT_TYPE}, not compressed\n", 415, headers=_HANG_UP)
         try:
-            if self._stopping:
-                raise RemoteError(_STOPPING)
+            self._reception.check_open()
             async with asyncio.timeout(self.body_time):
-                document = await self._unless_stopped(_body(headers, receive))
+                document = await self._reception.unless_stopped(_body(headers, receive))
         except ClientDisconnect:
             return Response(status_code=400)
         except TimeoutError:
             return PlainTextResponse(f"the message was not complete within {self.body_time:g} s\n", 408, headers=_HANG_UP)
         except RemoteError as error:
-            return _response(_unavailable(error))
+            return _response(unavailable(error))
         if document is None:
             return PlainTextResponse(f"the message has more than {MOST_BYTES} bytes, which is the limit\n", 413, headers=_HANG_UP)
-        return await self._take_batch(document) if is_batch else _response(await self._outcome(document, handler))
+        return await self._take_batch(document) if is_batch else _response(await self._reception.outcome(document, handler))
 
     async def _take_batch(self, batch: bytes) -> Response:
         """Handle the messages of a batch in order, each at the component to which it is addressed."""
@@ -149,55 +136,13 @@ class Server:
             documents = batches.documents_of(batch)
         except ValueError as error:
             return PlainTextResponse(f"this is not a batch of messages: {error}\n", 400)
-        outcomes = await asyncio.gather(*map(self._outcome, documents))
+        outcomes = await self._reception.outcomes(documents)
         return Response(batches.answer(outcomes), media_type=batches.MEDIA_TYPE)
-
-    async def _outcome(self, document: bytes, handler: Handler | None = None) -> Outcome:
-        """Return the outcome of a message at the handler; without a handler, at the component to which it is addressed."""
-        message: Message | None = None
-        try:
-            message = soap.decode(document)
-            if handler is None:
-                path = unquote(urlsplit(message.header.recipient).path)
-                handler = self.parts.get(path)
-                if handler is None:
-                    return 404, self._not_found_text(path).encode()
-            answer = await self._unless_stopped(handler(message))
-            return _answer(answer) if answer is not None else (202, b"")
-        except WireError as error:
-            return _fault(error, message)
-        except InputError as error:
-            return _fault(WireError(SENDER, str(error)), message)
-        except NotTaken as error:
-            return _unavailable(error)
-        except RemoteError as error:
-            return _fault(WireError(soap.RECEIVER, str(error)), message)
-        except Exception:  # a defect here must not end the server, nor show the sender its stack trace
-            log.exception("a %s could not be handled", type(message.body).__name__ if message else "message")
-            return _fault(WireError(soap.RECEIVER, "an internal error occurred; see the log of this program"), message)
-
-    def _not_found_text(self, path: str) -> str:
-        return f"there is no component at {path}; available: {', '.join(self.parts)}\n"
-
-    async def _unless_stopped(self, work: Awaitable[T]) -> T:
-        """Return the result of the work. Raises RemoteError when the server stops first."""
-        task = asyncio.current_task()
-        assert task is not None, "requests are served in tasks"
-        self._open.add(task)
-        try:
-            return await work
-        except asyncio.CancelledError:
-            if not self._stopping:
-                raise
-            task.uncancel()
-            raise RemoteError(_STOPPING) from None
-        finally:
-            self._open.discard(task)
 
     async def _handle_get(self, request: Request) -> Response:
         path = request.url.path
         if path not in self.parts:
-            return PlainTextResponse(self._not_found_text(path), 404)
+            return PlainTextResponse(self._reception.not_found_text(path), 404)
         query = request.query_params
         if "wsdl" in query:
             # The client can reach the component again at the address that it used now.
@@ -239,11 +184,6 @@ def _response(outcome: Outcome) -> Response:
     return Response(content, status, media_type=CONTENT_TYPE)
 
 
-def _unavailable(error: RemoteError) -> Outcome:
-    """Return the outcome for a message that was not accepted. A Fault would be an answer, but the sender has to send the message again."""
-    return 503, f"{error}\n".encode()
-
-
 def _xml(document: bytes | None) -> Response:
     return Response(document, media_type="text/xml") if document is not None else PlainTextResponse("there is no such document\n", 404)
 
@@ -273,26 +213,3 @@ async def _body(headers: dict[bytes, bytes], receive: Receive) -> bytes | None:
             return None
         is_incomplete = part.get("more_body", False)
     return body
-
-
-def _answer(answer: Message) -> Outcome:
-    try:
-        return _status(answer), soap.encode(answer)
-    except WireError as error:
-        raise RemoteError(f"the answer, {type(answer.body).__name__}, cannot be sent: {error.text}") from None
-
-
-def _status(answer: Message) -> int:
-    if isinstance(answer.body, frp.Fault):
-        return _fault_status(answer.body.code)
-    return 400 if type(answer.body) in soap.REFUSALS else 200
-
-
-def _fault_status(code: str) -> int:
-    """Return the HTTP status of a Fault (SOAP 1.2 part 2, table 20): 400 for an error of the sender, 500 for all others."""
-    return 500 if code.removeprefix("env:") in ("Receiver", "MustUnderstand", "VersionMismatch", "DataEncodingUnknown") else 400
-
-
-def _fault(error: WireError, message: Message | None = None) -> Outcome:
-    relates_to = message.header.message_id if message is not None else None
-    return _fault_status(error.code), soap.fault(error, relates_to)

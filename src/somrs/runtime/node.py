@@ -34,10 +34,10 @@ from somrs.kernel.component import (
 from somrs.kernel.durability import DELIVERY_TIME, JournaledComponent
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.runtime.clock import Clock
-from somrs.runtime.http import NotTaken
 from somrs.runtime.outbox import OutgoingMessage
 from somrs.runtime.output import Output
 from somrs.runtime.pending_replies import PendingReplies, in_session, is_waited_for
+from somrs.runtime.reception import NotTaken
 from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)

@@ -14,7 +14,6 @@ from somrs.errors import RemoteError
 from somrs.kernel.durability import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.runtime.batches import MAX_BATCH_SIZE
-from somrs.runtime.wire import Wire, origin
 
 log = logging.getLogger(__name__)
 
@@ -47,6 +46,22 @@ Post = Callable[[Sequence[Message], float], Awaitable[Sequence[Message | RemoteE
 Returns for each the answer, or the error for which it was rejected. Raises RemoteError when none was accepted, for a reason that concerns
 all, or when there is only one.
 """
+
+
+class Transport(Protocol):
+    """Carries messages to other processes: `wire.Wire` and `bus.Bus`."""
+
+    def destination(self, address: str) -> str | None:
+        """What takes batches of messages to this address and others with the same destination; None if messages go one by one."""
+        ...
+
+    async def post(self, message: Message, timeout: float) -> Message | None:
+        """Send a message. Return the answer, or None when the message was accepted without one. Raises RemoteError."""
+        ...
+
+    async def post_batch(self, messages: Sequence[Message], timeout: float) -> Sequence[Message | RemoteError | None]:
+        """Send the first messages, as `Post` says. All have the same destination."""
+        ...
 
 
 class _Outbox:
@@ -102,15 +117,21 @@ class _Outbox:
 
 
 class Outboxes:
-    """The outboxes of a process: one for each address, and one for each process that accepts batches.
+    """The outboxes of a process: one for each address, and one for each destination that accepts batches.
 
-    The messages to such a process are collected while a request is under way. `post_alone` posts a single message.
+    The messages to such a destination are collected while a request is under way. `route`: what carries messages to an address;
+    `post_alone` posts a single message.
     """
 
-    def __init__(self, wire: Wire, post_alone: Callable[[Message, float], Awaitable[Message | None]], now: Callable[[], float]) -> None:
-        self._wire, self._post_alone, self._now = wire, post_alone, now
+    def __init__(
+        self,
+        route: Callable[[str], Transport],
+        post_alone: Callable[[Message, float], Awaitable[Message | None]],
+        now: Callable[[], float],
+    ) -> None:
+        self._route, self._post_alone, self._now = route, post_alone, now
         self._by_address: dict[str, _Outbox] = {}
-        self._by_origin: dict[str, _Outbox] = {}
+        self._by_destination: dict[str, _Outbox] = {}
 
     def busy(self, address: str) -> bool:
         """Whether messages to this address wait to be sent separately; later messages have to follow them."""
@@ -121,13 +142,17 @@ class Outboxes:
         """Send the message, after those that wait already."""
         header = outgoing.message.header
         # A sender that waits for an answer on the connection must not wait for other messages.
-        if self.busy(header.recipient) or header.reply_to == ANONYMOUS or not self._wire.takes_batches(header.recipient):
+        if self.busy(header.recipient) or header.reply_to == ANONYMOUS:
             self.enqueue_separately(outgoing)
             return
-        recipient_origin = origin(header.recipient)
-        box = self._by_origin.get(recipient_origin)
+        transport = self._route(header.recipient)
+        destination = transport.destination(header.recipient)
+        if destination is None:
+            self.enqueue_separately(outgoing)
+            return
+        box = self._by_destination.get(destination)
         if box is None:
-            box = self._by_origin[recipient_origin] = _Outbox(self._wire.post_batch, self._now, self.enqueue_separately)
+            box = self._by_destination[destination] = _Outbox(transport.post_batch, self._now, self.enqueue_separately)
         box.enqueue(outgoing)
 
     def enqueue_separately(self, outgoing: OutgoingMessage) -> None:
@@ -154,4 +179,4 @@ class Outboxes:
         await asyncio.gather(*sending, return_exceptions=True)
 
     def _sending(self) -> list[asyncio.Task[None]]:
-        return [box.task for box in (*self._by_address.values(), *self._by_origin.values()) if box.task is not None]
+        return [box.task for box in (*self._by_address.values(), *self._by_destination.values()) if box.task is not None]

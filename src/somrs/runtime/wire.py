@@ -14,9 +14,16 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime import batches
+from somrs.runtime.batches import Outcome
 from somrs.runtime.http import CONTENT_TYPE, KEPT_TIME
 
 T = TypeVar("T")
+
+Encode = Callable[[Message], bytes]
+"""Writes a message. Raises WireError."""
+
+Decode = Callable[[bytes], Message]
+"""Reads an answer. Raises WireError."""
 
 NONE_ADDRESS = "http://www.w3.org/2005/08/addressing/none"
 """WS-Addressing 1.0 Core, 2.1: messages to this address are discarded."""
@@ -65,9 +72,9 @@ class Wire:
         self._session: aiohttp.ClientSession | None = None
         self._batching: set[str] = set()
 
-    def takes_batches(self, address: str) -> bool:
-        """Whether the last response of the process at the address announced that it accepts batches."""
-        return origin(address) in self._batching
+    def destination(self, address: str) -> str | None:
+        """The process at the address, if its last response announced that it accepts batches."""
+        return process if (process := origin(address)) in self._batching else None
 
     async def post(self, message: Message, timeout: float = 30.0) -> Message | None:
         """Send the message. Return the answer on the same connection, or None when the message was accepted without one.
@@ -80,28 +87,25 @@ class Wire:
         """
         if message.header.recipient == NONE_ADDRESS:
             return None
-        return _read(await self._send_alone(message, _document(message), timeout), message)
+        return _read(await self._send_alone(message, write_document(message, soap.encode), timeout), message, soap.decode)
 
     async def post_batch(self, messages: Sequence[Message], timeout: float) -> list[Message | RemoteError | None]:
         """Send the first messages to the process of their recipients, as many as fit in one request.
 
         Return for each the answer, None, or the error for which it was rejected. Raises Unanswered when the process is not available.
         """
-        documents: list[bytes] = []
         try:
-            for document in batches.fit_batch(map(_document, messages)):
-                documents.append(document)  # the messages before one that cannot be sent are sent
+            documents = batch_documents(messages, soap.encode)
         except RemoteError as error:
-            if not documents:
-                return [error]
+            return [error]
         sent_messages = messages[: len(documents)]
         if len(sent_messages) == 1:
-            return [_result(await self._send_alone(sent_messages[0], documents[0], timeout), sent_messages[0])]
+            return [_result(await self._send_alone(sent_messages[0], documents[0], timeout), sent_messages[0], soap.decode)]
         response = await self._send(sent_messages[0].header.recipient, batches.MEDIA_TYPE, batches.batch(documents), timeout)
         if response.media_type == batches.MEDIA_TYPE:
             outcomes = batches.outcomes_of(response.document)
             if len(outcomes) == len(sent_messages):
-                return [_result(_of_batch(*outcome), message) for outcome, message in zip(outcomes, sent_messages, strict=True)]
+                return read_outcomes(outcomes, sent_messages, soap.decode)
         refused = _unexpected(response, sent_messages[0])
         if isinstance(refused, Unanswered):
             raise refused
@@ -146,34 +150,49 @@ class Wire:
             self._session = None
 
 
-def _document(message: Message) -> bytes:
+def batch_documents(messages: Sequence[Message], encode: Encode) -> list[bytes]:
+    """The documents of the first messages, as many as fit in one request. Raises RemoteError when the first message cannot be sent."""
+    documents: list[bytes] = []
+    try:
+        for document in batches.fit_batch(write_document(message, encode) for message in messages):
+            documents.append(document)  # the messages before one that cannot be sent are sent
+    except RemoteError:
+        if not documents:
+            raise
+    return documents
+
+
+def write_document(message: Message, encode: Encode) -> bytes:
+    """The document of a message. Raises RemoteError when it cannot be sent."""
     if message.header.recipient == ANONYMOUS:
         raise RemoteError(f"no connection waits for this {type(message.body).__name__}: its recipient is anonymous")
     try:
-        return soap.encode(message)
+        return encode(message)
     except WireError as error:
         raise RemoteError(f"{type(message.body).__name__} cannot be sent to {message.header.recipient}: {error.text}") from None
 
 
-def _of_batch(status: int, document: bytes) -> _Response:
-    return _Response(status, "text/plain" if status in (404, 503) else soap.MEDIA_TYPE, document)
+def read_outcomes(outcomes: Sequence[Outcome], messages: Sequence[Message], decode: Decode) -> list[Message | RemoteError | None]:
+    """What the outcomes of a batch say of each message: the answer, None, or the error for which it was rejected."""
+    responses = (_Response(status, "text/plain" if status in (404, 503) else soap.MEDIA_TYPE, document) for status, document in outcomes)
+    return [_result(response, message, decode) for response, message in zip(responses, messages, strict=True)]
 
 
-def _result(response: _Response, message: Message) -> Message | RemoteError | None:
+def _result(response: _Response, message: Message, decode: Decode) -> Message | RemoteError | None:
     try:
-        return _read(response, message)
+        return _read(response, message, decode)
     except RemoteError as error:
         return error
 
 
-def _read(response: _Response, message: Message) -> Message | None:
+def _read(response: _Response, message: Message, decode: Decode) -> Message | None:
     """Return the answer to the message, or None when it was accepted without one. Raises RemoteError when it was rejected."""
     if response.status == 202 and not response.document:
         return None
     if not response.document or response.media_type != soap.MEDIA_TYPE:
         raise _unexpected(response, message)
     try:
-        return soap.decode(response.document)
+        return decode(response.document)
     except WireError as error:
         raise RemoteError(f"{message.header.recipient} sent an answer that cannot be read: {error}") from None
 

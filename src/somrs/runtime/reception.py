@@ -1,0 +1,145 @@
+"""The reception of messages, in every binding: a message goes to the component at its path, and its sender gets an outcome.
+
+A binding carries documents over a network: SOAP over HTTP (`http.py`, `wire.py`), and msgpack over NATS (`bus.py`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable, Iterable, Mapping
+from typing import NamedTuple, TypeVar
+from urllib.parse import unquote, urlsplit
+
+from somrs.errors import InputError, RemoteError, WireError
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.soap import soap
+from somrs.protocol.soap.document import SENDER
+from somrs.runtime.batches import Outcome
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+Handler = Callable[[Message], Awaitable[Message | None]]
+"""Handles a message; returns the answer, when it goes back on the same connection."""
+
+_STOPPING = "this component is stopping"
+
+
+class NotTaken(RemoteError):
+    """No component accepted the message: the sender has to send it again."""
+
+
+class Format(NamedTuple):
+    """How a binding writes messages.
+
+    `encode` and `decode` raise WireError for what cannot be written or read. `fault` writes the report of such an error, which relates to
+    the message with this id.
+    """
+
+    encode: Callable[[Message], bytes]
+    decode: Callable[[bytes], Message]
+    fault: Callable[[WireError, str | None], bytes]
+
+
+class Reception:
+    """Receives documents in one format for `parts`, the handlers by path.
+
+    The outcome of a message is 202 when the component accepted it and any answer goes elsewhere, 200 with the answer when the sender waits
+    for it, a Fault with the status of SOAP 1.2 part 2, 7.5.2.2, 404 or 503 with a text when no component has accepted it.
+    """
+
+    def __init__(self, format: Format, parts: Mapping[str, Handler]) -> None:
+        self._format, self._parts = format, parts
+        self._open: set[asyncio.Task[object]] = set()
+        self.is_stopping = False
+
+    def stop(self) -> None:
+        """Give up what waits: it gets the status 503, or a Fault if the component has accepted the message."""
+        self.is_stopping = True
+        for task in self._open:
+            task.cancel()
+
+    @property
+    def open_count(self) -> int:
+        """How many messages are being received or handled."""
+        return len(self._open)
+
+    def check_open(self) -> None:
+        """Raises NotTaken when the reception has stopped."""
+        if self.is_stopping:
+            raise NotTaken(_STOPPING)
+
+    async def outcomes(self, documents: Iterable[bytes]) -> list[Outcome]:
+        """Handle messages in order, each at the component to which it is addressed."""
+        return await asyncio.gather(*map(self.outcome, documents))
+
+    async def outcome(self, document: bytes, handler: Handler | None = None) -> Outcome:
+        """Return the outcome of a message at the handler; without a handler, at the component to which it is addressed."""
+        message: Message | None = None
+        try:
+            message = self._format.decode(document)
+            if handler is None:
+                path = unquote(urlsplit(message.header.recipient).path)
+                handler = self._parts.get(path)
+                if handler is None:
+                    return 404, self.not_found_text(path).encode()
+            answer = await self.unless_stopped(handler(message))
+            return self._answer(answer) if answer is not None else (202, b"")
+        except WireError as error:
+            return self._fault(error, message)
+        except InputError as error:
+            return self._fault(WireError(SENDER, str(error)), message)
+        except NotTaken as error:
+            return unavailable(error)
+        except RemoteError as error:
+            return self._fault(WireError(soap.RECEIVER, str(error)), message)
+        except Exception:  # a defect here must not end the server, nor show the sender its stack trace
+            log.exception("a %s could not be handled", type(message.body).__name__ if message else "message")
+            return self._fault(WireError(soap.RECEIVER, "an internal error occurred; see the log of this program"), message)
+
+    def not_found_text(self, path: str) -> str:
+        return f"there is no component at {path}; available: {', '.join(self._parts)}\n"
+
+    async def unless_stopped(self, work: Awaitable[T]) -> T:
+        """Return the result of the work. Raises RemoteError when the reception stops first."""
+        task = asyncio.current_task()
+        assert task is not None, "messages are received in tasks"
+        self._open.add(task)
+        try:
+            return await work
+        except asyncio.CancelledError:
+            if not self.is_stopping:
+                raise
+            task.uncancel()
+            raise RemoteError(_STOPPING) from None
+        finally:
+            self._open.discard(task)
+
+    def _answer(self, answer: Message) -> Outcome:
+        try:
+            return _status(answer), self._format.encode(answer)
+        except WireError as error:
+            raise RemoteError(f"the answer, {type(answer.body).__name__}, cannot be sent: {error.text}") from None
+
+    def _fault(self, error: WireError, message: Message | None) -> Outcome:
+        relates_to = message.header.message_id if message is not None else None
+        return _fault_status(error.code), self._format.fault(error, relates_to)
+
+
+def unavailable(error: RemoteError) -> Outcome:
+    """Return the outcome for a message that was not accepted. A Fault would be an answer, but the sender has to send the message again."""
+    return 503, f"{error}\n".encode()
+
+
+def _status(answer: Message) -> int:
+    if isinstance(answer.body, frp.Fault):
+        return _fault_status(answer.body.code)
+    return 400 if type(answer.body) in soap.REFUSALS else 200
+
+
+def _fault_status(code: str) -> int:
+    """Return the HTTP status of a Fault (SOAP 1.2 part 2, table 20): 400 for an error of the sender, 500 for all others."""
+    return 500 if code.removeprefix("env:") in ("Receiver", "MustUnderstand", "VersionMismatch", "DataEncodingUnknown") else 400

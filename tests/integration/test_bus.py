@@ -1,0 +1,272 @@
+"""Components on a bus, with a real NATS server: among each other, and with SOAP participants through the gateway."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from somrs.client.client import Addresses, Client
+from somrs.deployment.bus import addresses_on, find_site, list_site
+from somrs.deployment.device import DeviceRunner
+from somrs.errors import InputError, RemoteError, UsageError
+from somrs.kernel.component import DeliveryFailed, Effect, Input, Notified, Received, Send
+from somrs.planner.model.problem import Problem
+from somrs.planner.planning import plan
+from somrs.protocol.messages import frp, knowledge
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Header, Message, message_id, reply
+from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit
+from somrs.registry.component import Registry
+from somrs.repository.component import Repository
+from somrs.runtime.bus import Bus, BusAddress, BusParts
+from somrs.runtime.host import Host
+from somrs.runtime.http import Server
+from somrs.runtime.node import Report
+from somrs.runtime.wire import Unanswered, Wire
+from somrs.task_manager.manager import TaskManager
+from tests.support.hang import HANG_TIME
+from tests.support.lab import contents
+from tests.support.nats_server import NatsServer
+from tests.support.small_system import Porter
+
+ROWS = knowledge.Rows(rows=(), version=7)
+
+
+class Answerer:
+    """Answers questions about the map, and keeps the texts of what it is told."""
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self.reasons: list[str] = []
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        match event:
+            case Received(Message(body=knowledge.QueryMap()) as message):
+                return [Send(reply(message, ROWS, self.address))]
+            case Received(Message(body=knowledge.ReadOntology())):
+                raise InputError("there is no such page")
+            case Received(Message(body=frp.Stop(reason=reason))):
+                self.reasons.append(reason)
+        return []
+
+
+class Teller:
+    """Tells the recipient what it is notified of. `failures`: what it could not tell."""
+
+    def __init__(self, address: str, recipient: str) -> None:
+        self.address, self.recipient = address, recipient
+        self.failures: list[Message] = []
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        match event:
+            case Notified(str() as reason):
+                header = header_to(self.recipient, reason, self.address)
+                return [Send(Message(header=header, body=frp.Stop(reason=reason)), now + HANG_TIME)]
+            case DeliveryFailed(message=message):
+                self.failures.append(message)
+        return []
+
+
+def header_to(recipient: str, identity: str, sender: str = "http://127.0.0.1:1/somebody") -> Header:
+    return Header(sender=sender, recipient=recipient, message_id=message_id(identity), transaction="t1", participant="R#s1")
+
+
+def question(recipient: str, body: Body | None = None) -> Message:
+    return Message(header=header_to(recipient, "question"), body=body if body is not None else knowledge.QueryMap(formula="?X: Jar"))
+
+
+def on_bus(folder: Path, scenario: Callable[[NatsServer], Coroutine[Any, Any, None]], gateway: str = "http://127.0.0.1:1") -> None:
+    async def run() -> None:
+        async with asyncio.timeout(HANG_TIME):
+            await scenario(server)
+
+    with NatsServer(folder, gateway) as server:
+        asyncio.run(run())
+
+
+def test_a_component_answers_on_the_bus_and_its_refusals_arrive(tmp_path: Path) -> None:
+    async def scenario(server: NatsServer) -> None:
+        recipient, asker = Host(bus=server.address), Host(bus=server.address)
+        await recipient.start()
+        await asker.start()
+        address = recipient.add("/repository", Answerer).address
+        assert address == f"{server.address.gateway}/repository"
+        await recipient.listening()
+        assert (await asker.request(question(address))).body == ROWS
+        refusal = (await asker.request(question(address, knowledge.ReadOntology()))).body
+        assert refusal == frp.Fault(code="env:Sender", text="there is no such page")
+        with pytest.raises(Unanswered, match=r"nobody on the bus listens to somrs\.yard\.registry"):
+            await asker.request(question(f"{server.address.gateway}/registry"))
+        await recipient.stop()
+        with pytest.raises(Unanswered, match="nobody on the bus listens"):
+            await asker.request(question(address))
+        await asker.stop()
+
+    on_bus(tmp_path, scenario)
+
+
+def test_messages_arrive_in_order_although_the_server_of_the_bus_is_killed(tmp_path: Path) -> None:
+    texts = [f"message {number}" for number in range(300)]
+
+    async def scenario(server: NatsServer) -> None:
+        recipient, sender = Host(bus=server.address), Host(bus=server.address)
+        await recipient.start()
+        await sender.start()
+        answerer, tellers = Answerer(""), list[Teller]()
+        address = recipient.add("/answerer", lambda address: answerer).address
+        tellers.append(teller := Teller("", address))
+        node = sender.add("/teller", lambda address: teller)
+        await recipient.listening()
+        for number, text in enumerate(texts):
+            if number == 100:
+                server.kill()
+            if number == 200:
+                await asyncio.to_thread(server.start)
+            node.feed(Notified(text))
+            await asyncio.sleep(0)
+        while len({*answerer.reasons}) < len(texts):
+            await asyncio.sleep(0.01)
+        assert list(dict.fromkeys(answerer.reasons)) == texts
+        assert not teller.failures
+        await sender.stop()
+        await recipient.stop()
+
+    on_bus(tmp_path, scenario)
+
+
+class Silent:
+    """Takes questions, and never answers them. `asked`: set with the first."""
+
+    def __init__(self, address: str) -> None:
+        self.asked = asyncio.Event()
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if isinstance(event, Received):
+            self.asked.set()
+        return []
+
+
+@pytest.mark.parametrize("cause", ["its process was killed and began anew", "the server of the bus was killed"])
+def test_a_request_that_nobody_will_answer_is_given_up_without_waiting(tmp_path: Path, cause: str) -> None:
+    async def scenario(server: NatsServer) -> None:
+        first, second, asker = (Host(bus=server.address) for _ in range(3))
+        for host in (first, second, asker):
+            await host.start()
+        silent = Silent("")
+        address = first.add("/repository", lambda address: silent).address
+        await first.listening()
+        asking = asyncio.create_task(asker.request(question(address), timeout=HANG_TIME))
+        await silent.asked.wait()
+        if "began anew" in cause:
+            second.add("/repository", Answerer)
+        else:
+            server.kill()
+        with pytest.raises(Unanswered, match="is lost"):
+            await asking
+        if "began anew" not in cause:
+            server.start()
+        for host in (first, second, asker):
+            await host.stop()
+
+    on_bus(tmp_path, scenario)
+
+
+def test_who_speaks_soap_reaches_the_bus_through_the_gateway(tmp_path: Path) -> None:
+    async def run() -> None:
+        parts = Server("127.0.0.1", 0)
+        await parts.start()
+        gateway_url = parts.url
+        await parts.stop()
+        with NatsServer(tmp_path, gateway_url) as server:
+            host, bus, wire = Host(bus=server.address), Bus(server.address), Wire()
+            await host.start()
+            await bus.start()
+            gateway = Server("127.0.0.1", int(gateway_url.rpartition(":")[2]), BusParts(bus, HANG_TIME))
+            await gateway.start()
+            host.add("/repository", Answerer)
+            await host.listening()
+            for url in (gateway_url, gateway_url.replace("127.0.0.1", "localhost")):
+                answer = await wire.post(question(f"{url}/repository"))
+                assert answer is not None
+                assert answer.body == ROWS
+            assert await wire.post_batch([question(f"{gateway_url}/repository")] * 2, 30) == [answer, answer]
+            with pytest.raises(Unanswered, match=r"503.*nobody on the bus listens"):
+                await wire.post(question(f"{gateway_url}/registry"))
+            with pytest.raises(RemoteError, match="404"):
+                await wire.post(question(f"{gateway_url}/"))
+            await wire.close()
+            await gateway.stop()
+            await bus.close()
+            await host.stop()
+
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
+
+
+def test_a_soap_participant_is_contracted_from_the_bus_without_knowing(tmp_path: Path) -> None:
+    """Repository, Registry and Task Manager are on the bus, and the robot has an address of its own and knows nothing of it."""
+
+    async def carry_out(task: object, report: Report) -> object:
+        assert isinstance(task, Problem)
+        return await asyncio.to_thread(plan, task)
+
+    async def run() -> None:
+        listener = Server("127.0.0.1", 0)
+        await listener.start()
+        url = listener.url
+        await listener.stop()
+        with NatsServer(tmp_path, url) as server:
+            addresses = addresses_on(server.address)
+            hosts = [Host(bus=server.address) for _ in range(3)]
+            for host in hosts:
+                await host.start()
+            hosts[0].add("/repository", lambda address: Repository(address, contents()))
+            hosts[1].add("/registry", lambda address: Registry(address, repository=addresses.repository))
+            hosts[2].add(
+                "/task-manager",
+                lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
+                carry_out=carry_out,
+            )
+            bus = Bus(server.address)
+            await bus.start()
+            gateway = Server("127.0.0.1", int(url.rpartition(":")[2]), BusParts(bus, HANG_TIME))
+            await gateway.start()
+            outside = Addresses(repository=addresses.repository, registry=addresses.registry, task_manager=addresses.task_manager)
+            for host in hosts:
+                await host.listening()
+            runner = DeviceRunner(Porter("Robot1"), outside, tmp_path)
+            assert not (await runner.start()).startswith(f"{url}/")
+            async with Client(outside) as client:
+                task = await client.submit(Submit(effect="Jar1 isOn Table2"))
+                views = [news.view async for news in client.news(task)]
+            assert views[-1].outcome is Outcome.ACCOMPLISHED, views[-1].explanation
+            await runner.stop()
+            await gateway.stop()
+            await bus.close()
+            for host in hosts:
+                await host.stop()
+
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
+
+
+def test_a_site_is_found_on_its_bus(tmp_path: Path) -> None:
+    async def scenario(server: NatsServer) -> None:
+        servers = server.address.servers
+        with pytest.raises(UsageError, match="no gateway has been started there"):
+            await find_site(servers)
+        await list_site(addresses_on(server.address))
+        assert await find_site(servers) == addresses_on(server.address)
+        barn = BusAddress(servers=servers, site="barn", gateway="http://127.0.0.1:2")
+        await list_site(addresses_on(barn))
+        assert (await find_site(servers, "barn")).repository == "http://127.0.0.1:2/repository"
+        with pytest.raises(UsageError, match=re.escape("the sites there are barn, yard; name one with --name")):
+            await find_site(servers)
+        with pytest.raises(UsageError, match="there is no site field"):
+            await find_site(servers, "field")
+
+    on_bus(tmp_path, scenario)

@@ -1,0 +1,51 @@
+"""A whole system of real processes on a bus of its own."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from somrs.client.client import Client
+from somrs.deployment.bus import find_site
+from somrs.deployment.system import OWN_BUS, System
+from somrs.devices.simulator.world.kinds import WorldKind
+from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import TaskView
+from tests.support import warm
+from tests.support.hang import HANG_TIME
+from tests.support.paths import SCENARIO_1
+
+pytestmark = pytest.mark.long
+
+
+async def ended(client: Client, task: str) -> TaskView:
+    return [news.view async for news in client.news(task)][-1]
+
+
+def test_a_system_on_a_bus_goes_on_when_the_server_of_the_bus_or_the_gateway_is_killed(tmp_path: Path) -> None:
+    async def run() -> None:
+        system = System([SCENARIO_1], tmp_path, speed="4", world=WorldKind.KINEMATIC, launcher=warm.launcher(), bus=OWN_BUS, name="lab")
+        async with system, Client(system.addresses) as client:
+            bus = system.addresses.bus
+            assert bus is not None
+            assert {address.rpartition("/")[0] for address in (system.addresses.repository, system.addresses.task_manager)} == {bus.gateway}
+            assert await find_site(bus.servers) == system.addresses
+            notices: list[str] = []
+            supervisor = asyncio.create_task(system.keep_running(notices.append))
+            for number, (program, effect) in enumerate((("bus", "Jar002 isOn Platform001"), ("gateway", "Jar002 isOn Table001")), start=1):
+                task = await client.submit(Submit(effect=effect))
+                while not any(step.state == "Executing" for view in await client.tasks(running=True) for step in view.steps):
+                    await asyncio.sleep(0.05)
+                system.programs[program].process.kill()
+                view = await ended(client, task)
+                assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+                assert (await client.query(effect)).rows
+                while f"{program} is back" not in notices:
+                    await asyncio.sleep(0.05)
+                assert len([notice for notice in notices if notice.endswith("is back")]) == number, "no other program has ended"
+            supervisor.cancel()
+
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
