@@ -156,14 +156,23 @@ class Bus:
 
         try:
             await asyncio.gather(*self._subscriptions.values())
-            await self.client.flush()
+            await self._flush()
         except (errors.Error, OSError) as error:
             raise Unanswered(f"the bus at {self.address.servers} cannot be reached: {error}") from None
 
+    async def _flush(self) -> None:
+        """Return when the servers have everything. The first ping may overtake what the library has not written yet; the second cannot."""
+        await self.client.flush()
+        await self.client.flush()
+
     async def stop(self) -> None:
         """Stop receiving. Requests that wait for an answer get a Fault."""
+        from nats import errors
+
         if self._client is not None and self._client.is_connected:
             await asyncio.gather(*map(_end, self._subscriptions.values()))
+            with contextlib.suppress(errors.Error, OSError):  # the connection is lost just now
+                await self._flush()
         self._reception.stop()
         if self._handling:
             await asyncio.wait({*self._handling})
@@ -212,9 +221,10 @@ class Bus:
         from nats import errors
 
         recipient = messages[0].header.recipient
+        deadline = asyncio.get_running_loop().time() + timeout
         try:
-            with self._repeatable(subject):
-                reply = await self.client.request(subject, batches.batch(documents), timeout=timeout)
+            while (reply := await self._request(subject, batches.batch(documents), deadline)) is None:
+                pass  # the recipient has begun anew
         except errors.NoRespondersError:
             raise Unanswered(f"{recipient} cannot be reached: nobody on the bus listens to {subject}") from None
         except errors.TimeoutError:
@@ -229,22 +239,23 @@ class Bus:
             return [RemoteError(f"{recipient} sent an answer that cannot be read: {error}")] * len(messages)
         return read_outcomes(outcomes, messages, decode)
 
-    @contextlib.contextmanager
-    def _repeatable(self, subject: str) -> Iterator[None]:
-        """Give up a request as soon as nothing will answer it: the connection is lost, or the recipient has begun anew.
+    async def _request(self, subject: str, payload: bytes, deadline: float) -> Msg | None:
+        """Send a request, and return the reply; None when nothing will answer it, because the recipient has begun anew meanwhile.
 
-        Raises Unanswered.
+        Raises Unanswered when the connection is lost, and nats.errors.Error.
         """
         task = asyncio.current_task()
         assert task is not None, "messages are sent in tasks"
         self._waiting[task] = subject
         try:
-            yield
+            return await self.client.request(subject, payload, timeout=max(deadline - asyncio.get_running_loop().time(), 0.0))
         except asyncio.CancelledError:
             if task in self._waiting:
                 raise
             task.uncancel()
-            raise Unanswered(f"the request to {subject} is lost") from None
+            if not self.client.is_connected:
+                raise Unanswered("the connection to the bus is lost") from None
+            return None
         finally:
             self._waiting.pop(task, None)
 
