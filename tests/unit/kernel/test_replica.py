@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Received, Send, SetTimer, Started, TimerFired
-from somrs.kernel.replica import GAP_TIME, LEASE, Replica, ReplicaDue, ReplicaUpdate
+from somrs.kernel.following import GAP_TIME, LEASE
+from somrs.kernel.replica import Replica, ReplicaDue, ReplicaUpdate
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol.messages.bodies import Body

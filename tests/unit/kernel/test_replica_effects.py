@@ -6,7 +6,8 @@ import pytest
 from msgspec import structs
 
 from somrs.kernel.component import DeliveryFailed, Effect, Received, Send, SetTimer, TimerFired
-from somrs.kernel.replica import GAP_TIME, LEASE, PATIENCE, Replica, ReplicaDue, ReplicaUpdate
+from somrs.kernel.following import GAP_TIME, LEASE, PATIENCE
+from somrs.kernel.replica import Replica, ReplicaDue, ReplicaUpdate
 from somrs.ontology.objects import Fact, FactAdded, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind, ObjectType
 from somrs.protocol.messages.bodies import Body

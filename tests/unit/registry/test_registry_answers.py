@@ -6,7 +6,8 @@ import pytest
 from msgspec import json, structs
 
 from somrs.kernel.component import DeliveryFailed, Received, Send, SetTimer, Started, TimerFired
-from somrs.kernel.replica import LEASE, ReplicaDue
+from somrs.kernel.following import LEASE
+from somrs.kernel.replica import ReplicaDue
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import Ontology, Value
 from somrs.protocol.messages.bodies import Body

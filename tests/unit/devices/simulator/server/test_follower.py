@@ -11,7 +11,8 @@ from somrs.devices.simulator.link.commands import Approach, Command, CommandDone
 from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.follower import Follower
 from somrs.kernel.component import Component, Effect, Received, Send, Started, TimerFired
-from somrs.kernel.replica import GAP_TIME, ReplicaDue
+from somrs.kernel.following import GAP_TIME
+from somrs.kernel.replica import ReplicaDue
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import FactAdded, Object, ObjectAdded, ObjectRemoved, ValueSet
