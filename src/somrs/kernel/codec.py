@@ -1,6 +1,6 @@
 """Serialize the states and inputs of components as msgpack, and read them back, including those of earlier versions.
 
-Ontologies and maps are stored as lists of their elements, because rebuilding their indexes is faster than reading them.
+Ontologies, maps and offers are stored as lists of their elements, because rebuilding their indexes is faster than reading them.
 """
 
 from __future__ import annotations
@@ -14,10 +14,12 @@ from msgspec import Struct
 
 from somrs.errors import UsageError
 from somrs.kernel.component import ErrorAnswer, Input, Stateful
+from somrs.kernel.offers import Offers
 from somrs.kernel.parts import MapDocument, PartsReader, PartsWriter
 from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, FunctionType, ObjectType, Ontology, RelationType
+from somrs.protocol.messages.directory import Offer
 
 T = TypeVar("T")
 
@@ -39,6 +41,8 @@ def _encode_hook(value: object, parts: PartsWriter | None = None) -> object:
             return _Definitions(*([*section.values()] for section in sections))
         case Map():
             return parts.document(value) if parts is not None else MapDocument([*value.objects.values()], [*value.facts()])
+        case Offers():
+            return [*value]
     raise NotImplementedError(f"{type(value).__name__} cannot be serialized: it is not data")
 
 
@@ -50,6 +54,8 @@ def _decode_hook(kind: type, value: Any, parts: PartsReader) -> object:
         )
     if kind is Map:
         return parts.map(msgspec.convert(value, MapDocument))
+    if kind is Offers:
+        return Offers(msgspec.convert(value, list[Offer]))
     raise NotImplementedError(f"{kind.__name__} cannot be deserialized: it is not data")
 
 

@@ -59,11 +59,11 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
     """
 
     TIMER: ClassVar[Any]
-    SUBSCRIBED: ClassVar[type]
+    SUBSCRIBED: ClassVar[Any]
     """The answer to a subscription. It has the publisher's version. Unasked, it says that news may be missing."""
     QUESTIONS: ClassVar[tuple[type, ...]]
-    PAGES: ClassVar[tuple[type, ...]]
-    EVENTS: ClassVar[tuple[type, ...]]
+    PAGES: ClassVar[Any]
+    EVENTS: ClassVar[Any]
 
     owner: str
     version: int = -1
@@ -138,7 +138,7 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
         """Add the page to the reading. Returns the request for the next one; None if it was the last."""
         raise NotImplementedError
 
-    def _adopt(self, reading: ReadingT) -> None:
+    def _adopt(self, reading: ReadingT, now: float) -> None:
         """Make the pages the copy."""
         raise NotImplementedError
 
@@ -240,7 +240,7 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
     def _catch_up(self, effects: list[Effect], now: float) -> Followed[EventT]:
         """Take the received events, up to the first gap."""
         old_version = self.version
-        reloaded = self._conclude_reading()
+        reloaded = self._conclude_reading(now)
         events: list[EventT] = []
         while self.ready and (event := self.events.get(self.version + 1)) is not None:
             self.version += 1
@@ -249,14 +249,14 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
         self._watch_gap(self.version != old_version, now)
         return Followed(effects=[*effects, self._next_timer()], events=tuple(events), reloaded=reloaded)
 
-    def _conclude_reading(self) -> bool:
+    def _conclude_reading(self, now: float) -> bool:
         """Make the pages the copy, if all events between the versions of the first and the last page have arrived."""
         reading = self.reading
         if reading is None or not reading.complete or reading.first_version is None:
             return False
         if any(version not in self.events for version in range(reading.first_version + 1, reading.last_version + 1)):
             return False
-        self._adopt(reading)
+        self._adopt(reading, now)
         self.version = reading.first_version
         self.reading = None
         return True

@@ -28,6 +28,7 @@ from somrs.protocol.messages.knowledge import (
     new_names_of,
 )
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplicaUpdate:
     """The result of an input: `effects` to carry out, and how the copy changed.
@@ -113,7 +114,7 @@ class Replica(Following[MapChanged | OntologyChanged, _Reading]):
         reading.facts += page.facts
         return ReadMap(after=page.objects[-1].name) if page.more else None
 
-    def _adopt(self, reading: _Reading) -> None:
+    def _adopt(self, reading: _Reading, now: float) -> None:
         self.ontology, self.map = reading.ontology, Map(reading.objects, reading.facts)
 
     def _update(self, effects: list[Effect], events: tuple[MapChanged | OntologyChanged, ...], reloaded: bool) -> ReplicaUpdate:

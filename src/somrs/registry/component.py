@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
-from typing import Self
+from typing import Any, Self
 
 from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
@@ -19,12 +19,14 @@ from somrs.errors import FormulaError, InputError, UsageError
 from somrs.kernel.codec import Migration, Schema
 from somrs.kernel.component import DeliveryFailed, Effect, Effects, Input, Received, Send, SetTimer, Started
 from somrs.kernel.replica import Replica
+from somrs.kernel.subscription import Subscription
 from somrs.ontology.matching import can_achieve
 from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology, Value
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import (
+    OUTDATED,
     Discover,
     Discovered,
     Offer,
@@ -105,19 +107,33 @@ class Registry:
         listing = self._listing()
         if state.replica is not None and (news := state.replica.handle(event, now)) is not None:
             yield from news.effects
-            if news.ontology_changed:
+            if self._listing().differs(listing):
                 yield from self._ontology_changed(listing, now)
             return
         yield from self._expire(now)
         match event:
-            case Started() if state.replica is not None:
-                yield from state.replica.start(now)
+            case Started():
+                yield from self._start(now)
             case Received(message):
                 yield from self._received(message, now)
-            case DeliveryFailed(Message(header=header, body=ServicesJoined() | ServicesLeft())):
-                state.subscribers.pop(header.recipient, None)
-        times = chain((provider.expires_at for provider in state.providers.values()), state.subscribers.values())
+            case DeliveryFailed(Message(body=ServicesJoined(version=version) | ServicesLeft(version=version)) as message):
+                self._undelivered(message.header.recipient, version)
+        subscription_ends = (subscription.until for subscription in state.subscribers.values())
+        times = chain((provider.expires_at for provider in state.providers.values()), subscription_ends)
         yield SetTimer(LeasesDue(), min(times, default=None))
+
+    def _start(self, now: float) -> Effects:
+        state = self.state
+        state.version = state.version or int(now * 1000)
+        if state.replica is not None:
+            yield from state.replica.start(now)
+        yield from self._announcements.announce_restart(now)
+
+    def _undelivered(self, subscriber: str, version: int) -> None:
+        """Drop a subscriber that cannot be reached, unless it subscribed again after the message was sent."""
+        subscription = self.state.subscribers.get(subscriber)
+        if subscription is not None and version > subscription.version:
+            del self.state.subscribers[subscriber]
 
     def _received(self, message: Message, now: float) -> Effects:
         try:
@@ -140,8 +156,9 @@ class Registry:
             case SubscribeServices(lease=lease):
                 if message.header.sender == ANONYMOUS:
                     raise UsageError("a subscription needs a sender address: set the sender to an address that can be reached")
-                self.state.subscribers[message.header.sender] = expires_at = now + grant_lease(lease)
-                yield self._answer(message, ServicesSubscribed(until=expires_at))
+                subscription = Subscription(until=now + grant_lease(lease), version=self.state.version)
+                self.state.subscribers[message.header.sender] = subscription
+                yield self._answer(message, ServicesSubscribed(until=subscription.until, version=subscription.version))
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
             case MapChanged() | OntologyChanged():
@@ -234,8 +251,8 @@ class Registry:
         return Retracted(services=tuple(removed_services)), self._announcements.announce(listed, "retracted", now)
 
     def _expire(self, now: float) -> list[Effect]:
-        self.state.subscribers = {address: expires_at for address, expires_at in self.state.subscribers.items() if expires_at > now}
-        providers = self.state.providers
+        subscribers, providers = self.state.subscribers, self.state.providers
+        self.state.subscribers = {address: subscription for address, subscription in subscribers.items() if subscription.until > now}
         silent = sorted((provider.expires_at, name) for name, provider in providers.items() if provider.expires_at <= now)
         names = [name for _, name in silent]
         listed = self._listed_with_rivals(names, [offer for name in names for offer in providers[name].offers.values()])
@@ -247,7 +264,7 @@ class Registry:
         if self._listing().version < before.version:  # the Repository's store begins anew: its versions say nothing about earlier ones
             for provider in self.state.providers.values():
                 provider.ontology_version = 0
-        yield from self._announcements.announce(listed, "outdated", now)
+        yield from self._announcements.announce(listed, OUTDATED, now)
 
     def _listed_with_rivals(self, names: Iterable[str], offers: Iterable[Offer]) -> ListedOffers:
         """The listed offers of these providers, and of those that the arrival or departure of `offers` concerns."""
@@ -273,6 +290,7 @@ class Registry:
             more=len(page) < len(later_offers),
             withheld=tuple(reasons[offer.service] for offer in page if offer.service in reasons),
             unsettled=any(now < (self.state.providers[name].expected_by or 0.0) for name in present),
+            version=self.state.version,
         )
 
     def _fits(self, offer: Offer, query: Discover, effect: Formula | None) -> bool:
@@ -310,9 +328,16 @@ def only_reads(event: Input) -> bool:
     return isinstance(event.message.body, Discover | ReadPresence) and event.message.header.reply_to == ANONYMOUS
 
 
+def _with_subscriptions(snapshot: Any) -> Any:
+    """Give each subscription its version. In version 2, it was the time at which it expires."""
+    subscribers = snapshot["state"]["subscribers"]
+    snapshot["state"]["subscribers"] = {address: {"until": expires_at, "version": 0} for address, expires_at in subscribers.items()}
+    return snapshot
+
+
 SCHEMA = Schema(
     component="registry",
-    version=2,
+    version=3,
     state=RegistryState,
     timers=Timer,
     questions=None,
@@ -320,6 +345,6 @@ SCHEMA = Schema(
     answers=None,
     restore=Registry.restored,
     is_read_only=only_reads,
-    migrations={1: Migration()},  # version 2 adds the log of arrivals and departures
+    migrations={1: Migration(), 2: Migration(snapshot=_with_subscriptions)},  # version 2 adds the log of arrivals and departures
 )
 """The types in the journal of a Registry."""

@@ -34,6 +34,13 @@ class Listing:
     def __init__(self, providers: Mapping[str, Provider], ontology: Ontology, version: float) -> None:
         self._providers, self._ontology, self.version = providers, ontology, version
 
+    def differs(self, old_listing: Listing) -> bool:
+        """Whether another listing of the same providers may judge an offer in another way."""
+        if self._ontology is not old_listing._ontology:
+            return True
+        low, high = sorted((self.version, old_listing.version))
+        return any(low < provider.ontology_version <= high for provider in self._providers.values())
+
     def listed(self, names: Iterable[str]) -> ListedOffers:
         """The listed offers of these providers."""
         return {name: {offer.service: offer for offer in self.offers_of(name)} for name in names}

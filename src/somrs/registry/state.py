@@ -5,6 +5,7 @@ from __future__ import annotations
 from msgspec import Struct, field
 
 from somrs.kernel.replica import Replica, ReplicaDue
+from somrs.kernel.subscription import Subscription
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.directory import Offer, PresenceChange, Published, Retracted
 from somrs.protocol.messages.frp import Fault
@@ -33,16 +34,18 @@ class Provider(Struct, kw_only=True):
 class RegistryState(Struct, kw_only=True):
     """The state of a Registry.
 
-    `initial_ontology` is used until the Repository's ontology has been read, if the Registry follows a Repository. `subscribers`: the time
-    at which each subscription expires, by address. `answers`: by message id, oldest first. `news_count`: notifications so far.
-    `presence_log`: the latest arrivals and departures, oldest first.
+    `initial_ontology` is used until the Repository's ontology has been read, if the Registry follows a Repository. `version`: that of the
+    offers listed; the first one is the time of the first start, so that a Registry that lost its state does not repeat versions.
+    `subscribers`: by address. `answers`: by message id, oldest first. `news_count`: notifications so far. `presence_log`: the latest
+    arrivals and departures, oldest first.
     """
 
     address: str
     initial_ontology: Ontology = field(name="given")
     replica: Replica | None = None
     providers: dict[str, Provider] = field(default_factory=dict)
-    subscribers: dict[str, float] = field(default_factory=dict)
+    version: int = 0
+    subscribers: dict[str, Subscription] = field(default_factory=dict)
     answers: dict[str, Published | Retracted | Fault] = field(default_factory=dict, name="answered")
     news_count: int = field(default=0, name="told")
     presence_log: list[PresenceChange] = field(default_factory=list)

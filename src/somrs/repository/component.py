@@ -31,6 +31,7 @@ from somrs.kernel.component import (
     Started,
     TimerFired,
 )
+from somrs.kernel.subscription import Subscription
 from somrs.ontology.conformance import Violation
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
@@ -80,7 +81,6 @@ from somrs.repository.state import (
     DefinitionChange,
     LeasesDue,
     ReservationsDue,
-    Subscription,
     Task,
 )
 from somrs.repository.undo import undo_outcome

@@ -5,6 +5,7 @@ from __future__ import annotations
 from msgspec import Struct, field
 
 from somrs.kernel.reservations import Reservations
+from somrs.kernel.subscription import Subscription
 from somrs.ontology.naming import DefinitionKey, Section
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
@@ -81,13 +82,6 @@ class DefinitionChange(Struct, frozen=True, kw_only=True):
 
     version: int
     author: str
-
-
-class Subscription(Struct, frozen=True, kw_only=True):
-    """A subscription to changes until `until`, in seconds; `version` is the version at which the client subscribed."""
-
-    until: float
-    version: int
 
 
 class Contents(Struct, kw_only=True):

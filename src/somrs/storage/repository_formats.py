@@ -12,12 +12,13 @@ from collections.abc import Mapping
 import msgspec
 
 from somrs.kernel.durability import JournalCodec, JournaledComponent
+from somrs.kernel.subscription import Subscription
 from somrs.ontology.naming import Section
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, Ontology, RelationType
 from somrs.repository.component import SCHEMA, Repository
-from somrs.repository.state import Answer, Contents, DefinitionChange, Subscription
+from somrs.repository.state import Answer, Contents, DefinitionChange
 from somrs.storage import journal
 from somrs.storage.disk import Step, execute
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Hashable
-from dataclasses import dataclass, field
 
 import pytest
 from hypothesis import given
@@ -16,13 +14,13 @@ from somrs.kernel.replica import Replica, ReplicaDue, ReplicaUpdate
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import Define, Definitions, MapPage, MergeObject, ReadMap, RenameObject, UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.runtime.virtual_time import World
 from tests.support.examples import examples
 from tests.support.lab import REPOSITORY, contents, deliver_request, request
+from tests.support.unfair_medium import UnfairMedium
 
 OWNER = "http://here/owner"
 
@@ -246,44 +244,6 @@ def test_what_could_not_be_delivered_is_asked_again_soon_unless_it_was_asked_aga
 # Any medium, any order
 
 
-@dataclass
-class Medium:
-    """Carries messages between a replica's owner and a Repository as badly as the test wants, on virtual time."""
-
-    repository: Repository
-    owner: Owner = field(default_factory=Owner)
-    now: float = 0.0
-    bag: list[Message] = field(default_factory=list)
-    timers: dict[tuple[str, Hashable], float] = field(default_factory=dict)
-
-    def feed(self, address: str, event: Input) -> None:
-        component = self.owner if address == OWNER else self.repository
-        for effect in component.handle(event, self.now):
-            match effect:
-                case Send(message) if message.header.recipient in (OWNER, REPOSITORY):
-                    self.bag.append(message)
-                case SetTimer(timer, fire_time):
-                    self.timers.pop((address, timer), None)
-                    if fire_time is not None:
-                        self.timers[address, timer] = fire_time
-
-    def deliver(self, index: int, *, duplicate: bool = False) -> None:
-        message = self.bag[index % len(self.bag)]
-        if not duplicate:
-            self.bag.remove(message)
-        self.feed(message.header.recipient, Received(message))
-
-    def change(self, body: Body) -> None:
-        self.feed(REPOSITORY, Received(request(body)))
-
-    def ring(self) -> None:
-        if self.timers:
-            (address, timer), fire_time = min(self.timers.items(), key=lambda item: item[1])
-            del self.timers[address, timer]
-            self.now = max(self.now, fire_time)
-            self.feed(address, TimerFired(timer))
-
-
 UPDATES: list[Body] = [
     UpdateMap(changes=(ObjectAdded(Object(name="Jar5", type="Jar", values={"PositionX": 0.0, "PositionY": 0.0, "PositionZ": 0.0})),)),
     UpdateMap(changes=(ObjectRemoved("Jar5"),)),
@@ -311,23 +271,19 @@ STEPS = st.one_of(
 @examples(40)
 @given(st.lists(STEPS, max_size=60))
 def test_on_any_medium_it_comes_to_be_what_the_repository_has(steps: list[tuple[str, int]]) -> None:
-    medium = Medium(Repository(REPOSITORY, many_jars(250)))
+    repository, owner = Repository(REPOSITORY, many_jars(250)), Owner()
+    medium = UnfairMedium({OWNER: owner, REPOSITORY: repository})
     medium.feed(OWNER, Started(OWNER))
     for action, index in steps:
         if action == "change":
-            medium.change(UPDATES[index])
+            medium.feed(REPOSITORY, Received(request(UPDATES[index])))
         elif action == "ring":
             medium.ring()
         elif action == "restart":
-            medium.repository = Repository(REPOSITORY, medium.repository.contents)
-            medium.feed(REPOSITORY, Started(REPOSITORY))
-        elif medium.bag and action == "lose":
-            medium.bag.pop(index % len(medium.bag))
-        elif medium.bag:
-            medium.deliver(index, duplicate=action == "twice")
-        assert medium.owner.replica.version <= medium.repository.contents.version
-    for _ in range(40):  # from here on the medium is fair: what is under way arrives, then time goes on
-        while medium.bag:
-            medium.deliver(0)
-        medium.ring()
-    assert has_same_contents(medium.owner.replica, medium.repository)
+            repository = Repository(REPOSITORY, repository.contents)
+            medium.replace(REPOSITORY, repository)
+        else:
+            medium.carry(action, index)
+        assert owner.replica.version <= repository.contents.version
+    medium.settle()
+    assert has_same_contents(owner.replica, repository)

@@ -234,12 +234,12 @@ def test_many_services_are_found_page_by_page(registry: Registry) -> None:
 
 def test_followers_hear_who_comes_and_who_goes(followed: Registry) -> None:
     offers = (offer("Robot1"), offer("Robot1", OPEN))
-    assert news(deliver_request(followed, publish("Robot1", *offers))) == [ServicesJoined(offers=offers)]
+    assert news(deliver_request(followed, publish("Robot1", *offers))) == [ServicesJoined(offers=offers, version=1)]
     effects = deliver_request(followed, Retract(provider="Robot1", services=("Robot1.OpenDoor", "Robot9.Cook")))
     assert sent_bodies(effects, Retracted) == [Retracted(services=("Robot1.OpenDoor",))]
-    assert news(effects) == [ServicesLeft(services=("Robot1.OpenDoor",), provider="Robot1", reason="retracted")]
+    assert news(effects) == [ServicesLeft(services=("Robot1.OpenDoor",), provider="Robot1", reason="retracted", version=2)]
     assert news(followed.handle(TimerFired(LeasesDue()), 30.0)) == [
-        ServicesLeft(services=("Robot1.TransferObject",), provider="Robot1", reason="expired")
+        ServicesLeft(services=("Robot1.TransferObject",), provider="Robot1", reason="expired", version=3)
     ]
 
 
@@ -255,8 +255,8 @@ def test_of_a_second_publication_only_the_difference_is_told(followed: Registry)
     assert news(deliver_request(followed, publish("Robot1", offer("Robot1", Price=10.0), offer("Robot1", OPEN)), now=5.0)) == []
     dearer = offer("Robot1", Price=12.0)
     assert news(deliver_request(followed, publish("Robot1", dearer), now=6.0)) == [
-        ServicesJoined(offers=(dearer,)),
-        ServicesLeft(services=("Robot1.OpenDoor",), provider="Robot1", reason="retracted"),
+        ServicesJoined(offers=(dearer,), version=3),
+        ServicesLeft(services=("Robot1.OpenDoor",), provider="Robot1", reason="retracted", version=2),
     ]
 
 

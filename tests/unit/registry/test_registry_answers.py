@@ -81,7 +81,7 @@ def test_what_is_published_is_answered_then_told_and_then_watched(registry: Regi
         Send(
             Message(
                 header=Header(sender=REGISTRY, recipient=follower, message_id=message_id(REGISTRY, follower, "news", 1, 10.0)),
-                body=ServicesJoined(offers=(offer("Washer1"),)),
+                body=ServicesJoined(offers=(offer("Washer1"),), version=1),
             )
         )
         for follower in (FOLLOWER, SECOND)
@@ -104,8 +104,8 @@ def test_what_expires_is_told_before_anything_else(registry: Registry) -> None:
     deliver_request(registry, publish(offer("Washer1"), offer("Washer1", "Dry"), lease=10.0))
     deliver_request(registry, publish(offer("Washer2"), lease=10.0), 9.0)
     assert sent_bodies(deliver_request(registry, Discover(), 10.0), object) == [
-        ServicesLeft(services=("Washer1.Wash", "Washer1.Dry"), provider="Washer1", reason="expired"),
-        Discovered(offers=(offer("Washer2"),)),
+        ServicesLeft(services=("Washer1.Wash", "Washer1.Dry"), provider="Washer1", reason="expired", version=3),
+        Discovered(offers=(offer("Washer2"),), version=3),
     ]
 
 
@@ -141,7 +141,7 @@ def test_publishing_nothing_leaves_nothing(registry: Registry) -> None:
     deliver_request(registry, SubscribeServices(lease=100.0), 0.0, sender=FOLLOWER)
     deliver_request(registry, publish(offer("Washer1")))
     effects = deliver_request(registry, Publish(provider="Washer1", offers=(), lease=30.0))
-    services_left = ServicesLeft(services=("Washer1.Wash",), provider="Washer1", reason="retracted")
+    services_left = ServicesLeft(services=("Washer1.Wash",), provider="Washer1", reason="retracted", version=2)
     assert sent_bodies(effects, object) == [Published(until=30.0, renew_within=10.0), services_left]
     assert registry.state.providers == {}
     assert sent_bodies(deliver_request(registry, Publish(provider="Washer1", offers=(), lease=30.0)), object) == [
@@ -227,7 +227,7 @@ def test_pages_are_full_and_lose_nothing(registry: Registry) -> None:
 def test_an_offer_that_is_larger_than_a_page_has_one_to_itself(registry: Registry) -> None:
     large = offer("Washer1", "A", "x" * PAGE_BYTES)
     deliver_request(registry, publish(large, offer("Washer1", "B")))
-    assert ask(registry, Discover(), Discovered) == Discovered(offers=(large,), more=True)
+    assert ask(registry, Discover(), Discovered) == Discovered(offers=(large,), more=True, version=2)
 
 
 def test_types_above_are_found_even_in_a_circle() -> None:
@@ -269,12 +269,14 @@ def test_who_follows_is_told_until_when(registry: Registry) -> None:
 @pytest.mark.parametrize(
     ("body", "dropped"),
     [
-        (ServicesJoined(offers=()), True),
-        (ServicesLeft(services=(), provider="Washer1", reason="retracted"), True),
-        (ServicesSubscribed(until=20.0), False),
+        (ServicesJoined(offers=(), version=2), True),
+        (ServicesLeft(services=(), provider="Washer1", reason="retracted", version=2), True),
+        (ServicesJoined(offers=(), version=1), False),
+        (ServicesSubscribed(until=20.0, version=2), False),
     ],
 )
-def test_who_cannot_be_told_news_is_dropped(registry: Registry, body: Body, dropped: bool) -> None:
+def test_who_cannot_be_told_news_is_dropped_unless_it_has_subscribed_since(registry: Registry, body: Body, dropped: bool) -> None:
+    deliver_request(registry, publish(offer("Washer1")))
     for follower in (FOLLOWER, SECOND):
         deliver_request(registry, SubscribeServices(lease=20.0), sender=follower)
     lost = Message(header=Header(sender=REGISTRY, recipient=FOLLOWER, message_id="urn:x"), body=body)
@@ -282,6 +284,14 @@ def test_who_cannot_be_told_news_is_dropped(registry: Registry, body: Body, drop
     assert list(registry.state.subscribers) == ([SECOND] if dropped else [FOLLOWER, SECOND])
     stranger = Message(header=structs.replace(lost.header, recipient="http://stranger"), body=body)
     assert registry.handle(DeliveryFailed(stranger, "r"), 1.0) == [SetTimer(LeasesDue(), 20.0)]
+
+
+def test_subscribers_hear_of_a_restart_which_version_is_the_latest(registry: Registry) -> None:
+    registry.handle(Started(REGISTRY), 5.0)
+    deliver_request(registry, SubscribeServices(lease=20.0), 6.0, sender=FOLLOWER)
+    deliver_request(registry, publish(offer("Washer1")), 7.0)
+    restarted = Registry.restored(registry.state)
+    assert sent_bodies(restarted.handle(Started(REGISTRY), 8.0), ServicesSubscribed) == [ServicesSubscribed(until=26.0, version=5001)]
 
 
 def test_what_it_does_not_understand(registry: Registry) -> None:

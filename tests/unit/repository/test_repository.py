@@ -6,6 +6,7 @@ import msgspec
 import pytest
 
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, Received, Record, Send, SetTimer, Started, TimerFired
+from somrs.kernel.subscription import Subscription
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import DefinitionKey, Section
@@ -49,7 +50,7 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.repository.component import Repository
-from somrs.repository.state import ArchivedEvents, Contents, HistoryOf, LeasesDue, Subscription
+from somrs.repository.state import ArchivedEvents, Contents, HistoryOf, LeasesDue
 from tests.support.lab import CLIENT, REPOSITORY, SITE, ask, contents, deliver_request, lab, records, request, sent_bodies
 
 JAR = Object(name="Jar9", type="Jar", values={"PositionX": 1.0, "PositionY": 1.1, "PositionZ": 0.7})

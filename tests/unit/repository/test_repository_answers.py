@@ -6,6 +6,7 @@ import pytest
 from msgspec import json, structs
 
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, ErrorAnswer, Input, Received, Record, Send, SetTimer, Started
+from somrs.kernel.subscription import Subscription
 from somrs.ontology.objects import Fact, Map, Object, ValueSet
 from somrs.ontology.types import AttributeType, Kind, ObjectType
 from somrs.protocol.messages.bodies import Body
@@ -40,7 +41,7 @@ from somrs.protocol.messages.paging import PAGE_BYTES
 from somrs.repository import component, map_answers
 from somrs.repository.component import Repository, only_reads
 from somrs.repository.pages import map_page, ontology_page
-from somrs.repository.state import ArchivedEvents, Contents, DefinitionChange, EventsOf, HistoryOf, LeasesDue, PageOf, Subscription
+from somrs.repository.state import ArchivedEvents, Contents, DefinitionChange, EventsOf, HistoryOf, LeasesDue, PageOf
 from tests.support.lab import CLIENT, REPOSITORY, ask, contents, deliver_request, lab, records, request, sent_bodies
 
 FOLLOWER, SECOND = "http://here/follower", "http://here/second"

@@ -13,6 +13,12 @@ CAPACITY_ATTRIBUTE = "AtOnce"
 UNOCCUPIED = 0
 """The value of this attribute for a service that a device performs beside all others, such as an answer to a question."""
 
+REPUBLISHING_TIME = 3.0
+"""Seconds within which a provider is expected to publish again when service types are defined anew."""
+
+OUTDATED = "outdated"
+"""The reason why services left whose types are defined anew."""
+
 
 class Offer(Struct, frozen=True, kw_only=True):
     """One service of one device.
@@ -114,13 +120,15 @@ class Discover(MessageBody, frozen=True, kw_only=True, tag=True):
 class Discovered(MessageBody, frozen=True, kw_only=True, tag=True):
     """The offers, by the names of the services. `more`: another page follows. `withheld`: why these offers are not listed.
 
-    `unsettled`: service types are defined anew, and their providers are about to publish again: ask again in a moment.
+    `unsettled`: service types are defined anew, and their providers are about to publish again: ask again in a moment. `version`: that of
+    the offers listed.
     """
 
     offers: tuple[Offer, ...]
     more: bool = False
     withheld: tuple[Withheld, ...] = ()
     unsettled: bool = False
+    version: int = 0
 
 
 class SubscribeServices(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -130,19 +138,33 @@ class SubscribeServices(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class ServicesSubscribed(MessageBody, frozen=True, kw_only=True, tag=True):
+    """`version`: that of the offers listed. Unasked, after a restart of the Registry: news may be missing, subscribe again."""
+
     until: float
+    version: int = 0
 
 
 class ServicesJoined(MessageBody, frozen=True, kw_only=True, tag=True):
+    """To subscribers: these offers are listed now, or are listed as they are here.
+
+    `version`: that of the offers listed, which each notification increases by 1. A gap between versions means that a message was lost: read
+    the offers again.
+    """
+
     offers: tuple[Offer, ...]
+    version: int = 0
 
 
 class ServicesLeft(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Services left. `reason`: retracted, expired (the lease was not renewed), or outdated (their types are defined anew)."""
+    """To subscribers: services left. `reason`: retracted, expired (the lease was not renewed), or outdated (their types are defined anew).
+
+    `version`: as in ServicesJoined.
+    """
 
     services: tuple[str, ...]
     provider: str
     reason: str
+    version: int = 0
 
 
 class PresenceChange(Struct, frozen=True, kw_only=True):

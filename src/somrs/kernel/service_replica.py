@@ -1,0 +1,112 @@
+"""A copy of what the Service Registry lists, for components that choose among services. How it is followed is in `following.py`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from msgspec import Struct, field
+
+from somrs.kernel.component import Effect, Input
+from somrs.kernel.following import LEASE, Following, Reading
+from somrs.kernel.offers import Offers
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.directory import (
+    OUTDATED,
+    REPUBLISHING_TIME,
+    Discover,
+    Discovered,
+    Offer,
+    ServicesJoined,
+    ServicesLeft,
+    ServicesSubscribed,
+    SubscribeServices,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServiceUpdate:
+    """The result of an input: `effects` to carry out, and the services that `joined`: offers that are new or have changed."""
+
+    effects: list[Effect]
+    joined: tuple[str, ...] = ()
+
+
+class _Reading(Reading, kw_only=True):
+    """The pages read so far. `unsettled`: providers were about to publish again."""
+
+    offers: list[Offer] = field(default_factory=list)
+    unsettled: bool = False
+
+
+class ServicesDue(Struct, frozen=True, tag=True):
+    """The timer of a component's copy of the offers."""
+
+
+class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
+    """`offers` are the Registry's as far as received. The owner passes every input to `handle` first."""
+
+    TIMER: ClassVar[Any] = ServicesDue()
+    SUBSCRIBED = ServicesSubscribed
+    QUESTIONS = (SubscribeServices, Discover)
+    PAGES = (Discovered,)
+    EVENTS = (ServicesJoined, ServicesLeft)
+
+    owner: str
+    registry: str
+    offers: Offers = field(default_factory=Offers)
+    expected: dict[str, float] = {}
+    """Until when providers are expected to publish again, because service types are defined anew. The name may be empty: some provider."""
+
+    def handle(self, event: Input, now: float) -> ServiceUpdate | None:
+        """Handle an input; None if it does not concern the replica."""
+        old_offers = self.offers
+        followed = self.follow(event, now)
+        if followed is None:
+            return None
+        for change in followed.events:
+            self._apply(change, now)
+        if self.offers is old_offers:
+            return ServiceUpdate(effects=followed.effects)
+        joined = tuple(offer.service for offer in self.offers if offer not in old_offers)
+        return ServiceUpdate(effects=followed.effects, joined=joined)
+
+    def settles_at(self, now: float) -> float | None:
+        """When no provider is expected to publish again any more; None if none is."""
+        self.expected = {provider: time for provider, time in self.expected.items() if time > now}
+        return max(self.expected.values(), default=None)
+
+    @property
+    def publisher(self) -> str:
+        return self.registry
+
+    def _subscription(self) -> Body:
+        return SubscribeServices(lease=LEASE)
+
+    def _new_reading(self) -> _Reading:
+        return _Reading()
+
+    def _first_question(self) -> Body:
+        return Discover()
+
+    def _version_of(self, event: ServicesJoined | ServicesLeft) -> int:
+        return event.version
+
+    def _add_page(self, reading: _Reading, page: Discovered) -> Body | None:
+        reading.offers += page.offers
+        reading.unsettled = reading.unsettled or page.unsettled
+        return Discover(after=page.offers[-1].service) if page.more and page.offers else None
+
+    def _adopt(self, reading: _Reading, now: float) -> None:
+        self.offers = Offers(reading.offers)
+        self.expected = {"": now + REPUBLISHING_TIME} if reading.unsettled else {}
+
+    def _apply(self, event: ServicesJoined | ServicesLeft, now: float) -> None:
+        if isinstance(event, ServicesJoined):
+            self.offers = self.offers.changed(event.offers)
+            for offer in event.offers:
+                self.expected.pop(offer.provider, None)
+        else:
+            self.offers = self.offers.changed(removed_services=event.services)
+            if event.reason == OUTDATED:
+                self.expected[event.provider] = now + REPUBLISHING_TIME

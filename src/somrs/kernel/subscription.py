@@ -1,0 +1,12 @@
+"""A subscription to the changes of a component that others follow (`following.py`)."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+
+class Subscription(Struct, frozen=True, kw_only=True):
+    """A subscription to changes until `until`, in seconds; `version` is the version at which the client subscribed."""
+
+    until: float
+    version: int
