@@ -66,6 +66,7 @@ def test_a_task_that_comes_with_the_change_waits_until_the_providers_have_publis
     new = careful(system)
     header = Header(sender="client", recipient="repository", message_id=message_id("now"), reply_to="client")
     system.world.send(Message(header=header, body=Define(definitions=Definitions(services=(new,)), author="Ada")))
+    assert system.world.run(1, lambda: system.manager.state.replica.ontology.services["TransferObject"] == new)
     (view,) = system.finish(system.submit(GOAL))
     assert view.outcome is Outcome.ACCOMPLISHED
     assert [[available.service_type for available in problem.services] for problem in system.problems] == [[new]]

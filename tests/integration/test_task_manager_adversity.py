@@ -8,6 +8,7 @@ import pytest
 
 from somrs.kernel.component import Effect, Input
 from somrs.kernel.replica import ReplicaDue
+from somrs.kernel.service_replica import ServicesDue
 from somrs.ontology.objects import ObjectRemoved
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -19,6 +20,7 @@ from somrs.protocol.messages.task_views import Phase
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Order, ServiceFailed
 from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.requests import DISCOVERY_TIME
 from somrs.task_manager.state import REMEMBERED
 from tests.support.virtual_system import Robot, Script, VirtualSystem
 
@@ -48,7 +50,7 @@ def test_a_task_cancelled_while_services_are_asked_stays_cancelled() -> None:
     system.world.run(300)
     assert (system.view(task).phase, system.view(task).outcome) == (Phase.ENDED, Outcome.CANCELLED)
     assert len(system.manager.state.tasks[task].events) == events
-    assert system.world.timers("tm") == {ReplicaDue()}
+    assert system.world.timers("tm") == {ReplicaDue(), ServicesDue()}
 
 
 def test_an_execute_that_was_lost_on_the_way_is_said_again() -> None:
@@ -176,11 +178,24 @@ def test_without_a_repository_clients_hear_what_is_wrong() -> None:
 def test_without_a_registry_clients_hear_what_is_wrong() -> None:
     system = VirtualSystem()
     system.world.remove("registry")
+    system.world.remove("tm")
+    system.add_manager("tm")
+    system.world.run(5)
     answer = system.ask(Preview(effect=GOAL))
     assert isinstance(answer, Previewed)
-    assert "registry could not be reached" in answer.explanation
+    assert answer.explanation == "the Service Registry does not answer"
     (view,) = system.finish(system.submit(GOAL, waits=False))
-    assert "registry could not be reached" in view.explanation
+    assert view.explanation == "the Service Registry does not answer"
+
+
+def test_who_knows_the_services_on_offer_needs_no_registry() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60))
+    system.world.remove("registry")
+    (view,) = system.finish(system.submit(GOAL, waits=False), seconds=100)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    system.restart_manager(snapshot=True)
+    (view,) = system.finish(system.submit("Jar002 isOn Cupboard001", waits=False), seconds=100 + DISCOVERY_TIME)
+    assert view.outcome is Outcome.ACCOMPLISHED
 
 
 def test_amounts_that_are_none_are_rejected() -> None:
@@ -256,6 +271,9 @@ def test_nothing_begins_while_the_plan_is_made_anew() -> None:
     task = system.submit(BOTH_JARS, policy=Policy.TIME)
     assert system.world.run(60, lambda: "Arrange" in [kind for kind, _ in system.protocol_messages(task)])
     jar = system.view(task).steps[0].inputs["Object"]
+    directory = system.manager.state.discovery.directory
+    assert directory is not None
+    directory.confirmed = False  # the services on offer are not known until the Registry has answered
     system.world.cut_off("registry")
     update(system, UpdateMap(situation=f"{jar} isHeldBy Robot3", author="a person"), seconds=0.05)
     system.world.run(5)

@@ -174,10 +174,13 @@ def test_a_waiting_task_holds_up_no_other() -> None:
 def test_without_a_registry_a_task_waits_for_it() -> None:
     system = VirtualSystem(Robot("Robot1", price=10, duration=60))
     system.world.kill("registry")
+    system.world.remove("tm")
+    system.add_manager("tm")
+    system.world.run(5)
     task = system.submit(GOAL)
     system.world.run(200)
     assert system.view(task).phase is Phase.WAITING
-    assert "registry could not be reached" in system.view(task).explanation
+    assert "the Service Registry does not answer" in system.view(task).explanation
     system.world.revive("registry")
     (view,) = system.finish(task, seconds=300)
     assert view.outcome is Outcome.ACCOMPLISHED

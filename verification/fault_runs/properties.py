@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from somrs.entish.parse import parse
 from somrs.kernel.component import Input, Received
 from somrs.kernel.replica import ReplicaDue
+from somrs.kernel.service_replica import ServicesDue
 from somrs.ontology.truth import formula_holds
 from somrs.planner.model.problem import Problem
 from somrs.protocol.frp.session import service_of
@@ -266,7 +267,9 @@ class Witness:
             yield from (
                 f"{task.id} is {task.phase}: {sentence(task.events[-1].event)}" for task in manager.state.tasks.values() if not task.outcome
             )
-            if (timers := scenario_run.world.timers(address) - {ReplicaDue()}) and all(t.outcome for t in manager.state.tasks.values()):
+            if (timers := scenario_run.world.timers(address) - {ReplicaDue(), ServicesDue()}) and all(
+                t.outcome for t in manager.state.tasks.values()
+            ):
                 yield f"{address} still waits for {sorted(map(str, timers))[0]}"
         for transaction, participant in self._terms:
             device = scenario_run.world.components.get(f"devices/{service_of(participant).partition('.')[0]}")

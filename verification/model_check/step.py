@@ -21,11 +21,12 @@ from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.arrangement import call_for_proposals
-from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
+from somrs.task_manager.arrangement.available_services import AvailableServices
 from somrs.task_manager.execution import invariants
 from somrs.task_manager.execution.execution_log import ExecutionLog
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Workflow
+from somrs.task_manager.known_services import KnownServices
 
 DOOR_OPEN = "Door1.Open = TRUE"
 """The formula on which steps depend."""
@@ -96,7 +97,7 @@ class Step:
 
     def order(self, session: CoordinatorSession, is_open: bool | None) -> frp.Execute | None:
         """The order to begin; None if the step may not begin now."""
-        services = AvailableServices(KnownServices(types={"Serve": self._type}), _REPLICAS[bool(is_open)])
+        services = AvailableServices(KnownServices(types={"Serve": self._type}), _REPLICAS[bool(is_open)], None)
         try:
             situation = services.precondition(self._run, self._member(session))
         except LookupError:

@@ -12,8 +12,10 @@ from somrs.entish import Formula
 from somrs.entish.formula import alternatives, conjunction, names
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError, InputError
+from somrs.kernel.component import Effects
 from somrs.kernel.replica import Replica
 from somrs.kernel.reservations import Reservations
+from somrs.kernel.service_replica import ServiceReplica
 from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, Handler
 from somrs.ontology.truth import formula_holds
@@ -23,8 +25,10 @@ from somrs.planner.model.problem import AvailableService, Problem
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.submission import FormulaMistake, Policy, Submit, TaskRejected
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
+from somrs.task_manager.discovery import Discovery
+from somrs.task_manager.known_services import KnownServices
 from somrs.task_manager.pace import Pace
-from somrs.task_manager.requests import Requests
+from somrs.task_manager.requests import ForLook, ForPlan, Requests
 from somrs.task_manager.world_clock import WorldClock
 
 PRICE, DURATION = "Price", "Duration"
@@ -60,13 +64,13 @@ class Quotes(Struct, kw_only=True):
 
 class PlanToQuote(Struct, frozen=True):
     """A plan for which services are to be asked for terms, to compare it with others. `id` names the quotes; `owner` is the task or preview
-    that compares, and `offers` are the services that it knows."""
+    that compares, and `services` is what it knows of them."""
 
     id: str
     owner: str
     task: Submit
     plan: Plan
-    offers: tuple[Offer, ...]
+    services: KnownServices
 
 
 class TaskManagerContext:
@@ -78,6 +82,7 @@ class TaskManagerContext:
         replica: Replica,
         requests: Requests,
         local_reservations: Reservations | None,
+        discovery: Discovery,
         queues: DeviceQueues,
         quotes: Quotes,
         pace: Pace,
@@ -92,6 +97,7 @@ class TaskManagerContext:
         self.replica, self.requests, self.queues, self.quotes = replica, requests, queues, quotes
         self.local_reservations = local_reservations
         """The reservations of a Task Manager whose journal goes back to a program that had them itself, until it starts."""
+        self.discovery = discovery
         self.pace, self.clock = pace, clock
         self.touched = touched
         """The transactions that changed, for the clients that watch them."""
@@ -105,6 +111,23 @@ class TaskManagerContext:
         """Whether a task may ask services for terms now. Otherwise it is continued as soon as it may."""
         self.plans_to_quote: list[PlanToQuote] = []
         """The plans to quote, until the Task Manager begins with them in the same step."""
+
+    @property
+    def directory(self) -> ServiceReplica | None:
+        """The copy of what the Registry lists; None: each task discovers services itself (`Discovery`)."""
+        return self.discovery.directory
+
+    def discover(self, purpose: ForPlan | ForLook, now: float) -> Effects:
+        """Ask for the services on offer."""
+        if self.directory is not None:
+            self.discovery.request(purpose, now)
+        else:
+            yield from self.requests.discover(purpose, now)
+
+    def follow_arrivals(self, now: float) -> Effects:
+        """Ask for news of services that join. The copy has them by itself."""
+        if self.directory is None:
+            yield from self.requests.follow_arrivals(now)
 
 
 def planning_problem(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from somrs.kernel.codec import Schema
@@ -22,6 +22,7 @@ from somrs.kernel.component import (
     TimerFired,
 )
 from somrs.kernel.replica import ReplicaUpdate
+from somrs.kernel.service_replica import ServiceUpdate
 from somrs.ontology.modes import freed_devices
 from somrs.ontology.objects import objects_of
 from somrs.protocol.messages import directory, frp, previews, records, reservations, submission, task_news
@@ -42,6 +43,7 @@ from somrs.task_manager.timers import (
     AnswerDue,
     BidsDue,
     DeadlineDue,
+    DiscoveryDue,
     MapDue,
     NewsDue,
     NodeTask,
@@ -87,6 +89,7 @@ class TaskManager:
             replica=state.replica,
             requests=state.requests,
             local_reservations=state.local_reservations,
+            discovery=state.discovery,
             queues=state.queues,
             quotes=state.quotes,
             pace=state.pace,
@@ -117,8 +120,12 @@ class TaskManager:
             yield from self._map_changed(news, now)
             for task in state.running if news.ontology_changed else ():
                 yield from self._transaction(task).proceed(now)
+        elif (update := self._follow_registry(event, now)) is not None:
+            yield from update.effects
+            yield from self._services_joined(update.joined, now)
         else:
             yield from self._handle(event, now)
+        yield from self._answer_discoveries(now)
         for task in state.local_reservations.admit_waiting(now) if state.local_reservations is not None else ():
             if task in state.tasks:
                 yield from self._transaction(task).freed(now)
@@ -140,6 +147,7 @@ class TaskManager:
         state = self.state
         match event:
             case Started():
+                yield from state.discovery.start(self.address, state.requests.registry, now)
                 yield from self._start(now)
                 self._context.local_reservations = state.local_reservations = None
                 yield from state.requests.claim(tuple(state.claims()), now)
@@ -167,6 +175,23 @@ class TaskManager:
         yield from state.replica.start(now)
         for task in state.running:
             yield from self._transaction(task).restarted(now)
+
+    # Services
+
+    def _follow_registry(self, event: Input, now: float) -> ServiceUpdate | None:
+        return self.state.discovery.handle(event, now) if not self.state.requests.concerns(event) else None
+
+    def _services_joined(self, services: Sequence[str], now: float) -> Effects:
+        for task in self.state.running if services else ():
+            yield from self._transaction(task).services_joined(services, now)
+
+    def _answer_discoveries(self, now: float) -> Effects:
+        """Tell tasks and previews the services on offer, as soon as they are known."""
+        discovery = self.state.discovery
+        if discovery.waiting:
+            while (known := discovery.next_answer(self.state.replica.ontology, now)) is not None:
+                yield from self._request_answered(known, now)
+            yield from discovery.set_timer(now)
 
     # Messages
 
@@ -215,8 +240,7 @@ class TaskManager:
             case records.ReadRecords():
                 yield self._queries.read_records(message, message.body)
             case directory.ServicesJoined(offers=offers):
-                for task in state.running:
-                    yield from self._transaction(task).services_joined([offer.service for offer in offers], now)
+                yield from self._services_joined([offer.service for offer in offers], now)
             case reservations.ReservationFree(task=task) | reservations.ReservationLost(task=task) if task not in state.running:
                 yield from state.requests.release_ended(task, now)
             case reservations.ReservationFree(task=task):
@@ -286,6 +310,8 @@ class TaskManager:
                     repository = state.requests.repository
                     text = f"the map of the environment is not known yet, because {repository} does not answer; try again later"
                     yield self._reply(waiting, frp.Fault(code="env:Receiver", text=text))
+            case DiscoveryDue():
+                state.discovery.timer_at = None
             case AnswerDue():
                 yield from self._request_answered((yield from state.requests.timer_fired(timer, now)), now)
             case BidsDue() | SilenceDue() | OverdueDue() | DeadlineDue() | RetryDue() | StopDue() if timer.owner in state.tasks:

@@ -54,7 +54,8 @@ def _reservation(stored: Any) -> Any:
 
 
 def _without_start(entry: Any) -> Any:
-    """Keep an earlier start apart from the first one of this program, which tells the Repository of all reservations."""
+    """Keep an earlier start apart from the first one of this program, which tells the Repository of all reservations, and follows the
+    Registry."""
     number, time, event, *rest = entry
     return [number, time, {"type": "Notified", "notice": {"type": "StartedBefore"}} if event["type"] == "Started" else event, *rest]
 

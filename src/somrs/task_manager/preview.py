@@ -35,7 +35,7 @@ from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.outlook import foresee
 from somrs.task_manager.preview_state import PreviewState
-from somrs.task_manager.requests import ReservationAnswered
+from somrs.task_manager.requests import DiscoveredOffers, ReservationAnswered
 from somrs.task_manager.reservations import BlockedPlan, ReservationRequester
 from somrs.task_manager.timers import Answer, PlanWanted, PreviewDue
 from somrs.task_manager.transaction.views import foreseen_views, preview_reply, step_view
@@ -60,7 +60,7 @@ class PreviewExecutor:
 
     def __init__(self, state: PreviewState, context: TaskManagerContext) -> None:
         self._state, self._context = state, context
-        self._services = AvailableServices(state.services, context.replica)
+        self._services = AvailableServices(state.services, context.replica, context.directory)
         self._participants = Participants(state.id, state.members, context, self._ignore_event, self._ignore_message)
 
     def begin(self, now: float) -> EffectsReturning[Previewed | None]:
@@ -83,7 +83,7 @@ class PreviewExecutor:
         reserving = ReservationRequester(state.reservation, state.id, task.effect, task.priority, self._context)
         return PlanRequester(state.planning, self._services, self._context, reserving, (ReservationMode.ASK, ReservationMode.ASK))
 
-    def discovered(self, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[Previewed | None]:
+    def discovered(self, offers: DiscoveredOffers, now: float) -> EffectsReturning[Previewed | None]:
         """Handle the services on offer, or the reason why they are not known."""
         return (yield from self._planned((yield from self._planning.discovered(offers)), now))
 
@@ -113,7 +113,7 @@ class PreviewExecutor:
         for number, rival in enumerate(result.alternatives, 2):
             id = f"{state.id}/plan{number}"
             state.rivals[id] = None
-            self._context.plans_to_quote.append(PlanToQuote(id, state.id, state.task, rival, state.services.offers))
+            self._context.plans_to_quote.append(PlanToQuote(id, state.id, state.task, rival, self._services.for_quotes()))
         return (yield from self.begin_with_plan(result, now))
 
     def rival_ended(self, id: str, result: Previewed, now: float) -> EffectsReturning[Previewed | None]:

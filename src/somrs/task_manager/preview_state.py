@@ -10,13 +10,13 @@ from somrs.protocol.messages.event_text import waiting_text
 from somrs.protocol.messages.previews import Preview, Previewed, Quotation
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.waits import WaitsForTasks
-from somrs.task_manager.arrangement.available_services import KnownServices
 from somrs.task_manager.arrangement.call_for_proposals import OpenCalls
 from somrs.task_manager.arrangement.conditions import StatedConditions
 from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest
 from somrs.task_manager.context import PlanToQuote
 from somrs.task_manager.execution.participants import Members
 from somrs.task_manager.execution.workflow import Workflow
+from somrs.task_manager.known_services import KnownServices
 from somrs.task_manager.reservations import TaskReservation
 from somrs.task_manager.timers import BidsDue
 
@@ -81,6 +81,6 @@ def preview_of_plan(quoted: PlanToQuote) -> PreviewState:
         task=task,
         planning=PlanRequest(owner=quoted.id, goal=0, serial=0, task=task),
         calls=OpenCalls(timer=BidsDue(quoted.id, 0)),
-        services=KnownServices(offers=quoted.offers),
+        services=quoted.services,
         owner=quoted.owner,
     )

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from msgspec import Struct, field
 
-from somrs.kernel.component import Effects, EffectsReturning, Send, SetTimer
+from somrs.kernel.component import DeliveryFailed, Effects, EffectsReturning, Input, Received, Send, SetTimer
+from somrs.kernel.offers import Offers
 from somrs.ontology.agreement import disagreements
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
@@ -23,7 +24,7 @@ PATIENCE = 10.0
 """Seconds after which a request without an answer is sent again."""
 
 DISCOVERY_TIME = 30.0
-"""Seconds that the Registry has to answer. Planning is impossible without the services on offer."""
+"""Seconds for which a task waits for the services on offer. Planning is impossible without them."""
 
 SETTLING_TIME = 5.0
 """Seconds for which a request waits until providers and Registry have the service types as the Repository defines them now."""
@@ -76,11 +77,15 @@ class ForReservation(Struct, frozen=True, tag=True):
 RequestPurpose = ForPlan | ForLook | ForReport | ForPause | ForReservation
 
 
+DiscoveredOffers = tuple[Offer, ...] | str | None
+"""All services on offer: None for those of the Task Manager's copy. Or the reason why they are not known."""
+
+
 class ServicesKnown(Struct, frozen=True):
-    """All services on offer, or the reason why they are not known."""
+    """The services on offer are known, or why they are not."""
 
     purpose: ForPlan | ForLook
-    offers: tuple[Offer, ...] | str
+    offers: DiscoveredOffers
 
 
 class ReportAnswered(Struct, frozen=True):
@@ -158,7 +163,7 @@ class Requests(Struct, kw_only=True):
         return self.serial
 
     def discover(self, purpose: ForPlan | ForLook, now: float) -> Effects:
-        """Read all offers from the Registry, page by page."""
+        """Read all offers from the Registry, page by page, as in journals of programs that did so for each task."""
         yield from self._send_request(self._discovery(purpose, now, now + SETTLING_TIME), now)
 
     def _discovery(self, purpose: RequestPurpose, now: float, settles_by: float | None, offers: tuple[Offer, ...] = ()) -> Request:
@@ -166,7 +171,7 @@ class Requests(Struct, kw_only=True):
         return self._new_request(self.registry, discover, purpose, now + DISCOVERY_TIME, offers, settles_by)
 
     def follow_arrivals(self, now: float) -> Effects:
-        """Subscribe to the arrivals of services for a while, unless the last subscription has just begun."""
+        """Subscribe to the arrivals of services for a while, unless the last subscription has just begun, as in such journals."""
         if now < self.follows_until - ARRIVALS_LEASE / 2:
             return
         self.follows_until = now + ARRIVALS_LEASE
@@ -174,6 +179,16 @@ class Requests(Struct, kw_only=True):
 
     def is_answer(self, message: Message) -> bool:
         return message.header.relates_to in self.pending
+
+    def concerns(self, event: Input) -> bool:
+        """Whether the input is the answer to a pending request, or the news that it could not be delivered."""
+        match event:
+            case Received(message):
+                return self.is_answer(message)
+            case DeliveryFailed(message):
+                return message.header.message_id in self.pending
+            case _:
+                return False
 
     def answered(self, message: Message, ontology: Ontology, now: float) -> EffectsReturning[RequestResult | None]:
         """Handle an answer. `ontology` is the one by which offers are judged.
@@ -197,7 +212,7 @@ class Requests(Struct, kw_only=True):
         return (yield from self._retry(request, f"{request.message.header.recipient} does not answer", now))
 
     def _interpret_answer(
-        self, request: Request, answer: Message, now: float, ontology: Ontology | None = None
+        self, request: Request, answer: Message, now: float, ontology: Ontology = Ontology()
     ) -> EffectsReturning[RequestResult | None]:
         purpose, body = request.purpose, answer.body
         if isinstance(purpose, ForPause):
@@ -213,7 +228,7 @@ class Requests(Struct, kw_only=True):
         if body.more and body.offers:
             yield from self._send_request(self._discovery(purpose, now, request.settles_by, offers), now)
             return None
-        if request.settles_by is not None and now < request.settles_by and (body.unsettled or _is_out_of_date(offers, ontology)):
+        if request.settles_by is not None and now < request.settles_by and (body.unsettled or is_out_of_date(Offers(offers), ontology)):
             later_request = self._discovery(purpose, now, request.settles_by)
             yield SetTimer(AnswerDue(later_request.message.header.message_id), now + PAUSE)
             return None
@@ -254,11 +269,10 @@ class Requests(Struct, kw_only=True):
         return (yield from self._interpret_answer(request, fault, now))
 
 
-def _is_out_of_date(offers: tuple[Offer, ...], ontology: Ontology | None) -> bool:
+def is_out_of_date(offers: Offers, ontology: Ontology) -> bool:
     """Whether an offer and the ontology disagree about a service type: a change has reached only one of Registry and Task Manager."""
-    services = ontology.services if ontology is not None else {}
-    types = {id(offer.service_type): offer.service_type for offer in offers}.values()
-    return any(type.name in services and disagreements(type, services[type.name]) for type in types)
+    services = ontology.services
+    return any(type.name in services and disagreements(type, services[type.name]) for type in offers.definitions)
 
 
 def answer_problems(answer: Message) -> tuple[str, ...]:

@@ -8,11 +8,13 @@ from msgspec import Struct, field
 
 from somrs.kernel.replica import Replica
 from somrs.kernel.reservations import Reservations
+from somrs.kernel.service_replica import ServiceReplica
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.observations import Reception
 from somrs.protocol.messages.reservations import Claim
 from somrs.task_manager.context import Commitments, Interval, Quotes
 from somrs.task_manager.device_queue import DeviceQueues
+from somrs.task_manager.discovery import Discovery
 from somrs.task_manager.execution.reports import ReportResult
 from somrs.task_manager.pace import Pace
 from somrs.task_manager.preview_state import PreviewState
@@ -63,6 +65,7 @@ class TaskManagerState(Struct, kw_only=True):
 
     replica: Replica
     requests: Requests
+    discovery: Discovery = field(default_factory=Discovery)
     tasks: dict[str, TaskState] = field(default_factory=dict)
     running: list[str] = []
     previews: dict[str, PreviewState] = field(default_factory=dict)
@@ -82,7 +85,9 @@ class TaskManagerState(Struct, kw_only=True):
 
     @classmethod
     def new(cls, address: str, repository: str, registry: str) -> TaskManagerState:
-        return cls(replica=Replica(address, repository), requests=Requests(address=address, repository=repository, registry=registry))
+        requests = Requests(address=address, repository=repository, registry=registry)
+        discovery = Discovery(directory=ServiceReplica(address, registry))
+        return cls(replica=Replica(address, repository), requests=requests, discovery=discovery)
 
     @property
     def running_tasks(self) -> Iterator[TaskState]:

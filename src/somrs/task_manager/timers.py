@@ -6,6 +6,7 @@ from msgspec import Struct
 
 from somrs.kernel.component import ErrorAnswer
 from somrs.kernel.replica import ReplicaDue
+from somrs.kernel.service_replica import ServicesDue
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 from somrs.protocol.messages.records import ReadRecords, Records
@@ -65,6 +66,10 @@ class AnswerDue(Struct, frozen=True, tag=True):
     request: str
 
 
+class DiscoveryDue(Struct, frozen=True, tag=True):
+    """The time for which tasks wait for the services on offer is over, or the providers that were to publish again have had their time."""
+
+
 class MapDue(Struct, frozen=True, tag=True):
     """The time for which a client's request waits for the map is over."""
 
@@ -77,11 +82,15 @@ class NewsDue(Struct, frozen=True, tag=True):
     request: str
 
 
-Timer = BidsDue | SilenceDue | OverdueDue | DeadlineDue | RetryDue | StopDue | PreviewDue | AnswerDue | MapDue | NewsDue | ReplicaDue
+Timer = (
+    BidsDue | SilenceDue | OverdueDue | DeadlineDue | RetryDue | StopDue | PreviewDue | AnswerDue | DiscoveryDue | MapDue | NewsDue
+    | ReplicaDue | ServicesDue
+)  # fmt: skip
 
 
 class StartedBefore(Struct, frozen=True, tag=True):
-    """A notice in journals of programs whose Task Managers kept reservations to themselves: such a program was started."""
+    """A notice in journals of programs whose Task Managers kept reservations to themselves, and asked the Registry for each task: such a
+    program was started."""
 
 
 class PlanWanted(Struct, frozen=True, tag=True):

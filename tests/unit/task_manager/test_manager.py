@@ -8,7 +8,6 @@ from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, ErrorA
 from somrs.kernel.replica import Replica, ReplicaDue
 from somrs.protocol.messages import frp, previews, records, submission, task_news, task_views
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.directory import Discover
 from somrs.protocol.messages.envelope import Header, Message, reply
 from somrs.protocol.messages.knowledge import (
     Definitions,
@@ -356,14 +355,6 @@ def test_who_takes_part_in_nothing_that_is_known_is_sent_home(participant: str |
     message = Message(header=header, body=frp.Terms(effect=GOAL, price=1.0, duration=1.0))
     assert bodies(harness.manager.handle(Received(message), 5.0)) == expected
     assert harness.manager.handle(DeliveryFailed(message, "no route"), 6.0) == []
-
-
-def test_what_the_registry_could_not_be_questionis_questionagain() -> None:
-    manager = TaskManagerHarness().manager
-    effects = send_request(manager, submission.Submit(effect="Jar001 isOn Platform001"))
-    (discover,) = [effect.message for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, Discover)]
-    retry_effects = manager.handle(DeliveryFailed(discover, "no route"), 12.0)
-    assert [effect.message for effect in retry_effects if isinstance(effect, Send)] == [discover]
 
 
 # What is no task

@@ -63,7 +63,7 @@ def test_what_a_task_manager_had_reserved_itself_its_tasks_claim_at_the_reposito
     assert "reservations" not in state
 
 
-def test_an_earlier_start_is_not_the_one_at_which_reservations_are_claimed() -> None:
+def test_an_earlier_start_is_not_the_one_at_which_reservations_are_claimed_and_the_registry_is_followed() -> None:
     started, other = {"type": "Started", "address": "tm"}, {"type": "Received", "message": {}}
     assert MIGRATIONS[2].entry([1, 2.0, started, [3]]) == [1, 2.0, {"type": "Notified", "notice": {"type": "StartedBefore"}}, [3]]
     assert MIGRATIONS[2].entry([1, 2.0, other]) == [1, 2.0, other]

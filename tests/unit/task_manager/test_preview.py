@@ -19,7 +19,7 @@ from somrs.protocol.messages.waits import Holder, WaitsForTasks
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.preview import MOST_ROUNDS, PREVIEW_ONLY, REPLY_TIME
 from somrs.task_manager.preview_state import PreviewState
-from somrs.task_manager.timers import BidsDue, PlanWanted, PreviewDue, Timer
+from somrs.task_manager.timers import BidsDue, DiscoveryDue, PlanWanted, PreviewDue, Timer
 from tests.unit.task_manager.test_manager import answers
 from tests.unit.task_manager.transaction.test_participant_events import FIRST_SERVICE, GOAL, SECOND_SERVICE, TaskManagerHarness, bodies
 
@@ -195,9 +195,12 @@ def test_without_a_step_nobody_is_asked(plan_result: object, expected: Previewed
 
 def test_when_the_registry_cannot_say_who_is_there_the_client_hears_that() -> None:
     harness = TaskManagerHarness()
-    harness.registry = frp.Fault(code="env:Receiver", text="it is full")
-    reason = "the Service Registry answered: it is full"
-    assert client_reply(PreviewHarness(harness).effects) == Previewed(steps=(), explanation=reason, reasons=(reason,))
+    harness.directory.version = -1
+    preview = PreviewHarness(harness)
+    (due,) = [effect.at for effect in preview.effects if isinstance(effect, SetTimer) and effect.timer == DiscoveryDue()]
+    assert due is not None
+    reason = "the Service Registry does not answer"
+    assert client_reply(harness.rings(DiscoveryDue(), due)) == Previewed(steps=(), explanation=reason, reasons=(reason,))
 
 
 def test_without_quotes_the_plan_is_told_and_nobody_is_asked() -> None:

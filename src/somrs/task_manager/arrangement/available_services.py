@@ -1,15 +1,15 @@
-"""The services available to one task: those that the Registry listed last, without those that failed in the task."""
+"""The services available to one task: those that the Registry lists, without those that failed in the task."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from msgspec import Struct
+from collections.abc import Iterable, Mapping
 
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction
 from somrs.entish.parse import parse
+from somrs.kernel.offers import Offers
 from somrs.kernel.replica import Replica
+from somrs.kernel.service_replica import ServiceReplica
 from somrs.ontology.agreement import disagreements
 from somrs.ontology.services import ServiceType
 from somrs.ontology.truth import formula_holds
@@ -18,54 +18,39 @@ from somrs.ontology.values import takes_work
 from somrs.planner.model.plan import Step
 from somrs.planner.model.problem import LostService
 from somrs.protocol.messages.directory import Offer
-from somrs.task_manager.execution.bids import able_offers, precondition_now, relevant_situation, service_types
+from somrs.task_manager.execution.bids import able_offers, precondition_now, relevant_situation
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import StepRun
+from somrs.task_manager.known_services import KnownServices
 
 MOST_FAILURES = 5
 """After so many failures in a row, a task does not ask a service again, even if no other service can do the step."""
 
 
-class KnownServices(Struct, kw_only=True):
-    """What one task knows about services."""
-
-    offers: tuple[Offer, ...] = ()
-    broken: dict[str, str] = {}
-    """Services that failed or refused in this task, and why: new plans leave them out."""
-    unable: set[str] = set()
-    """Those of them that refused for good, or reported the same impossible situation twice."""
-    silent: set[str] = set()
-    """Those of them that fell silent, and have not been heard of since."""
-    unoffered: tuple[str, ...] = ()
-    """The service types that the latest plan lacked, because no device offered them."""
-    failures: dict[str, int] = {}
-    """The failures that each service has reported since it last completed a step."""
-    impossible: dict[str, str] = {}
-    """Why the last impossible report of each service was rejected."""
-    fruitless: set[tuple[str, str]] = set()
-    """Devices and uses of services (as `Step.use`) that told nothing in this task. They are not asked for the same again."""
-    told: set[str] = set()
-    """The uses of services that told something in this task."""
-    types: dict[str, ServiceType] = {}
-    """The types of all offers so far. A type outlasts its offers, because a service may be committed to a step of it."""
-    common_types: dict[str, ServiceType] = {}
-    """The types of the latest offers as the ontology defined them then."""
-
-
 class AvailableServices:
-    """Judges services by the latest offers and the latest map, which both change while a task runs."""
+    """Judges services by the latest offers and the latest map, which both change while a task runs.
 
-    def __init__(self, state: KnownServices, replica: Replica) -> None:
-        self._state, self._replica = state, replica
+    `directory`: the copy of what the Registry lists; None if each task discovers services itself.
+    """
+
+    def __init__(self, state: KnownServices, replica: Replica, directory: ServiceReplica | None) -> None:
+        self._state, self._replica, self._directory = state, replica, directory
 
     @property
     def broken(self) -> dict[str, str]:
         return self._state.broken
 
-    def discovered(self, offers: tuple[Offer, ...]) -> None:
-        """Replace the offers by all that the Registry lists now."""
+    @property
+    def on_offer(self) -> Offers:
+        """All offers that the task knows."""
+        if self._directory is None or self._state.offers is not None:
+            return Offers(self._state.offers or ())
+        return self._directory.offers
+
+    def discovered(self, offers: tuple[Offer, ...] | None) -> None:
+        """Use these offers from now on, or those of the copy."""
         self._state.offers = offers
-        types = {offer.service_type.name: offer.service_type for offer in offers}
+        types = self.on_offer.types
         self._state.types.update(types)
         self._state.common_types = {name: common for name in types if (common := self._replica.ontology.services.get(name)) is not None}
 
@@ -74,45 +59,43 @@ class AvailableServices:
         current, known = self._replica.ontology.services, self._state.common_types
         return frozenset(name for name, type in known.items() if name in current and disagreements(type, current[name]))
 
-    @property
-    def _offers(self) -> tuple[Offer, ...]:
+    def for_quotes(self) -> KnownServices:
+        """What a preview of a plan of the task has to know about services."""
+        return KnownServices(offers=self._state.offers, broken=dict(self.broken))
+
+    def _of_idle_devices(self, offers: Iterable[Offer]) -> list[Offer]:
         """The offers of devices that may begin work."""
         map, ontology = self._replica.map, self._replica.ontology
-        return tuple(offer for offer in self._state.offers if takes_work(offer.provider, map, ontology))
+        return [offer for offer in offers if takes_work(offer.provider, map, ontology)]
 
     @property
     def usable(self) -> list[Offer]:
-        return [offer for offer in self._offers if offer.service not in self.broken]
+        return [offer for offer in self._of_idle_devices(self.on_offer) if offer.service not in self.broken]
 
     @property
     def excluded_services(self) -> list[LostService]:
         """Services on offer that the task does not ask, and why."""
-        return [
-            LostService(offer.service_type, offer.service, self.broken[offer.service])
-            for offer in self._state.offers
-            if offer.service in self.broken
-        ]
+        return self._lost_services(self.broken)
 
     @property
     def rejected_services(self) -> list[LostService]:
         """Services on offer whose last impossible report the Repository rejected, and why."""
-        reasons = self._state.impossible
-        return [
-            LostService(offer.service_type, offer.service, reasons[offer.service])
-            for offer in self._state.offers
-            if offer.service in reasons
-        ]
+        return self._lost_services(self._state.impossible)
+
+    def _lost_services(self, reasons: Mapping[str, str]) -> list[LostService]:
+        offers = self.on_offer.of_services(reasons)
+        return [LostService(offer.service_type, offer.service, reasons[offer.service]) for offer in offers]
 
     @property
     def excluded_providers(self) -> set[str]:
         """The devices of the services that the task does not ask."""
-        return {offer.provider for offer in self._state.offers if offer.service in self.broken}
+        return {offer.provider for offer in self.on_offer.of_services(self.broken)}
 
     def able_offers(self, run: StepRun) -> list[Offer]:
         """The offers of services that can be asked for the step."""
-        fruitless = self._state.fruitless
-        mute = {offer.service for offer in self._state.offers if fruitless and (offer.provider, run.step.use) in fruitless}
-        return able_offers(run.step, self._offers, self._service_types, {*run.excluded, *self.broken, *mute})
+        fruitless, step = self._state.fruitless, run.step
+        offers = able_offers(step, self.on_offer, self._service_types, {*run.excluded, *self.broken})
+        return self._of_idle_devices(offer for offer in offers if (offer.provider, step.use) not in fruitless)
 
     @property
     def fruitless(self) -> frozenset[tuple[str, str]]:
@@ -134,10 +117,10 @@ class AvailableServices:
 
     def tell_nothing(self, run: StepRun) -> None:
         """Do not ask the services for the step again that failed in it or refused it for good, nor the others before their reasons pass."""
-        for offer in self._state.offers:
-            if offer.service in self._state.unable & run.excluded.keys():
+        for offer in self.on_offer.of_services(run.excluded):
+            if offer.service in self._state.unable:
                 self.tells_nothing(offer.provider, run.step)
-            elif offer.service in run.excluded and (offer.provider, run.step.use) not in self._state.fruitless:
+            elif (offer.provider, run.step.use) not in self._state.fruitless:
                 self.exclude({offer.service: run.excluded[offer.service]})
 
     def refused(self, service: str, *, not_now: bool) -> None:
@@ -147,7 +130,7 @@ class AvailableServices:
 
     def offers_for(self, step: Step) -> list[Offer]:
         """The offers of services that can do the step, without those that are broken."""
-        return able_offers(step, self._offers, self._service_types, self.broken)
+        return self._of_idle_devices(able_offers(step, self.on_offer, self._service_types, self.broken))
 
     def failed(self, service: str, reason: str) -> None:
         """Exclude a service that reported a failure; `readmit_failed` may readmit it."""
@@ -184,7 +167,7 @@ class AvailableServices:
 
         Returns their offers.
         """
-        offers = able_offers(run.step, self._state.offers, self._service_types, ()) if run is not None else self._state.offers
+        offers = able_offers(run.step, self.on_offer, self._service_types, ()) if run is not None else self.on_offer
         readmitted = [offer for offer in offers if self._may_do_better(offer)]
         for offer in readmitted:
             del self.broken[offer.service]
@@ -209,7 +192,7 @@ class AvailableServices:
 
     def passing_hindrances(self) -> dict[str, str]:
         """Why services and service types are not available, as far as the reason may pass: by their names."""
-        offers = {offer.service: offer for offer in self._state.offers}
+        offers = self.on_offer
         services = {service: reason for service, reason in self.broken.items() if self._may_return(service, offers.get(service))}
         return {**services, **dict.fromkeys(self._state.unoffered, "no device offers it now")}
 
@@ -221,7 +204,7 @@ class AvailableServices:
 
     def readmit_refused(self) -> None:
         """Readmit the services whose reason may have passed, to ask them again; not those that are silent, or that do not work."""
-        offers = {offer.service: offer for offer in self._state.offers}
+        offers = self.on_offer
         for service in [*self.broken]:
             offer, failures = offers.get(service), self._state.failures.get(service, 0)
             works = offer is None or self._works(offer)
@@ -250,7 +233,7 @@ class AvailableServices:
 
     @property
     def _service_types(self) -> dict[str, ServiceType]:
-        return {**self._state.types, **service_types(self._replica.ontology, self._state.offers)}
+        return {**self._state.types, **self._replica.ontology.services, **self.on_offer.types}
 
 
 def service_names(offers: Iterable[Offer]) -> tuple[str, ...]:

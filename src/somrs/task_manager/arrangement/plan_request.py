@@ -15,14 +15,13 @@ from somrs.errors import FormulaError
 from somrs.kernel.component import Ask, Effects, EffectsReturning, Withdraw
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import StepBid
-from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.reservations import ReservationMode, Reserved
 from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.arrangement.available_services import AvailableServices
 from somrs.task_manager.arrangement.plan_reservation import plan_reservation
 from somrs.task_manager.context import TaskManagerContext, planning_problem
 from somrs.task_manager.execution.workflow import Progress, Workflow
-from somrs.task_manager.requests import ForPlan, ReservationAnswer
+from somrs.task_manager.requests import DiscoveredOffers, ForPlan, ReservationAnswer
 from somrs.task_manager.reservations import BlockedPlan, ReservationRequester
 from somrs.task_manager.timers import Answer, PlanWanted
 
@@ -86,9 +85,9 @@ class PlanRequester:
         self._modes, self._old_workflow = modes, old_workflow
 
     def begin(self, now: float) -> Effects:
-        yield from self._context.requests.discover(self._request.purpose, now)
+        yield from self._context.discover(self._request.purpose, now)
 
-    def discovered(self, offers: tuple[Offer, ...] | str) -> EffectsReturning[PlanResult | None]:
+    def discovered(self, offers: DiscoveredOffers) -> EffectsReturning[PlanResult | None]:
         """Handle the services on offer, or the reason why they are not known. Returns None if the planner is asked."""
         if isinstance(offers, str):
             return ServicesUnknown(offers)

@@ -12,6 +12,7 @@ from somrs.entish import Formula
 from somrs.entish.formula import conjunction, conjuncts, names, substitute
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
+from somrs.kernel.offers import Offers
 from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.truth import bindings, formula_holds
@@ -81,12 +82,7 @@ def plan_preference(task: Submit, previewed: Previewed) -> tuple[float, float]:
             return previewed.price + task.time_value * previewed.seconds, previewed.seconds
 
 
-def service_types(ontology: Ontology, offers: Iterable[Offer]) -> dict[str, ServiceType]:
-    """The service types of the ontology and of the offers, by name."""
-    return {**ontology.services, **{offer.service_type.name: offer.service_type for offer in offers}}
-
-
-def able_offers(step: Step, offers: Sequence[Offer], types_by_name: dict[str, ServiceType], excluded: Collection[str]) -> list[Offer]:
+def able_offers(step: Step, offers: Offers, types_by_name: dict[str, ServiceType], excluded: Collection[str]) -> list[Offer]:
     """The offers that can be asked for a step, without those of `excluded` services.
 
     They are of the step's type or a subtype. If the plan names a provider, they are of that provider or of an alternative.
@@ -103,10 +99,8 @@ def able_offers(step: Step, offers: Sequence[Offer], types_by_name: dict[str, Se
 
     return [
         offer
-        for offer in offers
-        if is_of_type(offer.service_type.name)
-        and (step.provider in (None, offer.provider) or offer.provider in step.alternative_providers)
-        and offer.service not in excluded
+        for offer in offers.of_types(filter(is_of_type, offers.types))
+        if (step.provider in (None, offer.provider) or offer.provider in step.alternative_providers) and offer.service not in excluded
     ]
 
 

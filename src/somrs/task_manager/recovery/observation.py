@@ -27,7 +27,7 @@ from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.participants import Members
 from somrs.task_manager.execution.reports import Report, ReportResult, Reports, UnobservedSubject
 from somrs.task_manager.execution.workflow import StepRun
-from somrs.task_manager.requests import ForLook
+from somrs.task_manager.requests import DiscoveredOffers, ForLook
 from somrs.task_manager.reservations import TaskReservation
 
 
@@ -107,9 +107,9 @@ class Observation:
         since_version = member.lost_version if member is not None and member.lost_version is not None else self._context.replica.version
         state.look_count += 1
         state.current_look = Look(object=unseen.object, work=unseen.work, since_version=since_version, serial=state.look_count)
-        yield from self._context.requests.discover(ForLook(self._owner, state.look_count), now)
+        yield from self._context.discover(ForLook(self._owner, state.look_count), now)
 
-    def discovered(self, purpose: ForLook, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[LookPlan | None]:
+    def discovered(self, purpose: ForLook, offers: DiscoveredOffers, now: float) -> EffectsReturning[LookPlan | None]:
         """Handle the services on offer, or the reason why they are not known. Returns the plan of the observation, if there is one."""
         look = self._state.current_look
         if look is None or look.serial != purpose.serial:
@@ -118,7 +118,7 @@ class Observation:
         replica = self._context.replica
         if not isinstance(offers, str):
             self._services.discovered(offers)
-            look.plans = look_plans(look.object, offers, replica.map, replica.ontology)
+            look.plans = look_plans(look.object, self._services.on_offer, replica.map, replica.ontology)
         return (yield from self.next_plan(look, now))
 
     def next_plan(self, look: Look, now: float) -> EffectsReturning[LookPlan | None]:

@@ -15,7 +15,6 @@ from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.protocol.messages import events, waits
-from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.event_text import holders_text
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.goal_kinds import GoalKind
@@ -29,7 +28,7 @@ from somrs.task_manager.execution.knowledge import told
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.recovery.ladder import RecoveryStep, next_recovery_step
-from somrs.task_manager.requests import ReservationAnswer
+from somrs.task_manager.requests import DiscoveredOffers, ReservationAnswer
 from somrs.task_manager.reservations import BlockedPlan
 from somrs.task_manager.timers import Answer, PlanWanted
 from somrs.task_manager.transaction.goal_planner import GoalPlanner
@@ -69,7 +68,7 @@ class GoalExecutor:
         self._execution.replans.count()
         yield from self._planner.request(now)
 
-    def discovered(self, serial: int, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[NextAction | None]:
+    def discovered(self, serial: int, offers: DiscoveredOffers, now: float) -> EffectsReturning[NextAction | None]:
         """Handle the services on offer; they are ignored if the request for the plan is out of date."""
         result = yield from self._planner.discovered(serial, offers)
         return (yield from self._planned(result, now)) if result is not None else None

@@ -10,13 +10,12 @@ from msgspec import structs
 from somrs.kernel.component import Effects, EffectsReturning
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import events
-from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.previews import Previewed
 from somrs.protocol.messages.reservations import ReservationMode
 from somrs.protocol.messages.task_views import Phase
 from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest, PlanRequester, PlanResult
-from somrs.task_manager.requests import ReservationAnswer
+from somrs.task_manager.requests import DiscoveredOffers, ReservationAnswer
 from somrs.task_manager.timers import Answer, PlanWanted
 from somrs.task_manager.transaction.plan_comparison import PlanComparison
 from somrs.task_manager.transaction.scope import TaskScope
@@ -57,7 +56,7 @@ class GoalPlanner:
         modes = ReservationMode.TRY, ReservationMode.WAIT if waits else ReservationMode.TRY
         return PlanRequester(request, scope.services, scope.context, scope.reserving, modes, self._execution.workflow)
 
-    def discovered(self, serial: int, offers: tuple[Offer, ...] | str) -> EffectsReturning[PlanResult | None]:
+    def discovered(self, serial: int, offers: DiscoveredOffers) -> EffectsReturning[PlanResult | None]:
         """Handle the services on offer; they are ignored if the request is out of date. Returns its result, if it has one."""
         request = self._execution.request
         if request is None or request.serial != serial:

@@ -33,7 +33,7 @@ class PlanComparison:
         ids = [f"{state.id}/{execution.plans}.{number}" for number in range(1, len(plans) + 1)]
         execution.comparison = Comparison(plans=dict(zip(ids, plans, strict=True)))
         for id, plan in execution.comparison.plans.items():
-            self._scope.context.plans_to_quote.append(PlanToQuote(id, state.id, state.task, plan, tuple(self._scope.services.usable)))
+            self._scope.context.plans_to_quote.append(PlanToQuote(id, state.id, state.task, plan, self._scope.services.for_quotes()))
 
     def plan_quoted(self, id: str, previewed: Previewed, now: float) -> EffectsReturning[Plan | None]:
         """Handle the quotes for one of the plans. Returns the preferred plan when all have come, and its objects are reserved."""

@@ -47,7 +47,7 @@ class RetryWait:
         execution.replan_because = None
         self._context.touched[task] = None
         yield SetTimer(RetryDue(task), execution.retry_at)
-        yield from self._context.requests.follow_arrivals(now)
+        yield from self._context.follow_arrivals(now)
 
     def hasten(self, now: float) -> Effects:
         """Try again soon: there is news that may concern the hindrances."""

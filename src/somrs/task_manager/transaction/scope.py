@@ -23,7 +23,7 @@ class TaskScope:
     def __init__(self, state: TaskState, context: TaskManagerContext) -> None:
         self.state, self.context = state, context
         self.participants = Participants(state.id, state.members, context, self.log_event, self._log_message)
-        self.services = AvailableServices(state.services, context.replica)
+        self.services = AvailableServices(state.services, context.replica, context.directory)
         self.reserving = ReservationRequester(state.reservation, state.id, state.task.effect, state.task.priority, context)
 
     def log_event(self, event: Event, now: float, subject: StepRun | Work | None = None) -> None:

@@ -18,7 +18,6 @@ from somrs.protocol.messages.previews import Previewed
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import Pause, Phase
 from somrs.protocol.messages.waits import WaitsForTasks, WaitsToRetry
-from somrs.task_manager.arrangement.available_services import KnownServices
 from somrs.task_manager.arrangement.call_for_proposals import OpenCalls
 from somrs.task_manager.arrangement.conditions import StatedConditions
 from somrs.task_manager.arrangement.plan_request import PlanRequest
@@ -26,6 +25,7 @@ from somrs.task_manager.execution.execution_log import ExecutionLog
 from somrs.task_manager.execution.participants import Members
 from somrs.task_manager.execution.reports import Reports
 from somrs.task_manager.execution.workflow import StepRun, Workflow
+from somrs.task_manager.known_services import KnownServices
 from somrs.task_manager.recovery.compensation import Undoing
 from somrs.task_manager.recovery.ladder import Replans
 from somrs.task_manager.recovery.observation import Look, LookQueue

@@ -15,7 +15,6 @@ from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.services import Occasion
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import events
-from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import holders_text
 from somrs.protocol.messages.frp import Outcome, State
@@ -28,7 +27,7 @@ from somrs.task_manager.execution.reports import ReportResult, UnobservedSubject
 from somrs.task_manager.recovery.compensation import UNDOING, RestorationGoal, Undoing
 from somrs.task_manager.recovery.handlers import fitting_handlers
 from somrs.task_manager.recovery.observation import Look, LookPlan
-from somrs.task_manager.requests import ForLook, ForPlan, ForReservation, ReservationAnswer
+from somrs.task_manager.requests import DiscoveredOffers, ForLook, ForPlan, ForReservation, ReservationAnswer
 from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, RetryDue, SilenceDue, StopDue
 from somrs.task_manager.transaction.deadline import Deadline
 from somrs.task_manager.transaction.ending import Ending
@@ -59,7 +58,7 @@ class Transaction:
         yield from Deadline(self._scope).watch(now)
         yield from self._apply_action(state.goal, (yield from self._executor(state.goal).begin(now)), now)
 
-    def discovered(self, purpose: ForPlan | ForLook, offers: tuple[Offer, ...] | str, now: float) -> Effects:
+    def discovered(self, purpose: ForPlan | ForLook, offers: DiscoveredOffers, now: float) -> Effects:
         """Handle the services on offer, or the reason why they are not known."""
         if isinstance(purpose, ForLook):
             yield from self._look((yield from self._scope.observation.discovered(purpose, offers, now)), now)

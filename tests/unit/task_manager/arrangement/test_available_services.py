@@ -6,15 +6,18 @@ import pytest
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
+from somrs.kernel.offers import Offers
 from somrs.kernel.replica import Replica
+from somrs.kernel.service_replica import ServiceReplica
 from somrs.ontology.objects import ValueSet
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import WORKING
 from somrs.planner.model.plan import Step
 from somrs.planner.model.problem import LostService
 from somrs.protocol.messages.directory import Offer
-from somrs.task_manager.arrangement.available_services import MOST_FAILURES, AvailableServices, KnownServices, service_names
+from somrs.task_manager.arrangement.available_services import MOST_FAILURES, AvailableServices, service_names
 from somrs.task_manager.execution.workflow import StepRun
+from somrs.task_manager.known_services import KnownServices
 from tests.support.laboratory import MAP, TRANSFER, laboratory, offer
 
 WORK = ServiceType(name="Work", effect="Jar001.Clean = TRUE")
@@ -27,21 +30,27 @@ def step_run(service_type: str = "TransferObject", effect: str = "Jar001 isOn Sh
 
 def available(*offers: Offer) -> tuple[AvailableServices, KnownServices, Replica]:
     state, replica = KnownServices(), Replica("tm", "repository", laboratory(), MAP)
-    services = AvailableServices(state, replica)
-    services.discovered(offers)
+    services = AvailableServices(state, replica, ServiceReplica("tm", "registry", Offers(offers)))
+    services.discovered(None)
     return services, state, replica
 
 
 def test_what_is_on_offer_no_more_is_forgotten_but_not_its_type() -> None:
-    services, state, replica = available(offer("Robot1", WORK), offer("Robot2", WORK))
+    state, replica = KnownServices(), Replica("tm", "repository", laboratory(), MAP)
+    directory = ServiceReplica("tm", "registry", Offers([offer("Robot1", WORK), offer("Robot2", WORK)]))
+    services = AvailableServices(state, replica, directory)
+    services.discovered(None)
     assert service_names(services.usable) == ("Robot1.Work", "Robot2.Work")
-    services.discovered((offer("Robot3"),))
+    directory.offers = Offers([offer("Robot3")])
+    services.discovered(None)
     assert service_names(services.usable) == ("Robot3.TransferObject",)
     assert state.types == {"TransferObject": TRANSFER, "Work": WORK}
     assert services.type_of(step_run("Work").step) == WORK
     defined = ServiceType(name="Work", effect="Jar001.Clean = FALSE")
     replica.ontology = replica.ontology.extended([defined])
     assert services.type_of(step_run("Work").step) == defined, "what is known now goes before what was known once"
+    directory.offers = Offers([offer("Robot1", WORK)])
+    assert services.type_of(step_run("Work").step) == WORK, "and what is offered before that"
 
 
 def test_who_failed_or_would_not_serve_is_not_asked_and_the_planner_hears_why() -> None:

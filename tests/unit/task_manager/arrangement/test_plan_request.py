@@ -9,23 +9,27 @@ import pytest
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.kernel.component import Ask, Effect, ErrorAnswer, Send, Withdraw
+from somrs.kernel.offers import Offers
 from somrs.kernel.replica import Replica
 from somrs.kernel.reservations import Reservation
+from somrs.kernel.service_replica import ServiceReplica
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import LostService, Problem
-from somrs.protocol.messages.directory import Discover, Offer
+from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.reservations import ReservationMode, Reserve
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.waits import Holder
 from somrs.repository.reserving import Reserving
 from somrs.repository.state import Contents
-from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
+from somrs.task_manager.arrangement.available_services import AvailableServices
 from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, ServicesUnknown
 from somrs.task_manager.context import Quotes, TaskManagerContext
 from somrs.task_manager.device_queue import DeviceQueues
+from somrs.task_manager.discovery import Discovery
 from somrs.task_manager.execution.workflow import Progress, Workflow
+from somrs.task_manager.known_services import KnownServices
 from somrs.task_manager.pace import Pace
-from somrs.task_manager.requests import ForPlan, ForReservation, Requests
+from somrs.task_manager.requests import ForPlan, ForReservation, Requests, ServicesKnown
 from somrs.task_manager.reservations import BlockedPlan, ReservationRequester, TaskReservation
 from somrs.task_manager.timers import Answer, PlanWanted
 from somrs.task_manager.world_clock import WorldClock
@@ -49,9 +53,10 @@ HOLDERS = (Holder(task="other", goal="", objects=("Jar001",)),)
 def context(reserved_elsewhere: Callable[[str], frozenset[str]] = lambda task: frozenset()) -> TaskManagerContext:
     """Nothing was asked of anybody yet, and nobody has anything."""
     return TaskManagerContext(
-        replica=Replica("tm", "repository", laboratory(), MAP, 7),
+        replica=Replica("tm", "repository", laboratory(), MAP, version=7),
         requests=Requests(address="tm", repository="repository", registry="registry"),
         local_reservations=None,
+        discovery=Discovery(directory=ServiceReplica("tm", "registry", version=3)),
         queues=DeviceQueues(),
         quotes=Quotes(),
         pace=Pace(),
@@ -80,7 +85,7 @@ class PlanRequestHarness:
         reserving = ReservationRequester(self.reservation, "task1", GOAL, 0, self.context)
         if held:
             self.reserve_elsewhere(*held)
-        self.services = AvailableServices(KnownServices(), self.context.replica)
+        self.services = AvailableServices(KnownServices(), self.context.replica, self.context.directory)
         self.request = PlanRequest(owner="task1", goal=3, serial=2, task=Submit(effect=effect))
         self.requester = PlanRequester(self.request, self.services, self.context, reserving, modes, old_workflow)
 
@@ -89,7 +94,9 @@ class PlanRequestHarness:
         self.repository.reserve(Reserve(task="other", serial=self.serial, mode=ReservationMode.TRY, changes=held), "tm", 0.0)
 
     def discovered(self, *offers: Offer) -> Problem:
-        effects, result = run_effects(self.requester.discovered(offers))
+        assert self.context.directory is not None
+        self.context.directory.offers = Offers(offers)
+        effects, result = run_effects(self.requester.discovered(None))
         assert result is None
         return self.asked_problem(effects)
 
@@ -117,10 +124,8 @@ class PlanRequestHarness:
 
 def test_first_the_services_on_offer_are_asked_for() -> None:
     harness = PlanRequestHarness()
-    effects = [*harness.requester.begin(5.0)]
-    assert [effect.message.body for effect in effects if isinstance(effect, Send)] == [Discover()]
-    (request,) = harness.context.requests.pending.values()
-    assert (request.purpose, request.expires_at) == (ForPlan("task1", 3, 2), 35.0)
+    assert [*harness.requester.begin(5.0)] == []
+    assert harness.context.discovery.next_answer(laboratory(), 5.0) == ServicesKnown(ForPlan("task1", 3, 2), None)
     assert run_effects(harness.requester.discovered("the registry is out of order")) == (
         [],
         ServicesUnknown("the registry is out of order"),
@@ -151,7 +156,7 @@ def test_what_still_stands_of_the_plan_before_is_kept() -> None:
 
 def test_a_task_that_does_not_fit_the_map_any_more_has_no_plan() -> None:
     harness = PlanRequestHarness(effect="Gone isOn Shelf2")
-    effects, result = run_effects(harness.requester.discovered((offer("Robot1"),)))
+    effects, result = run_effects(harness.requester.discovered(None))
     assert isinstance(result, str)
     assert (effects, result.partition(":")[0], harness.request.attempt) == ([], "the task does not fit the map any more", 0)
 

@@ -6,6 +6,7 @@ import pytest
 
 from somrs.entish import Name, Term
 from somrs.entish.parse import parse
+from somrs.kernel.offers import Offers
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages.directory import Offer
@@ -19,7 +20,6 @@ from somrs.task_manager.execution.bids import (
     make_bid,
     precondition_now,
     relevant_situation,
-    service_types,
 )
 from tests.support.laboratory import MAP, TRANSFER, laboratory
 
@@ -88,11 +88,11 @@ def offer(service_type: str, provider: str = "Robot1") -> Offer:
 @pytest.mark.parametrize(
     ("service_type", "provider", "alike", "excluded", "services"),
     [
-        ("Work", None, (), (), ["Robot1.Work", "Robot2.Work", "Robot1.FinestWork"]),
+        ("Work", None, (), (), ["Robot1.FinestWork", "Robot1.Work", "Robot2.Work"]),
         ("FineWork", None, (), (), ["Robot1.FinestWork"]),
         ("Work", "Robot2", (), (), ["Robot2.Work"]),
-        ("Work", "Robot3", ("Robot1",), (), ["Robot1.Work", "Robot1.FinestWork"]),
-        ("Work", None, (), ("Robot1.Work",), ["Robot2.Work", "Robot1.FinestWork"]),
+        ("Work", "Robot3", ("Robot1",), (), ["Robot1.FinestWork", "Robot1.Work"]),
+        ("Work", None, (), ("Robot1.Work",), ["Robot1.FinestWork", "Robot2.Work"]),
         ("Lost", None, (), (), ["Robot1.Lost"]),
         ("Unknown", None, (), (), ["Robot1.Lost"]),
         ("Round", None, (), (), ["Robot1.Circle"]),
@@ -103,13 +103,7 @@ def test_who_can_be_asked(
 ) -> None:
     offers = [offer("Work"), offer("Work", "Robot2"), offer("FinestWork"), offer("Lost"), offer("Circle")]
     step = Step("step1", service_type, {}, parse("Jar001.Clean = TRUE"), provider=provider, alternative_providers=alike)
-    assert [able_offer.service for able_offer in able_offers(step, offers, TYPES, excluded)] == services
-
-
-def test_a_type_that_comes_with_an_offer_goes_before_that_of_the_ontology() -> None:
-    ontology = laboratory().extended([ServiceType(name="Work", effect="old"), ServiceType(name="Rest", effect="")])
-    types_by_name = service_types(ontology, [offer("Work"), offer("FineWork")])
-    assert (types_by_name["Work"], types_by_name["FineWork"], types_by_name["Rest"].name) == (TYPES["Work"], TYPES["FineWork"], "Rest")
+    assert [able_offer.service for able_offer in able_offers(step, Offers(offers), TYPES, excluded)] == services
 
 
 JAR: dict[str, Term] = {"Object": Name("Jar001"), "Destination": Name("Shelf2")}

@@ -17,6 +17,7 @@ from somrs.protocol.messages.events import Event, ServiceOverdue, ServiceSilent
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.context import Quotes, TaskManagerContext
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
+from somrs.task_manager.discovery import Discovery
 from somrs.task_manager.execution.bids import Bid
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants, answer_stranger
@@ -47,6 +48,7 @@ class TransactionHarness:
             replica=self.replica,
             requests=Requests(address=ME, repository="repository", registry="registry"),
             local_reservations=None,
+            discovery=Discovery(),
             queues=self.queues,
             quotes=Quotes(),
             pace=Pace(),

@@ -10,22 +10,24 @@ from msgspec import structs
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.kernel.component import Send
+from somrs.kernel.offers import Offers
 from somrs.ontology.objects import Change, Fact, FactRemoved, ValueSet
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import UNKNOWN
 from somrs.planner.model.plan import Plan, Step
 from somrs.protocol.messages import events
-from somrs.protocol.messages.directory import Discover, Offer
+from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.observations import Observation as Observed
 from somrs.protocol.messages.observations import Reception
-from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
+from somrs.task_manager.arrangement.available_services import AvailableServices
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.reports import Report, ReportResult, Reports, UnobservedSubject
+from somrs.task_manager.known_services import KnownServices
 from somrs.task_manager.recovery.observation import Look, LookPlan, LookQueue, Observation, Unseen, look_plans, unknown_changes
-from somrs.task_manager.requests import ForLook
+from somrs.task_manager.requests import ForLook, ServicesKnown
 from somrs.task_manager.reservations import TaskReservation
 from tests.support.effects import run_effects
 from tests.support.laboratory import MAP, TRANSFER, laboratory, offer
@@ -76,7 +78,7 @@ class ObservationHarness:
             reservation=TaskReservation(),
             log=ExecutionLog(works=[self.work]),
             members=self.transaction.members,
-            services=AvailableServices(self.known_services, self.context.replica),
+            services=AvailableServices(self.known_services, self.context.replica, self.context.directory),
             reports=self.reports,
             context=self.context,
             log_event=lambda event, now, work: self.logged_events.append((event, now, work)),
@@ -89,7 +91,13 @@ class ObservationHarness:
         return self.look_queue.current_look
 
     def discovered(self, *offers: Offer) -> LookPlan | None:
-        return run_effects(self.observation.discovered(ForLook("task1", self.look_queue.look_count), offers, 6.0))[1]
+        self.list_offers(*offers)
+        return run_effects(self.observation.discovered(ForLook("task1", self.look_queue.look_count), None, 6.0))[1]
+
+    def list_offers(self, *offers: Offer) -> None:
+        """The Registry lists these offers."""
+        assert self.context.directory is not None
+        self.context.directory.offers = Offers(offers)
 
 
 UNSEEN = UpdateMap(
@@ -122,14 +130,12 @@ def test_it_is_found_out_who_can_look_at_what_is_next(lost_at: int | None, since
     harness = ObservationHarness()
     harness.member.lost_version = lost_at
     harness.look_queue.unseen += [Unseen("Jar001", 1), Unseen("Jar002", 1)]
-    effects = [*harness.observation.begin(5.0)]
+    assert [*harness.observation.begin(5.0)] == []
     assert harness.look_queue.current_look is not None
     look = harness.look_queue.current_look
     assert (look.object, look.work, look.since_version, look.serial, look.plans) == ("Jar001", 1, since_version, 1, [])
     assert harness.look_queue.unseen == [Unseen("Jar002", 1)]
-    assert [effect.message.body for effect in effects if isinstance(effect, Send)] == [Discover()]
-    (request,) = harness.context.requests.pending.values()
-    assert request.purpose == ForLook("task1", 1)
+    assert harness.context.discovery.next_answer(laboratory(), 5.0) == ServicesKnown(ForLook("task1", 1), None)
 
 
 def test_of_one_who_is_not_known_any_more_nothing_is_known_since_now() -> None:
@@ -143,7 +149,7 @@ def test_somebody_looks_if_anybody_can_and_then_the_next() -> None:
     look = harness.begin_look()
     offers = offer("Robot1"), offer("Robot2", look_service_type()), offer("Robot3", look_service_type("Look"))
     assert harness.discovered(*offers) == LookPlan(look_plan("Jar001"), look)
-    assert (harness.look_queue.current_look, look.plans, harness.known_services.offers) == (None, [look_plan("Jar001", "Look")], offers)
+    assert (harness.look_queue.current_look, look.plans) == (None, [look_plan("Jar001", "Look")])
     assert run_effects(harness.observation.next_plan(look, 9.0)) == ([], LookPlan(look_plan("Jar001", "Look"), look))
     assert look.plans == []
     assert harness.logged_events == [
@@ -153,16 +159,16 @@ def test_somebody_looks_if_anybody_can_and_then_the_next() -> None:
     assert harness.reports.waiting == []
 
 
-@pytest.mark.parametrize("offers", [(offer("Robot1"),), "the registry is out of order"])
-def test_when_nobody_can_look_the_map_says_that_nothing_is_known(offers: tuple[Offer, ...] | str) -> None:
+@pytest.mark.parametrize("offers", [None, "the registry is out of order"])
+def test_when_nobody_can_look_the_map_says_that_nothing_is_known(offers: str | None) -> None:
     harness = ObservationHarness()
+    harness.list_offers(offer("Robot1"))
     harness.begin_look()
     effects, result = run_effects(harness.observation.discovered(ForLook("task1", 1), offers, 6.0))
     assert (result, harness.look_queue.current_look) == (None, None)
     assert harness.logged_events == [(events.NobodyLooks(object="Jar001"), 6.0, harness.work)]
     assert harness.reports.waiting == [Report(update=UNSEEN, subject=UnobservedSubject("Jar001", 1))]
     assert [effect.message.body for effect in effects if isinstance(effect, Send)] == [UNSEEN]
-    assert harness.known_services.offers == (() if isinstance(offers, str) else offers)
 
 
 @pytest.mark.parametrize(("order", "news", "known_until"), [(0.0, 0.0, 1.0), (1.0, 3.0, 3.0), (4.0, 3.0, 4.0)])
@@ -177,10 +183,11 @@ def test_nothing_is_known_since_the_last_order_or_the_last_report(order: float, 
 
 def test_an_answer_to_what_is_not_asked_any_more_means_nothing() -> None:
     harness = ObservationHarness()
-    assert run_effects(harness.observation.discovered(ForLook("task1", 0), (offer("Robot1", look_service_type()),), 6.0)) == ([], None)
+    harness.list_offers(offer("Robot1", look_service_type()))
+    assert run_effects(harness.observation.discovered(ForLook("task1", 0), None, 6.0)) == ([], None)
     look = harness.begin_look()
-    assert run_effects(harness.observation.discovered(ForLook("task1", 2), (offer("Robot1", look_service_type()),), 6.0)) == ([], None)
-    assert (harness.look_queue.current_look, harness.logged_events, harness.known_services.offers) == (look, [], ())
+    assert run_effects(harness.observation.discovered(ForLook("task1", 2), None, 6.0)) == ([], None)
+    assert (harness.look_queue.current_look, harness.logged_events) == (look, [])
 
 
 @pytest.mark.parametrize(

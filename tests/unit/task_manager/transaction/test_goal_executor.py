@@ -5,20 +5,20 @@ from __future__ import annotations
 import pytest
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Answered, Ask, Effect, ErrorAnswer, Received, Send, SetTimer, Withdraw
+from somrs.kernel.component import Answered, Ask, Effect, ErrorAnswer, Send, SetTimer, Withdraw
 from somrs.kernel.reservations import Reservation
 from somrs.ontology.effects import changes
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Link, NoPlan, Plan
 from somrs.protocol.messages import events, frp, submission, waits
-from somrs.protocol.messages.directory import Discover, Discovered
-from somrs.protocol.messages.envelope import Message, reply
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.task_views import Phase
+from somrs.protocol.messages.waits import WaitsToRetry
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress
-from somrs.task_manager.timers import AnswerDue, BidsDue, PlanWanted
+from somrs.task_manager.requests import DISCOVERY_TIME
+from somrs.task_manager.timers import BidsDue, DiscoveryDue, PlanWanted, RetryDue
 from tests.unit.task_manager.test_preview import APART, CHAIN, move
 from tests.unit.task_manager.transaction.test_participant_events import (
     FIRST_SERVICE,
@@ -136,9 +136,12 @@ def test_why_services_are_not_asked_belongs_to_why_there_is_no_plan() -> None:
 
 def test_when_the_registry_cannot_say_who_is_there_the_task_fails() -> None:
     harness = TaskManagerHarness("Robot1", waits=False)
-    harness.registry = frp.Fault(code="env:Receiver", text="it is full")
+    harness.directory.version = -1
     harness.service_says(frp.Refuse(reason="too heavy"), 1.0)
-    assert harness.task.reasons == ("the Service Registry answered: it is full",)
+    harness.rings(DiscoveryDue(), 1.0 + DISCOVERY_TIME - 0.1)
+    assert harness.task.outcome is None
+    harness.rings(DiscoveryDue(), 1.0 + DISCOVERY_TIME)
+    assert harness.task.reasons == ("the Service Registry does not answer",)
 
 
 # Steps that are lost
@@ -153,7 +156,7 @@ def test_a_new_plan_keeps_what_still_stands_of_the_one_before() -> None:
         (events.Replanned(reasons=("failed: stuck",)), None, None),
         (events.Planned(steps=2), None, None),
     ]
-    assert bodies(effects) == ["UpdateMap", "Discover", "Arrange"]
+    assert bodies(effects) == ["UpdateMap", "Arrange"]
     assert [(run.label, run.key, run.progress, run.provider) for run in harness.task.goal] == [
         ("step1", "1.2/step1", Progress.ARRANGING, None),
         ("step2", "1.2/step2", Progress.ARRANGED, "Robot2"),
@@ -166,7 +169,7 @@ def test_whose_step_is_not_in_the_new_plan_is_sent_home() -> None:
     harness = chain()
     harness.plan_results = [Plan((move("c", "Jar002"),))]
     effects = harness.service_says(frp.Failed(description="stuck", situation=HELD), 5.0, sender=member(harness, "a"))
-    assert (bodies(effects), goodbyes(effects)) == (["UpdateMap", "Discover", "Cancel", "Arrange"], ["the plan changed"])
+    assert (bodies(effects), goodbyes(effects)) == (["UpdateMap", "Cancel", "Arrange"], ["the plan changed"])
 
 
 def test_a_new_plan_waits_for_what_is_under_way() -> None:
@@ -180,7 +183,7 @@ def test_a_new_plan_waits_for_what_is_under_way() -> None:
     assert harness.task.goal.replan_because == ("failed: stuck",)
     event_count = len(harness.task.events)
     effects = harness.service_says(frp.Completed(situation="Tin001 isOn Platform001"), 6.0, sender=member(harness, "b", SECOND_SERVICE))
-    assert bodies(effects)[:2] == ["UpdateMap", "Discover"]
+    assert bodies(effects)[:1] == ["UpdateMap"]
     assert logged_events(harness, event_count)[1] == events.Replanned(reasons=("failed: stuck",))
     assert harness.task.goal.replan_because is None
 
@@ -199,16 +202,19 @@ def test_a_step_that_nobody_takes_is_planned_anew() -> None:
     assert harness.task.services.broken == {FIRST_SERVICE: "too heavy", SECOND_SERVICE: "too far"}
 
 
-def test_a_step_that_nobody_offers_any_more_is_planned_anew() -> None:
+def test_a_step_that_nobody_offers_any_more_is_planned_anew_when_somebody_does() -> None:
     harness = TaskManagerHarness("Robot1", "Robot2", plan_results=[CHAIN], effect=BOTH_JARS)
-    harness.task.services.offers = ()
+    offers, harness.offers = harness.offers, ()
     event_count = len(harness.task.events)
     effects = terms(harness, "a", 1.0, 10.0, 20.0)
-    assert logged_events(harness, event_count)[3:5] == [
-        events.Replanned(reasons=("no device offers it any more",)),
-        events.Planned(steps=2),
-    ]
-    assert bodies(effects) == ["Accept", "Cancel", "Discover", "Arrange", "Arrange"]
+    replanned, waits = logged_events(harness, event_count)[3:5]
+    assert replanned == events.Replanned(reasons=("no device offers it any more",))
+    assert isinstance(waits, WaitsToRetry)
+    assert [hindrance.reason for hindrance in waits.hindrances] == ["no device offers it now"]
+    assert bodies(effects) == ["Accept", "Cancel", "Cancel"]
+    harness.offers = offers
+    effects = harness.rings(RetryDue(harness.task.id), waits.next_attempt)
+    assert bodies(effects) == ["Arrange"] * 4
 
 
 def test_a_step_that_turns_out_to_be_so_is_done() -> None:
@@ -316,11 +322,6 @@ def test_when_a_plan_is_given_up_nobody_goes_on_with_it() -> None:
 # Beside the goal of the task
 
 
-def pending_discoveries(harness: TaskManagerHarness) -> list[Message]:
-    """The requests for the services on offer that the Registry has not answered yet."""
-    return [request.message for request in harness.manager.state.requests.pending.values() if isinstance(request.message.body, Discover)]
-
-
 def handling(effect: str, *, held: bool = False, registry_held: bool = False) -> TaskManagerHarness:
     """The first of two steps that are under way has failed, and a procedure was laid down for that."""
     harness = TaskManagerHarness(
@@ -328,7 +329,7 @@ def handling(effect: str, *, held: bool = False, registry_held: bool = False) ->
     )
     terms(harness, "a", 1.0, 10.0, 20.0)
     terms(harness, "b", 2.0, 20.0, 10.0)
-    harness.held, harness.is_registry_held = held, registry_held
+    harness.held, harness.directory.confirmed = held, not registry_held
     harness.service_says(frp.Failed(description="stuck", situation="Jar001 isOn Cupboard001"), 5.0, sender=member(harness, "a"))
     assert (harness.task.phase, [side_goal.kind for side_goal in harness.task.side_goals]) == (Phase.RECOVERING, [GoalKind.HANDLER])
     return harness
@@ -346,14 +347,12 @@ def test_what_is_reported_while_a_plan_is_made_has_it_made_again() -> None:
     ]
 
 
-def test_an_outdated_answer_of_the_registry_is_ignored() -> None:
+def test_services_on_offer_that_are_not_asked_for_any_more_are_ignored() -> None:
     harness = handling("Jar002 isOn Platform001", registry_held=True)
-    (early,) = pending_discoveries(harness)
     harness.service_says(frp.Completed(situation="Tin001 isOn Platform001"), 6.0, sender=member(harness, "b", SECOND_SERVICE))
-    (late,) = [message for message in pending_discoveries(harness) if message != early]
-    offers = Discovered(offers=harness.offers)
-    assert harness.feed(Received(reply(early, offers, "registry")), 7.0) == [SetTimer(AnswerDue(early.header.message_id), None)]
-    effects = harness.feed(Received(reply(late, offers, "registry")), 8.0)
+    assert len(harness.manager.state.discovery.waiting) == 2
+    harness.directory.confirmed = True
+    effects = harness.rings(DiscoveryDue(), 7.0)
     assert [effect.question for effect in effects if isinstance(effect, Ask)] == [PlanWanted(harness.task.id, 2, 1, 1)]
 
 
@@ -401,7 +400,7 @@ def test_who_has_to_wait_lets_go_of_who_is_committed() -> None:
     harness.take_away("Jar001", goal="another wish")
     event_count = len(harness.task.events)
     effects = harness.service_says(frp.Failed(description="stuck", situation=HELD), 5.0, sender=member(harness, "a"))
-    assert (bodies(effects), goodbyes(effects)) == (["UpdateMap", "Discover", "Cancel"], ["the task has to wait for others"])
+    assert (bodies(effects), goodbyes(effects)) == (["UpdateMap", "Cancel"], ["the task has to wait for others"])
     waiting = waits.WaitsForTasks.on((waits.Holder(task="other", goal="another wish", objects=("Jar001",)),))
     assert logged_events(harness, event_count)[1:] == [events.Replanned(reasons=("failed: stuck",)), waiting]
     assert (harness.task.phase, harness.task.goal.waiting_for, [run.provider for run in harness.task.goal]) == (
@@ -422,7 +421,7 @@ def test_who_has_to_wait_lets_go_of_who_is_committed() -> None:
         "ServicesAsked",
         "ServicesAsked",
     ]
-    assert bodies(effects)[0] == "Discover"
+    assert bodies(effects)[0] == "Arrange"
 
 
 @pytest.mark.parametrize(("reserved_object", "is_reserved"), [("Tin001", True), ("Jar001", False)])

@@ -9,6 +9,7 @@ from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, Input, Received, Send, SetTimer, TimerFired
+from somrs.kernel.offers import Offers
 from somrs.kernel.reservations import Claimant, Reservation
 from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import load_text
@@ -17,7 +18,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages import events, frp, submission, task_views
 from somrs.protocol.messages.bodies import Body, FrpBody
-from somrs.protocol.messages.directory import Discover, Discovered, Offer
+from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Header, Message, reply
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
@@ -39,7 +40,8 @@ FIRST_SERVICE, SECOND_SERVICE = "Robot1.TransferObject", "Robot2.TransferObject"
 
 
 class TaskManagerHarness:
-    """A Task Manager whose Repository, Registry and planner answer at once; services say what the test has them say."""
+    """A Task Manager that knows the map and the services on offer, and whose Repository and planner answer at once; services say what the
+    test has them say."""
 
     def __init__(
         self, *robots: str, rejects: tuple[str, ...] = (), plan_results: Iterable[object] = (), held: bool = False, **options: object
@@ -50,15 +52,14 @@ class TaskManagerHarness:
         self.replica = self.manager.state.replica
         self.replica.ontology, self.replica.map, self.replica.version = loaded.ontology, loaded.map, 0
         transfer = loaded.ontology.services["TransferObject"]
+        assert self.manager.state.discovery.directory is not None
+        self.directory = self.manager.state.discovery.directory
+        self.directory.version = 0
         self.offers = tuple(
             Offer(service=f"{name}.TransferObject", provider=name, provider_type="PioneerP3DX", address=name, service_type=transfer)
             for name in robots or ("Robot1",)
         )
         self.rejects = rejects
-        self.registry: Body | None = None
-        """What the Registry answers instead of what is on offer."""
-        self.is_registry_held = False
-        """Whether the Registry's answers wait until the test gives them."""
         self.held = held
         """Whether the planner's answers wait until the test gives them."""
         self.plan_results = [*plan_results]
@@ -69,6 +70,15 @@ class TaskManagerHarness:
         self.reserving, self.reservations = Reserving(self.contents), self.contents.reservations
         self.message_count = 0
         self.client_says(submission.Submit(**{"effect": GOAL, **options}), 0.0)  # type: ignore[arg-type]  # fields of Submit
+
+    @property
+    def offers(self) -> tuple[Offer, ...]:
+        """What the Registry lists."""
+        return tuple(self.directory.offers)
+
+    @offers.setter
+    def offers(self, offers: Iterable[Offer]) -> None:
+        self.directory.offers = Offers(offers)
 
     @property
     def task(self) -> TaskState:
@@ -91,9 +101,6 @@ class TaskManagerHarness:
                     effects.remove(effect)
                 case Ask(question, Problem() as problem) if not self.held:
                     effects += self.feed(Answered(question, self.plan_results.pop(0) if self.plan_results else plan(problem)), now)
-                case Send(Message(body=Discover()) as message) if not self.is_registry_held:
-                    body = self.registry or Discovered(offers=self.offers)
-                    effects += self.feed(Received(reply(message, body, "registry")), now)
                 case Send(Message(body=UpdateMap() as update) as message):
                     effects += self.feed(Received(reply(message, self._update(update), "repository")), now)
         return effects + self.admit(now)
@@ -381,7 +388,7 @@ def test_one_that_falls_silent_is_lost_and_nothing_is_known_of_what_it_left() ->
 def test_a_participant_that_was_given_up_and_returns_reports_once() -> None:
     harness = TaskManagerHarness("Robot1", "Robot2")
     harness.executing()
-    harness.is_registry_held = True
+    harness.directory.confirmed = False
     for now in (41.0, 81.0):
         harness.rings(SilenceDue(harness.task.id, harness.member().id), now)
     assert harness.member().state is State.UNREACHABLE

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.kernel.component import Answered, Effect, Received, Record, Send, SetTimer, Started, Withdraw
+from somrs.kernel.component import Answered, Effect, Record, Send, SetTimer, Started, Withdraw
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import NoPlan
 from somrs.protocol.messages import events, frp, submission
-from somrs.protocol.messages.directory import Discovered, Offer
-from somrs.protocol.messages.envelope import reply
+from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.goal_kinds import GoalKind
@@ -18,7 +17,7 @@ from somrs.protocol.messages.records import TaskRecord
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import Phase
 from somrs.protocol.messages.waits import Holder, WaitsForTasks
-from somrs.task_manager.timers import BidsDue, DeadlineDue, OverdueDue, PlanWanted, StopDue
+from somrs.task_manager.timers import BidsDue, DeadlineDue, DiscoveryDue, OverdueDue, PlanWanted, StopDue
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import row, view
 from tests.unit.task_manager.transaction.test_participant_events import (
@@ -60,7 +59,7 @@ def start_look() -> tuple[TaskManagerHarness, int]:
     harness.offers += (Offer(service=EYE, provider="Robot3", provider_type="PioneerP3DX", address="Robot3", service_type=recognize),)
     event_count = len(harness.task.events)
     effects = harness.service_says(frp.Failed(description="stuck"), 5.0)
-    assert bodies(effects) == ["Discover", "Arrange"]
+    assert bodies(effects) == ["Arrange"]
     assert harness.news(event_count) == [
         (events.StepFailed(service=FIRST_SERVICE, description="stuck"), *STEP),
         (events.LookBegun(service_type="RecognizeSituation", object="Jar002"), *STEP),
@@ -144,7 +143,7 @@ def test_a_map_that_does_not_take_it_knows_otherwise() -> None:
 def test_a_look_that_was_called_off_is_begun_anew_before_anything_is_undone() -> None:
     harness, event_count = start_look()
     effects = harness.client_says(submission.CancelTask(task=harness.task.id), 6.0)
-    assert bodies(effects) == ["Cancel", "Discover", "Cancelling", "Arrange"]
+    assert bodies(effects) == ["Cancel", "Cancelling", "Arrange"]
     assert timer_times(effects) == [("DeadlineDue", None), ("StopDue", 66.0)]
     assert kinds(harness, event_count) == ["Stopping", "LookBegun", "ServicesAsked"]
     assert [wake.timer for wake in effects if isinstance(wake, SetTimer) and isinstance(wake.timer, BidsDue)] == [
@@ -163,20 +162,15 @@ def test_a_look_that_was_called_off_is_begun_anew_before_anything_is_undone() ->
 def test_a_look_for_which_nobody_was_found_yet_is_begun_anew_too() -> None:
     harness = TaskManagerHarness("Robot1", "Robot2")
     harness.executing()
-    effects = harness.manager.handle(Received(harness.message(frp.Failed(description="stuck"))), 5.0)
-    (discover,) = [effect.message for effect in effects if isinstance(effect, Send)]
+    harness.directory.confirmed = False
+    assert harness.service_says(frp.Failed(description="stuck"), 5.0)
     assert harness.task.phase is Phase.RECOVERING
     event_count = len(harness.task.events)
-    assert bodies(harness.client_says(submission.CancelTask(task=harness.task.id), 6.0)) == [
-        "Discover",
-        "Cancelling",
-        "UpdateMap",
-        "Compensate",
-    ]
+    assert bodies(harness.client_says(submission.CancelTask(task=harness.task.id), 6.0)) == ["Cancelling"]
+    harness.directory.confirmed = True
+    assert bodies(harness.rings(DiscoveryDue(), 7.0)) == ["UpdateMap", "Compensate"]
     assert kinds(harness, event_count)[:2] == ["Stopping", "NobodyLooks"]
     assert (harness.task.look_queue.look_count, harness.task.look_queue.current_look, harness.task.look_queue.unseen) == (2, None, [])
-    late = harness.feed(Received(reply(discover, Discovered(offers=harness.offers), "registry")), 7.0)
-    assert [type(effect).__name__ for effect in late] == ["SetTimer"], "it was asked for the look that was called off"
 
 
 # What is laid down
@@ -234,7 +228,7 @@ def waits() -> tuple[TaskManagerHarness, TaskState, TaskState]:
     first = harness.task
     effects = harness.client_says(Submit(effect="Jar002 isOn Cupboard002", deadline=90.0), 3.0)
     (second,) = [task for task in harness.manager.state.tasks.values() if task is not first]
-    assert bodies(effects) == ["Discover", "Submitted"]
+    assert bodies(effects) == ["Submitted"]
     holders = (Holder(task=first.id, goal=GOAL, objects=("Jar002",)),)
     event = WaitsForTasks(tasks={first.id: GOAL}, objects=("Jar002",), holders=holders)
     assert [entry.event for entry in second.events[1:]] == [event]
@@ -253,7 +247,7 @@ def test_who_waits_for_another_goes_on_when_that_one_has_ended() -> None:
         reason,
     )
     effects = harness.client_says(submission.CancelTask(task=first.id), 4.0)
-    assert bodies(effects) == ["Cancel", "Cancel", "Cancelling", "Discover", "Arrange", "Arrange"]
+    assert bodies(effects) == ["Cancel", "Cancel", "Cancelling", "Arrange", "Arrange"]
     assert [type(entry.event).__name__ for entry in second.events[2:]] == ["GoesOn", "Planned", "ServicesAsked"]
     assert (second.phase, second.goal.waiting_for, second.goal.resumed, view(second).reasons) == (Phase.ARRANGING, None, False, ())
     assert view(second).waiting_for is None
@@ -291,7 +285,7 @@ def test_a_task_manager_that_was_away_asks_anew() -> None:
     harness.offer(1.0, SECOND_SERVICE)
     event_count = len(harness.task.events)
     effects = harness.feed(Started("tm"), 5.0)
-    assert bodies(effects) == ["SubscribeMap", "Cancel", "Cancel", "Arrange", "Arrange"]
+    assert bodies(effects) == ["SubscribeServices", "SubscribeMap", "Cancel", "Cancel", "Arrange", "Arrange"]
     reasons = {effect.message.body.reason for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, frp.Cancel)}
     assert reasons == {"the Task Manager restarted, and asks again"}
     assert logged_events(harness, event_count) == [events.ServicesAsked(services=(FIRST_SERVICE, SECOND_SERVICE))]
@@ -367,7 +361,7 @@ def test_one_that_still_undoes_its_work_when_everybody_should_have_stopped_is_se
     assert (member.halting, harness.task.outcome, harness.news(event_count)) == (True, None, [])
     assert harness.rings(StopDue(id), 131.0) == []
     effects = harness.rings(OverdueDue(id, member.id), 150.0)
-    assert bodies(effects) == ["Discover", "UpdateMap", "Discover"]
+    assert bodies(effects) == ["UpdateMap"]
     last_events = harness.news(event_count)
     assert [type(event).__name__ for event, *_ in last_events] == [
         "ServiceLost", "NobodyLooks", "UndoneByOthers", "GoalFailed", "WorkStranded", "TaskEnded",

@@ -27,7 +27,7 @@ def start_undoing() -> tuple[TaskManagerHarness, Member, int]:
         events.Planned(steps=1),
         events.ServicesAsked(services=(FIRST_SERVICE,)),
     ]
-    assert bodies(effects) == ["UpdateMap", "Discover", "Arrange"]
+    assert bodies(effects) == ["UpdateMap", "Arrange"]
     event_count = len(harness.task.events)
     effects = harness.client_says(submission.CancelTask(task=harness.task.id), 70.0)
     assert bodies(effects) == ["Cancel", "Compensate", "Cancelling"]
@@ -71,7 +71,7 @@ def test_what_it_cannot_undo_others_do(situation: str | None) -> None:
         events.Planned(steps=1),
         events.ServicesAsked(services=(FIRST_SERVICE,)),
     ]
-    assert bodies(effects) == [*(["UpdateMap"] if situation else []), "Discover", "Arrange"]
+    assert bodies(effects) == [*(["UpdateMap"] if situation else []), "Arrange"]
     harness.offer(91.0)
     assert harness.member().label == "undo2.step1"
     effects = harness.service_says(frp.Completed(situation=INITIAL_SITUATION), 150.0)
@@ -129,7 +129,7 @@ def test_without_a_plan_who_failed_undoes_what_it_left_and_then_there_may_be_one
     effects = harness.service_says(frp.Failed(description="stuck", situation=BROKEN), 61.0)
     logged_events = [event for event, *_ in harness.news(event_count)]
     assert [type(event).__name__ for event in logged_events] == ["StepFailed", "Replanned", "FailuresUndone", "UndoneByService"]
-    assert bodies(effects) == ["UpdateMap", "Discover", "Compensate"]
+    assert bodies(effects) == ["UpdateMap", "Compensate"]
     assert harness.task.blocked != ()
     assert harness.task.ending is None
     event_count = len(harness.task.events)
@@ -141,7 +141,7 @@ def test_without_a_plan_who_failed_undoes_what_it_left_and_then_there_may_be_one
         "Planned",
         "ServicesAsked",
     ]
-    assert bodies(effects) == ["UpdateMap", "Discover", "Discover", "Arrange"]
+    assert bodies(effects) == ["UpdateMap", "Arrange"]
     assert harness.task.undoing is None
 
 
