@@ -90,6 +90,8 @@ class ForeignRobot:
         self.ended: dict[str, tuple[str, list[str]]] = {}
         """By trip: its result, and the robots in the way."""
         self.is_replaced = False
+        self._gated: set[int] = set()
+        """The places before which it waits for PassageOpen, by the progress with which it comes to them."""
         self._open: tuple[int, str] | None = None
         """Before which place the passages are open, with the progress of that time."""
         self.on_arrival: Callable[[str, str], None] = lambda start, end: None
@@ -154,6 +156,7 @@ class ForeignRobot:
             case "Granted" if int(texts["Fence"][0]) == self.fence and int(texts["Number"][0]) > self.grant:
                 self.grant = int(texts["Number"][0])
                 self.way = texts["Way"][self.progress - int(texts["Progress"][0]) + 1 :]
+                self._gated = {int(texts["Progress"][0]) + int(number) for number in texts.get("Gated", [])}
             case "TripEnded":
                 self.ended[texts["Trip"][0]] = texts["Result"][0], texts.get("Robots", [])
             case "PassageOpen" if int(texts["Fence"][0]) == self.fence:
@@ -177,7 +180,7 @@ class ForeignRobot:
             self.report()
 
     def _waits_for_passage(self, following: str) -> bool:
-        return bool(self.places[self.place].ends.get(following)) and self._open != (self.progress, following)
+        return self.progress + 1 in self._gated and self._open != (self.progress, following)
 
     def drive_until(self, is_over: Callable[[], bool], renew_within: float = 1.0) -> None:
         """Drive where places are granted, and renew the lease, until the condition holds."""

@@ -67,7 +67,7 @@ class Play:
             Robot(name=f"Robot{number}", place=start, trips=list(trips), berths=own)
             for number, (start, trips, own) in enumerate(zip(scenario.starts, scenario.trips, scenario.berths, strict=True))
         ]
-        self._hardware = Hardware(scenario.roadmap, self._dice, self.robots, self.world.notify)
+        self._hardware = Hardware(scenario.roadmap, berths, self._dice, self.robots, self.world.notify)
         self._lanes: dict[str, tuple[str, str | None]] = {}
         """By robot: the lane on which it was seen last."""
         self._program_count = 0
@@ -155,10 +155,10 @@ class Play:
     def _start(self, number: int) -> None:
         scenario, robot = self.scenario, self.robots[number]
         seconds = partial(self._seconds, scenario.slowness[number])
-        self.world.add(robot.name, Vehicle(robot, TRAFFIC, seconds, scenario.work[number], has_passage=self._hardware.has_passage))
+        self.world.add(robot.name, Vehicle(robot, TRAFFIC, seconds, scenario.work[number]))
 
     def _seconds(self, slowness: float, start: str, end: str) -> float:
-        if self._levels[start] != self._levels[end] and self._hardware.has_passage(start, end):
+        if self._levels[start] != self._levels[end] and self._hardware.gates:
             return 0.01  # the lift has taken the time
         length = self._lengths.get((start, end)) or math.dist(self._points[start], self._points[end]) / SPEED
         return length * slowness * self._dice.uniform(0.8, 1.6)

@@ -72,7 +72,7 @@ class Robot:
 
 class Vehicle:
     """The program of a robot. `seconds`: how long it takes from one place to another. `work`: how long it works where it has arrived.
-    `works`: it works from the start on, without end. `has_passage`: whether a lane leads through a lift or an automatic door."""
+    `works`: it works from the start on, without end."""
 
     def __init__(
         self,
@@ -82,9 +82,7 @@ class Vehicle:
         work: float,
         *,
         works: bool = False,
-        has_passage: Callable[[str, str], bool] = lambda start, end: False,
     ) -> None:
-        self._has_passage = has_passage
         self.robot, self._traffic, self._seconds, self._work = robot, traffic, seconds, work
         self._address = ""
         self._sent = 1
@@ -203,10 +201,7 @@ class Vehicle:
         """Drive to the next place, if it is granted."""
         if self.robot.broken or self._works or not self._participant.fence:
             return
-        way = self._participant.way
-        if way and self._has_passage(self._participant.place, way[0]) and not self._participant.may_pass:
-            return
-        if (following := self._participant.depart()) is not None:
+        if self._participant.may_depart and (following := self._participant.depart()) is not None:
             yield SetTimer(Arrives(), now + self._seconds(self._participant.place, following))
 
     def _send(self, body: Body) -> Send:

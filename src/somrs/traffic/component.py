@@ -40,6 +40,7 @@ from somrs.traffic.berths import Berths
 from somrs.traffic.dispatcher import Dispatcher
 from somrs.traffic.drives import Drives
 from somrs.traffic.notices import CloseWays, HoldTraffic, Notice, RoadmapExpected, RoadmapMade
+from somrs.traffic.passages import Passages
 from somrs.traffic.planning.graph import Graph
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.schedule import Schedule
@@ -78,8 +79,9 @@ class Traffic:
         self.state = state
         self._berths = Berths(NumberedRoadmap(state.roadmap), state.berths, state.all_closed)
         self._schedule = Schedule(self._berths.graph, state.held, state.planned)
-        self._dispatcher = Dispatcher(state, self._schedule, self._berths)
-        self._drives = Drives(state, self._schedule, self._berths, self._dispatcher.send)
+        passages = Passages(self._berths)
+        self._dispatcher = Dispatcher(state, self._schedule, self._berths, passages)
+        self._drives = Drives(state, self._schedule, self._berths, passages, self._dispatcher.send)
 
     @property
     def open(self) -> list[str]:
@@ -103,6 +105,10 @@ class Traffic:
     def is_awaited(self, robot: str) -> bool:
         """Whether others wait for places that this robot holds."""
         return any(robot in self._schedule.obstacles(name) for name in self.state.robots if name != robot)
+
+    def may_be_passage(self, name: str) -> bool:
+        """Whether a program may take part as this lift or automatic door."""
+        return self._drives.passages.may_be(name)
 
     def place_name(self, number: int) -> str:
         """The name of the place or berth of this number."""
@@ -170,6 +176,8 @@ class Traffic:
                 astray={name: positions for name, positions in astray.items() if name not in placed},
             )
         )
+        state = self.state
+        state.passages = {name: record for name, record in state.passages.items() if self.may_be_passage(name)}
         yield from sends
 
     def _handle_request(self, message: Message, now: float) -> Effects:

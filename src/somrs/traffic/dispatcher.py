@@ -13,6 +13,7 @@ from somrs.protocol.messages.traffic import Granted, Mobility, RequestTrip, Road
 from somrs.traffic.berths import Berths
 from somrs.traffic.closures import Closures
 from somrs.traffic.exits import Exits
+from somrs.traffic.passages import Passages
 from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
@@ -51,8 +52,8 @@ CROWD = 20
 class Dispatcher:
     """The part of traffic that follows from its state: the same for every input, after it was handled."""
 
-    def __init__(self, state: TrafficState, schedule: Schedule, berths: Berths) -> None:
-        self.state, self._schedule, self._berths = state, schedule, berths
+    def __init__(self, state: TrafficState, schedule: Schedule, berths: Berths, passages: Passages) -> None:
+        self.state, self._schedule, self._berths, self._passages = state, schedule, berths, passages
         self._closures = Closures(state, schedule)
         self._exits = Exits(schedule, berths)
         self._concerned: dict[str, None] = {}
@@ -163,8 +164,10 @@ class Dispatcher:
         """Tell a robot which places it holds. `anew`: they are others than it was told before."""
         record = self.state.robots[name]
         record.grants += anew
-        way = tuple(map(self._berths.name, self._schedule.held(name)))
-        return self._send(record, Granted(robot=name, fence=record.fence, number=record.grants, progress=record.progress, way=way))
+        held = self._schedule.held(name)
+        way, gated = tuple(map(self._berths.name, held)), self._passages.gated(held)
+        grant = Granted(robot=name, fence=record.fence, number=record.grants, progress=record.progress, way=way, gated=gated)
+        return self._send(record, grant)
 
     def roadmap_replaced(self, edition: int) -> Effects:
         """Tell all robots that there is a new roadmap."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from somrs.entish.parse import nearest
 from somrs.errors import UsageError
 from somrs.kernel.component import Effects, Send
 from somrs.protocol.messages.bodies import Body
@@ -39,9 +40,9 @@ SendTo = Callable[[str, Body], Send]
 class Drives:
     """The passages of the roadmap, and what of them the robots need."""
 
-    def __init__(self, state: TrafficState, schedule: Schedule, berths: Berths, send: SendTo) -> None:
+    def __init__(self, state: TrafficState, schedule: Schedule, berths: Berths, passages: Passages, send: SendTo) -> None:
         self._state, self._schedule, self._berths, self._send = state, schedule, berths, send
-        self.passages = Passages(berths)
+        self.passages = passages
         self._closings: dict[str, OutOfOrder] = {}
         self._doors: dict[str, frozenset[str]] = {}
         """By robot: the doors in its way."""
@@ -57,7 +58,10 @@ class Drives:
     # What programs say
 
     def enter(self, body: EnterPassage, address: str, now: float) -> PassageEntered:
-        """The program of a passage takes part, maybe anew."""
+        """The program of a passage takes part, maybe anew. Raises UsageError if there is no such passage."""
+        if not self.passages.may_be(body.passage):
+            hint = nearest(body.passage, self.passages.names) or f"there are {', '.join(self.passages.names) or 'none'}"
+            raise UsageError(f"{body.passage} is no lift or automatic door on the map where robots drive; {hint}")
         state, lease = self._state, grant_lease(body.lease)
         state.fences += 1
         record = PassageRecord(address=address, fence=state.fences, lease=lease, expires_at=now + lease)

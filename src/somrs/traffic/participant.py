@@ -34,6 +34,8 @@ class Participant:
         self.way: tuple[str, ...] = ()
         """The places up to which it may drive, after the one to which it is on its way."""
         self._message_count = self._grant = self._progress = 0
+        self._gated: frozenset[int] = frozenset()
+        """The places of the way before which passages have to be open, by the progress with which it comes to them."""
         self._let_in: tuple[int, str] | None = None
         """To which place it may come through a passage, with the progress of that time."""
 
@@ -57,13 +59,14 @@ class Participant:
             return False
         self._grant = grant.number
         self.way = grant.way[self._progress - grant.progress + (self.towards is not None) + 1 :]
+        self._gated = frozenset(grant.progress + number for number in grant.gated)
         return True
 
     def opened(self, notice: PassageOpen) -> bool:
-        """Note that a passage is open. Returns whether it is the one before the next place of the way."""
+        """Note that a passage is open. Returns whether the robot may depart."""
         if notice.fence == self.fence:
             self._let_in = notice.progress, notice.place
-        return self.may_pass
+        return self.may_depart
 
     def is_refused(self, notice: PassageClosed) -> bool:
         """Whether the way leads through a passage that is closed: then report busy, which gives the way back, and free after the answer."""
@@ -71,9 +74,11 @@ class Participant:
         return notice.fence == self.fence and notice.progress == self._progress and is_next
 
     @property
-    def may_pass(self) -> bool:
-        """Whether the passages before the next place are open, if there are any."""
-        return self._let_in is not None and self._let_in == (self._progress, next(iter(self.way), None))
+    def may_depart(self) -> bool:
+        """Whether the robot was granted another place, and the passages before it are open."""
+        if self.towards is not None or not self.way:
+            return False
+        return self._progress + 1 not in self._gated or self._let_in == (self._progress, self.way[0])
 
     def depart(self) -> str | None:
         """Drive to the next place that was granted, and return it; None if there is none."""

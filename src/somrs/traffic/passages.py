@@ -26,6 +26,10 @@ class Passages:
         self._near_doors = self._doors_near_places() if roadmap.doors else {}
         self._touched: dict[Lane, frozenset[str]] = {}
 
+    def may_be(self, name: str) -> bool:
+        """Whether this is a passage. Before there is a roadmap, nobody knows."""
+        return name in self.names or not self._graph.size
+
     def _doors_near_places(self) -> dict[int, list[Solid]]:
         """By place: the doors that the lanes from there may come near to."""
         places = self._berths.roadmap.roadmap.places
@@ -70,6 +74,12 @@ class Passages:
         lift = self.lift_of(start, end)
         doors = sorted(self.touched(start, end) - self.touched(start, start)) if self._doors else ()
         return (*((lift,) if lift is not None else ()), *doors)
+
+    def gated(self, way: Sequence[int]) -> tuple[int, ...]:
+        """Before which places of a way passages have to be open: their numbers on it, where 0 is where the robot is."""
+        if not self.names:
+            return ()
+        return tuple(number for number, (start, end) in enumerate(pairwise(way), 1) if self.entered(start, end))
 
     def lift_of(self, start: int, end: int) -> str | None:
         """The lift through whose doors a lane leads, or in which it is a ride."""

@@ -12,22 +12,22 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.traffic import (
+    Berth,
     CallPassage,
     PassageClosed,
     PassageOpen,
-    ReadRoadmap,
     ReadTraffic,
     ReleasePassage,
     ReportPassage,
-    RoadmapPage,
     TrafficView,
     TripResult,
 )
 from somrs.runtime.virtual_time import QUIET, Work, World
 from somrs.space.solids import Role, Solid
 from somrs.traffic.component import SCHEMA, Traffic
+from somrs.traffic.notices import CloseWays, RoadmapMade
 from somrs.traffic.passage_call import PassageCall, PassageStatus
-from somrs.traffic.passage_program import LEASE, PassageProgram, Release
+from somrs.traffic.passage_program import LEASE, Complaint, PassageProgram, Release
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import Lane, Place, Roadmap
 from somrs.traffic.state import PlanTraffic
@@ -87,13 +87,14 @@ class Lab:
         for name in passages:
             self.start_program(name)
         self.world.run(1.0)
-        page = self.read(ReadRoadmap())
-        assert isinstance(page, RoadmapPage)
-        self._gated = {(place.name, lane.end) for place in page.places for lane in place.lanes if lane.passages}
 
     def _plan(self, task: object) -> Work:
         assert isinstance(task, PlanTraffic)
         yield 0.05, self._planner.plan(task)
+
+    def replace_roadmap(self, roadmap: Roadmap) -> None:
+        self._planner = TrafficPlanner(roadmap, Random())
+        self.world.notify("traffic", RoadmapMade(roadmap=roadmap, closing=CloseWays()))
 
     def start_program(self, name: str) -> None:
         self._lives += 1
@@ -105,7 +106,10 @@ class Lab:
         self.world.notify(name, PassageStatus(level=self.hardware[name].level, working=working, shared=shared))
 
     def _work(self, hardware: Hardware, task: object) -> Work:
-        assert isinstance(task, PassageCall | Release)
+        assert isinstance(task, PassageCall | Release | Complaint)
+        if isinstance(task, Complaint):
+            yield 0.0, None
+            return
         hardware.served.append(task)
         name = next(name for name, candidate in self.hardware.items() if candidate is hardware)
         if isinstance(task, Release):
@@ -119,17 +123,16 @@ class Lab:
             self.report(name)
         yield 1.0, None
 
-    def robot(self, name: str, place: str, *trips: str) -> Robot:
-        robot = self.robots[name] = Robot(name=name, place=place, trips=list(trips), berths={})
-        self.world.add(name, Vehicle(robot, "traffic", self._duration, 0.0, has_passage=self._has_passage))
+    def robot(self, name: str, place: str, *trips: str, berth: Berth | None = None) -> Robot:
+        berths = {berth.name: berth} if berth is not None else {}
+        robot = self.robots[name] = Robot(name=name, place=place, trips=list(trips), berths=berths)
+        self.world.add(name, Vehicle(robot, "traffic", self._duration, 0.0))
         return robot
 
     def _duration(self, start: str, end: str) -> float:
-        return self._seconds[start, end] if start[0] == end[0] else 0.01  # in a ride, the lift takes the time
-
-    def _has_passage(self, start: str, end: str) -> bool:
-        """Whether a robot has to wait for PassageOpen, as the roadmap says."""
-        return (start, end) in self._gated
+        if {start[0], end[0]} == {"L", "U"}:
+            return 0.01  # in a ride, the lift takes the time
+        return self._seconds.get((start, end), 2.0)
 
     def sent(self, recipient: str) -> list[Body]:
         return [message.body for message in self.world.messages if message.header.recipient == recipient]
@@ -171,6 +174,21 @@ def test_a_robot_drives_through_a_door_when_it_is_open_and_it_is_released_behind
     served = lab.hardware["Door1"].served
     assert served[:2] == [Release(), PassageCall()]
     assert served[-1] == Release()
+
+
+def test_a_robot_waits_before_a_door_on_its_way_to_a_point_of_its_own_and_back() -> None:
+    lab = Lab(building(), "Door1")
+    table = Berth(name="Cart/Table", x=3.3, y=0.0, radius=0.2, places=("L2",))
+    cart = lab.robot("Cart", "L1", "Cart/Table", "L1", berth=table)
+    for place in ("Cart/Table", "L2"):
+        assert lab.world.run(60.0, partial(_is_on_its_way, cart, place))
+        assert [body.place for body in lab.sent("Cart") if isinstance(body, PassageOpen)][-1] == place
+        assert isinstance(lab.hardware["Door1"].served[-1], PassageCall)
+    lab.run(cart)
+
+
+def _is_on_its_way(robot: Robot, place: str) -> bool:
+    return robot.towards == place
 
 
 def test_nobody_is_sent_through_passages_whose_programs_do_not_take_part() -> None:
@@ -256,6 +274,27 @@ def test_a_lift_that_reports_a_fault_is_closed_until_it_is_mended() -> None:
     assert any("Lift1 is out of order" in body.text for body in lab.sent("Cart") if isinstance(body, Fault))
     lab.report("Lift1")
     assert lab.world.run(600.0, lambda: not cart.trips)
+
+
+def test_only_the_passages_of_the_building_have_programs() -> None:
+    lab = Lab(building(), "Door1")
+    lab.hardware["Dor1"] = Hardware()
+    lab.start_program("Dor1")
+    lab.world.run(5.0)
+    text = "Dor1 is no lift or automatic door on the map where robots drive; did you mean Door1?"
+    assert {body.text for body in lab.sent("Dor1") if isinstance(body, Fault)} == {text}
+    assert [passage.passage for passage in lab.view().passages] == ["Lift1", "Door1"]
+
+
+def test_a_program_that_came_before_the_roadmap_takes_part_if_the_roadmap_has_its_passage() -> None:
+    lab = Lab(Roadmap(places=(), lanes=()), "Door1", "Dor1")
+    assert not any(isinstance(body, Fault) for name in ("Door1", "Dor1") for body in lab.sent(name))
+    lab.replace_roadmap(building())
+    lab.world.run(2 * LEASE)
+    assert not any(isinstance(body, Fault) for body in lab.sent("Door1"))
+    texts = [body.text for body in lab.sent("Dor1") if isinstance(body, Fault)]
+    assert texts[0] == "the program of Dor1 does not take part in traffic: let it enter first"
+    assert texts[-1] == "Dor1 is no lift or automatic door on the map where robots drive; did you mean Door1?"
 
 
 def test_a_program_that_was_replaced_is_refused() -> None:

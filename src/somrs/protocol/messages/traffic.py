@@ -143,6 +143,9 @@ class Granted(MessageBody, frozen=True, kw_only=True, tag=True):
 
     The first place is where the robot was by its last report; `progress` is that of this report, so that the place at which it is now is
     found even if a way leads to it twice.
+
+    `gated`: the places of `way` before which a lift or automatic doors have to be open, by their numbers, where 1 is the place after the
+    first: the robot waits for PassageOpen before it departs to them.
     """
 
     robot: str
@@ -150,14 +153,15 @@ class Granted(MessageBody, frozen=True, kw_only=True, tag=True):
     number: int
     progress: int
     way: tuple[str, ...]
+    gated: tuple[int, ...] = ()
 
 
 class PassageOpen(MessageBody, frozen=True, kw_only=True, tag=True):
     """The cabin of the lift `passage` is there with open doors, or the automatic door `passage` is open: the robot may come to `place`, the
     next one of its way. It stays open until the robot has reported that place, and so on.
 
-    Sent for each lane with `passages`; after a ride, the robot is at `place` without having moved. `progress`: how many places the robot
-    had come to by its last report. A robot that gives its way back forgets it.
+    Sent for each place that is `gated` in Granted; after a ride, the robot is at `place` without having moved. `progress`: how many places
+    the robot had come to by its last report. A robot that gives its way back forgets it.
     """
 
     robot: str

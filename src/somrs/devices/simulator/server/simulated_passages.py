@@ -30,9 +30,12 @@ class SimulatedPassage:
     def advance(self, office: TrafficOffice, *, renews: bool) -> None:
         """Do what traffic calls it for, and say how it is, if that has changed, or to renew the lease."""
         participant = self._participant
+        if not office.component.may_be_passage(participant.passage):
+            participant.fence = 0  # it enters when the roadmap has it
+            return
         if not participant.fence:
             answer = office.tell(participant.passage, participant.enter(LEASE))
-            assert isinstance(answer, PassageEntered), "traffic takes every passage"
+            assert isinstance(answer, PassageEntered), "traffic takes every passage of its roadmap"
             participant.entered(answer)
         state = participant.call_number, self._follow(participant.call), self._device.is_usable
         if renews or state != self._reported:
