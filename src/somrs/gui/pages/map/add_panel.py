@@ -14,7 +14,8 @@ from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.pages.map.fields import Field, Raw
 from somrs.gui.pages.map.fields import Spot as AttributeSpot
 from somrs.gui.pages.map.proposals import Spot, creation_changes, form_for, name_for
-from somrs.gui.shell import focus, guarded
+from somrs.gui.shell import focus
+from somrs.gui.submission import submit_once
 from somrs.ontology.objects import Change
 from somrs.ontology.types import ABSTRACT, PHYSICAL, ROOT, Ontology, Value
 
@@ -118,9 +119,9 @@ class _NewObjectDialog:
                     for path in [*proposed, *self._missing(ontology, set(proposed))]:
                         self._field(path, proposed.get(path), ontology)
                 with ui.element("div").classes("somrs-map-buttons"):
-                    ui.button("Add", icon="check").props("unelevated no-caps type=submit")
+                    add_button = ui.button("Add", icon="check").props("unelevated no-caps type=submit")
                     ui.button("Cancel", on_click=self._dialog.close).props("flat no-caps")
-            form.on("submit.prevent", guarded(self._add))
+            submit_once(form, add_button, self._add)
         self._dialog.on("hide", self._dialog.delete)
         self._dialog.open()
 
@@ -152,7 +153,7 @@ class _NewObjectDialog:
     def _typed(self, path: str, raw: Raw) -> None:
         self._values[path] = raw
 
-    async def _add(self) -> None:
+    async def _add(self) -> bool:
         values: dict[str, Value] = {}
         for path, raw in self._values.items():
             try:
@@ -160,7 +161,7 @@ class _NewObjectDialog:
             except InputError as error:
                 self._fields[path].show_problem(str(error))
                 self._fields[path].focus()
-                return
+                return False
             if value is not None:
                 values[path] = value
         name = str(self._name.value or "").strip()
@@ -168,9 +169,11 @@ class _NewObjectDialog:
         if not name or name in map.objects:
             self._name.error = "there is already an object with this name" if name else "enter a name"
             focus(self._name)
-            return
+            return False
         changes = creation_changes(self._type, name, values, self._spot, map, ontology)
         version = await self._change(changes, f"{name} was added")
-        if version is not None:
-            await self._on_created(name, version)
-            self._dialog.close()  # last: what a handler of the dialog does has no place on the page any more when it is hidden
+        if version is None:
+            return False
+        await self._on_created(name, version)
+        self._dialog.close()  # last: what a handler of the dialog does has no place on the page any more when it is hidden
+        return True

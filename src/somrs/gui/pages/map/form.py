@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -52,6 +53,8 @@ class ObjectForm:
         """Values of other users that replaced what the field showed, until the user edits it."""
         self._fields: dict[str, Field] = {}
         self._is_removed = False
+        self._saving = asyncio.Lock()
+        """Held during a save: only afterwards is it known what is still to be saved, and on which version of the map."""
         self._news = ui.element("div").classes("somrs-map-news").props('role="alert"')
         form = ui.element("form").classes("somrs-map-form").props(f'aria-label="Attributes of {object.name}" novalidate')
         with form.on("submit.prevent", self.save):
@@ -156,6 +159,10 @@ class ObjectForm:
 
     async def save(self) -> None:
         """Save the edits to the map; errors are shown at their fields."""
+        async with self._saving:
+            await self._save()
+
+    async def _save(self) -> None:
         if self._is_removed or not self.typed:
             return
         if self._conflicts:

@@ -11,6 +11,7 @@ from somrs.api.remote import LiveApi
 from somrs.gui.components.fields.picker import Choice, Picker, things
 from somrs.gui.pages.map.entries import list_note
 from somrs.gui.shell import guarded, notify
+from somrs.gui.submission import submit_once
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map
 from somrs.ontology.types import Ontology, RelationType
 
@@ -144,23 +145,25 @@ class Relations:
                             pickers.append(Picker(joined, placeholder=joined, source=things(relation=role.relation.name, place=place)))
                 pickers[0].focus()
 
-            async def add() -> None:
+            async def add() -> bool:
                 role = options.get(choice.value)
                 if role is None or not all(picker.value for picker in pickers):
                     notify("Choose the relation and the other objects.", bad=True)
-                    return
+                    return False
                 fact = role.fact(self._name, [picker.value for picker in pickers])
                 now = self._api.context
-                if await self._change(tuple(fact_changes(fact, now.map, now.ontology)), f"{fact} added") is not None:
-                    self._close()
+                if await self._change(tuple(fact_changes(fact, now.map, now.ontology)), f"{fact} added") is None:
+                    return False
+                self._close()
+                return True
 
             choices = [Choice(value=key, text=role.text(), detail=role.relation.doc) for key, role in options.items()]
             choice = Picker("Relation", placeholder="Relation", options=choices, on_pick=chosen)
             fields = ui.element("div").classes("somrs-map-pickers")
-            form.on("submit.prevent", guarded(add))
             with ui.element("div").classes("somrs-map-buttons"):
-                ui.button("Add", icon="check").props("unelevated dense no-caps type=submit")
+                add_button = ui.button("Add", icon="check").props("unelevated dense no-caps type=submit")
                 ui.button("Cancel", on_click=self._close).props("flat dense no-caps")
+            submit_once(form, add_button, add)
         choice.focus()
 
     def _close(self) -> None:

@@ -13,7 +13,8 @@ from somrs.errors import InputError
 from somrs.gui.author import author
 from somrs.gui.components.fields.shown_at_once import shown_at_once
 from somrs.gui.pages.map.value_input import read
-from somrs.gui.shell import guarded, notify
+from somrs.gui.shell import notify
+from somrs.gui.submission import submit_once
 from somrs.ontology.types import Value
 
 _NO_ENTRY, _SLOW = "No robot enters it", "Robots drive slowly"
@@ -40,17 +41,17 @@ class ZoneTool:
                 speed = ui.input("Highest speed, m/s", value=_SPEED).props("outlined dense autocomplete=off hide-bottom-space")
                 speed.bind_visibility_from(kind, "value", value=_SLOW)
                 with ui.element("div").classes("somrs-map-buttons"):
-                    ui.button("Draw", icon="check").props("unelevated no-caps type=submit")
+                    draw_button = ui.button("Draw", icon="check").props("unelevated no-caps type=submit")
                     ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
 
-            async def draw() -> None:
+            async def draw() -> bool:
                 limit: Value | None = None
                 if kind.value == _SLOW:
                     try:
                         limit = read(str(speed.value or ""), self._api.context.ontology.attributes["SpeedLimit"])
                     except InputError as error:
                         speed.error = str(error)
-                        return
+                        return False
                 highest = float(limit) if isinstance(limit, int | float) else None
                 drawing = ZoneDrawing(
                     name=str(name.value or "").strip() or None, corners=corners, storey=storey, limit=highest, by=author()
@@ -59,8 +60,9 @@ class ZoneTool:
                 dialog.close()
                 notify(f"{drawn.zone.name} was drawn; robots obey it")
                 self._on_drawn(drawn.version)
+                return True
 
-            form.on("submit.prevent", guarded(draw))
+            submit_once(form, draw_button, draw)
         dialog.on("hide", dialog.delete)
         dialog.open()
 
