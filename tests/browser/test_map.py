@@ -424,6 +424,8 @@ def test_what_is_moved_again_before_the_page_knows_of_the_first_move_is_where_it
     for _ in range(3):
         start = screen_position(page, "Chair003")
         drag(page, start, (start[0] + 0.5 * scale, start[1]))
+    expect(page.get_by_text("Chair003: the move is on its way …")).to_be_visible()
+    take_screenshot(page, "map-late")
     page.keyboard.press("Control+z")
     start = screen_position(page, "Chair003")
     drag(page, start, (start[0], start[1] - 0.5 * scale))
@@ -431,6 +433,7 @@ def test_what_is_moved_again_before_the_page_knows_of_the_first_move_is_where_it
     assert MapState(restored_system).position("Chair003") == pytest.approx((x + 1.5, y + 0.5), abs=0.06)
     assert page.get_by_text("Another user changed").count() == 0
     wait_until(page, lambda: is_close_to(page, "Chair003", (start[0], start[1] - 0.5 * scale)), "it is drawn there")
+    expect(page.get_by_text("the move is on its way …")).to_have_count(0)
 
 
 def test_a_drag_that_was_overtaken_goes_back(restored_system: RunningSystem, window: OpenWindow) -> None:
@@ -682,8 +685,10 @@ def test_a_no_go_zone_is_drawn_on_the_plan_and_removed(system: RunningSystem, wi
         drawing.get_by_role("button", name="Finish").click()
     dialog = page.get_by_role("dialog", name="New zone")
     dialog.get_by_label("Name").fill("WetFloor")
-    dialog.get_by_role("button", name="Draw").click()
+    dialog.get_by_role("button", name="Draw").dblclick()
     expect(pad.locator('[data-name="WetFloor"]')).to_have_count(1)
+    expect(page.get_by_text("WetFloor was drawn")).to_be_visible()
+    expect(page.locator(".q-notification.bg-negative")).to_have_count(0)
     take_screenshot(page, "map-zone")
     page.set_viewport_size({"width": 390, "height": 844})
     assert fits(page)

@@ -160,6 +160,23 @@ def test_the_api_may_go_and_come_back(tmp_path: Path) -> None:
     run_scenario(tmp_path / "data", scenario)
 
 
+def test_who_waits_for_a_change_gets_it_when_the_connection_is_back(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
+        await api.context.wait_for_version(api.context.version)
+        await program.stop()
+        async with Client(system.addresses) as client:
+            added = ObjectAdded(Object(name="Tin0001", type="Jar", values={"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.8}))
+            version = (await client.report(UpdateMap(changes=(added,)))).version
+        waiting = asyncio.create_task(api.context.wait_for_version(version))
+        await wait_until(lambda: not api.context.hub.connected)
+        assert not waiting.done()
+        await program.start()
+        await waiting
+        assert "Tin0001" in api.context.map.objects
+
+    run_scenario(tmp_path, scenario)
+
+
 def test_topics_come_and_go_on_one_connection_and_nothing_is_lost(tmp_path: Path) -> None:
     async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
         async def listener(number: int) -> None:

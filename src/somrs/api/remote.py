@@ -66,6 +66,8 @@ class _LiveContext:
         self._api = api
         self.map, self.ontology = Map(), Ontology()
         self._versions = {"map": -1, "ontology": -1}
+        self._updated = asyncio.Event()
+        """Set, and replaced, with each update."""
         self.ready = asyncio.Event()
         self.hub = LiveHub(client, TOPICS, self, always=frozenset(self._versions))
 
@@ -78,6 +80,16 @@ class _LiveContext:
         await self._read_ontology()
         await self._read_map()
         self.ready.set()
+        self._note_update()
+
+    async def wait_for_version(self, version: int) -> None:
+        """Wait until this copy contains a version, also while the connection is interrupted: afterwards, everything is read again."""
+        while self.version < version:
+            await self._updated.wait()
+
+    def _note_update(self) -> None:
+        self._updated.set()
+        self._updated = asyncio.Event()
 
     async def apply_news(self, news: News) -> None:
         match news:
@@ -91,6 +103,7 @@ class _LiveContext:
                 await self._read_ontology()
                 if isinstance(value, int):
                     self._versions["ontology"] = value  # the news of later versions, with their changes of the map, follow
+        self._note_update()
 
     async def _read_map(self) -> None:
         map_view = await self._api.map.read()

@@ -13,7 +13,7 @@ if the change is refused.
 Events, each with a dict:
 - `select {name}`: the selected object, None for nothing. The page confirms it with `choose`, which also selects from elsewhere.
 - `moved {name, x, y, turned, target, version}`: the new position (metres, radians), the object below it (for things only), and the version
-  of the map when the drag began. `unanswered {names}`: these objects were moved back because the page did not answer.
+  of the map when the drag began. `unanswered {names}`: the connection was lost before the page had answered the moves of these objects.
 - `dropped {thing, target, x, y}` and `picked {name, x, y, target}`, in `pick`. `target`: the highest support, place or floor there.
 - `placed {type, x, y, turned, target, storey}`: the position of a new object, after `place(type)`; `stopped {}`: placing was cancelled.
 - `outlined {corners, storey}`: the corners of a zone, after `sketch_zone_on_click`, each x and y.

@@ -56,6 +56,7 @@ export default {
         </div>
       </div>
       <div class="fp-hint" v-if="hint" role="note">{{ hint }}</div>
+      <div class="fp-hint fp-late" v-if="late.length" role="status">{{ late.join(", ") }}: the move is on its way …</div>
       <div class="fp-hint fp-sketching" v-if="corners !== null" role="group" aria-label="New zone">
         <span role="status">{{ corners < 2 ? "Click the corners of the zone: two for a box." : corners + " corners. Click the first one, or:" }}</span>
         <button type="button" v-if="corners > 1" @click="finishZone()">Finish</button>
@@ -81,7 +82,7 @@ export default {
   data() {
     return {
       id: `fp${Math.random().toString(36).slice(2, 8)}`, storeys: [], storey: "", bar: { pixels: 60, text: "" }, where: "", said: "", loading: true, lost: false,
-      trouble: "", legend: this.show_legend, unplaced: [], carrying: false, placing: false, shown: 0, kinds: [], corners: null, traffic: false, waiting: [], hold: "", unknown: false,
+      trouble: "", legend: this.show_legend, unplaced: [], carrying: false, placing: false, shown: 0, kinds: [], corners: null, traffic: false, waiting: [], hold: "", unknown: false, late: [],
     };
   },
   computed: {
@@ -106,7 +107,7 @@ export default {
     },
   },
   mounted() {
-    const plan = new Plan(this.$refs.pad, (names) => this.$emit("unanswered", { names }));
+    const plan = new Plan(this.$refs.pad, (names) => { this.late = names; });
     this.plan = plan;
     this.revealed = null; // object to scroll into view once the map has been read
     this.asked = []; // selections sent to the page and not yet confirmed
@@ -126,6 +127,7 @@ export default {
     if (sessionStorage.getItem(TRAFFIC) && !this.past()) this.showTraffic(true);
   },
   unmounted() {
+    this.connection?.off("disconnect", this.giveUp);
     this.live.end();
     this.trafficNews.end();
     this.poses.end();
@@ -160,6 +162,10 @@ export default {
     },
     settled(name, version) { this.plan.settle(name, version); },
     back(name) { this.plan.back(name); },
+    giveUp() {
+      const names = this.plan.giveUp();
+      if (names.length) this.$emit("unanswered", { names });
+    },
     place(type, values = {}) {
       if (!type && !this.placing) return; // a late cancel must not stop a drag
       this.placing = type ?? false;

@@ -39,8 +39,6 @@ PATH = "/map"
 PARAMETERS = ("object", "storey", "view", "version")
 SNAP = 0.05
 """Grid size for dragged objects, m."""
-CHANGE_TIMEOUT = 5.0
-"""Seconds to wait until this page's copy of the map contains its own change."""
 LINKED = ("isOn", "isIn", "isHeldBy", "isAt")
 """Relations listed first in the menu of links."""
 _OBJECT, _ADD, _SEARCH, _CHANGES = "Object", "Add", "Find", "Changes"
@@ -136,7 +134,7 @@ class MapPage:
         plan = self._plan
         plan.on_select(lambda event: self._chosen(event["name"]))
         plan.on_open(lambda event: self._chosen(event["name"]))
-        self._moves = PlanMoves(self._api, plan, self._record_version, self._wait_for_version)
+        self._moves = PlanMoves(self._api, plan, self._record_version)
         plan.on_moved(self._moved)
         plan.on_shaped(self._shaped)
         plan.on_placed(self._add_panel.place_object)
@@ -147,7 +145,7 @@ class MapPage:
         plan.on_undo(lambda event: self._undo_guarded())
         # In fields, the same keys undo typing; the plan handles them itself while it has the focus.
         ui.keyboard(on_key=self._pressed, ignore=["input", "select", "textarea"], repeating=False)
-        plan.on_unanswered(lambda event: notify(f"{', '.join(event['names'])} moved back: no reply. Try again.", bad=True))
+        plan.on_unanswered(lambda event: notify(_lost(event["names"]), bad=True))
 
     def begin(self, query: str) -> None:
         """Open what the page's address specifies, and report what does not exist."""
@@ -273,14 +271,8 @@ class MapPage:
             await self._moves.shaped(event)
 
     async def _open_created(self, name: str, version: int) -> None:
-        await self._wait_for_version(version)
+        await self._api.context.wait_for_version(version)
         self.open_object(name)
-
-    async def _wait_for_version(self, version: int) -> None:
-        """Wait until this page's copy of the map contains a version."""
-        deadline = asyncio.get_running_loop().time() + CHANGE_TIMEOUT
-        while self._api.context.version < version and asyncio.get_running_loop().time() < deadline:
-            await asyncio.sleep(0.02)
 
     async def _remove(self, name: str) -> None:
         if await remove(self._api, name, self.change) and self._selected == name:
@@ -360,3 +352,8 @@ class MapPage:
 
     def _show_count(self) -> None:
         self._count.text = f"{len(self._api.context.map.objects)} objects"
+
+
+def _lost(names: list[str]) -> str:
+    """What the user is told when the connection was lost before moves were answered."""
+    return f"The connection was lost while {', '.join(names)} was moved. The plan shows where the map has it: move it again if needed."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Any
 
 from somrs.api.remote import LiveApi
@@ -17,17 +17,10 @@ from somrs.protocol.messages.knowledge import UpdateMap
 
 
 class PlanMoves:
-    """The moves on one plan. `record_version` is called with each version that they make; `wait_for_version` returns once the map of this
-    page contains a version."""
+    """The moves on one plan. `record_version` is called with each version that they make."""
 
-    def __init__(
-        self,
-        api: LiveApi,
-        plan: FloorPlan,
-        record_version: Callable[[int], None],
-        wait_for_version: Callable[[int], Awaitable[None]],
-    ) -> None:
-        self._api, self._plan, self._record_version, self._wait_for_version = api, plan, record_version, wait_for_version
+    def __init__(self, api: LiveApi, plan: FloorPlan, record_version: Callable[[int], None]) -> None:
+        self._api, self._plan, self._record_version = api, plan, record_version
         self._last_version: dict[str, int] = {}
         """By object: the version in which it was last moved here. The plan shows that, although its map may still be an earlier one."""
 
@@ -48,17 +41,17 @@ class PlanMoves:
     async def _carry_out(self, name: str, version_of_plan: int, find_changes: Callable[[Map], tuple[Change, ...]]) -> None:
         """Change the map as an object was moved on the plan, then confirm or reject the move."""
         version_before = max(version_of_plan, self._last_version.get(name, 0))
-        await self._wait_for_version(version_before)
+        await self._api.context.wait_for_version(version_before)
         map = self._api.context.map
         if name not in map.objects:
             self._plan.reject_move(name)
             notify(f"{name} is no longer on the map: another user removed or renamed it.", bad=True)
             return
+        version: int | None = None
         try:
             update = UpdateMap(changes=find_changes(map), author=author(), expected_version=version_before)
             version = (await self._api.map.change(update)).version
         except SomrsError as error:
-            self._plan.reject_move(name)
             if names := overtaken_objects(error):
                 reason = f"Another user changed {names} while you moved {name}. The other change is kept; move it again if needed."
             else:
@@ -68,3 +61,6 @@ class PlanMoves:
             self._last_version[name] = version
             self._record_version(version)
             self._plan.confirm_move(name, version)
+        finally:
+            if version is None:  # also after a defect: the plan waits for an answer
+                self._plan.reject_move(name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import parse_qs, quote
@@ -39,8 +38,6 @@ from somrs.protocol.messages.people import person_name
 PATH = "/ontology"
 BACK_SCRIPT = '<script>window.addEventListener("popstate", () => emitEvent("somrs-ontology-back", location.search));</script>'
 """Reports the browser's back button, which goes through the definitions opened on the page."""
-CHANGE_TIMEOUT = 5.0
-"""Seconds to wait until this page's ontology contains its own change."""
 _NEW = "new"
 
 
@@ -308,11 +305,9 @@ class OntologyPage:
 
     async def _wait_for_version(self, version: int) -> None:
         """Wait until the page's ontology contains a version."""
-        for _ in range(round(CHANGE_TIMEOUT / 0.05)):
-            await self._read()
-            if self._view.version >= version:
-                break
-            await asyncio.sleep(0.05)
+        self._version_label.text = f"version {self._view.version}; version {version} is on its way …"
+        await self._api.context.wait_for_version(version)
+        await self._read()
 
     # News
 

@@ -98,8 +98,6 @@ test("what is moved again before the page has answered stays where it was moved 
   changed([{ type: "ValueSet", object: "Table001", path: "PositionX", value: 6 }], 10);
   await clock.pass(50);
   assert.equal(one.shown.plan.at("Table001").x, 6, "and is where the map has it after that");
-  await clock.pass(20000);
-  assert.deepEqual(told("unanswered"), []);
 });
 
 test("keys that move something on while the answer to a move comes are all counted", async () => {
@@ -130,14 +128,66 @@ test("what may not stand there goes back", async () => {
   assert.equal(one.shown.plan.at("Table001").x, 2);
 });
 
-test("where nobody answers, it goes back after a while, whatever else happens, and the page hears so", async () => {
+test("a move that nobody answers stays, and the plan says so until the answer comes, however late", async () => {
+  const late = () => [...one.element.querySelectorAll(".fp-late")].map(text).join();
   await drag("Table001", view().toScreen(3, 3));
-  await clock.pass(10000);
-  changed([{ type: "ValueSet", object: "Jar001", path: "PositionX", value: 2.1 }], 8);
-  await clock.pass(4000);
+  assert.equal(late(), "");
+  await clock.pass(60000);
+  assert.equal(late(), "Table001: the move is on its way …");
   assert.deepEqual({ ...one.shown.plan.at("Table001") }, { x: 3, y: 3, turned: 0 });
-  await clock.pass(2000);
-  assert.deepEqual(told("unanswered"), [{ names: ["Jar001", "Table001"] }]);
+  one.shown.settled("Table001", 8);
+  changed([{ type: "ValueSet", object: "Table001", path: "PositionX", value: 3 }, { type: "ValueSet", object: "Jar001", path: "PositionX", value: 3 }], 8);
+  await clock.pass(50);
+  assert.equal(late(), "");
+  assert.equal(one.shown.plan.at("Table001").x, 3);
+});
+
+test("what was on its way when the connection was lost is where the map has it, and the page hears so", async () => {
+  const listeners = new Map();
+  globalThis.socket = { on: (event, listener) => listeners.set(event, listener), off: (event) => listeners.delete(event) };
+  await drag("Table001", view().toScreen(3, 3));
+  listeners.get("disconnect")();
+  await clock.pass(5000);
+  delete globalThis.socket;
+  assert.deepEqual(told("unanswered"), [{ names: ["Table001"] }]);
+  assert.equal(one.shown.plan.at("Table001").x, 2);
+  assert.equal(one.element.querySelector(".fp-late"), null);
+});
+
+async function begunDrag(name, to) {
+  const from = spot(name);
+  await pointer("pointerdown", from, drawn(name));
+  await pointer("pointermove", { x: from.x + 6, y: from.y });
+  await pointer("pointermove", to);
+}
+
+test("Escape in a second drag leaves the first one on its way", async () => {
+  await drag("Table001", view().toScreen(4, 3));
+  await begunDrag("Table001", view().toScreen(6, 3));
+  assert.equal(one.shown.plan.at("Table001").x, 6);
+  await press(pad, "Escape");
+  await pointer("pointerup", view().toScreen(6, 3));
+  assert.deepEqual([one.shown.plan.at("Table001").x, one.shown.plan.at("Jar001").x], [4, 4], "and not where the map still has it");
+  await drag("Table001", view().toScreen(5, 3));
+  one.shown.settled("Table001", 8);
+  changed([{ type: "ValueSet", object: "Table001", path: "PositionX", value: 4 }], 8);
+  await clock.pass(50);
+  assert.equal(one.shown.plan.at("Table001").x, 5, "the answer to the first move is none to the last one");
+  one.shown.settled("Table001", 9);
+  changed([{ type: "ValueSet", object: "Table001", path: "PositionX", value: 5 }], 9);
+  changed([{ type: "ValueSet", object: "Table001", path: "PositionX", value: 7 }], 10);
+  await clock.pass(50);
+  assert.equal(one.shown.plan.at("Table001").x, 7);
+  assert.equal(told("moved").length, 2);
+});
+
+test("Escape in a second drag after the first was refused brings it back to where the map has it", async () => {
+  await drag("Table001", view().toScreen(4, 3));
+  await begunDrag("Table001", view().toScreen(6, 3));
+  one.shown.back("Table001");
+  await clock.pass(50);
+  assert.equal(one.shown.plan.at("Table001").x, 6, "it is still in the hand");
+  await press(pad, "Escape");
   assert.equal(one.shown.plan.at("Table001").x, 2);
 });
 

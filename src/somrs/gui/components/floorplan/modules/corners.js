@@ -36,6 +36,11 @@ export class Corners {
     return corners;
   }
 
+  // Draw the zone with these corners, as before it was in the hand.
+  restore(name, corners) {
+    this._moved = { name, corners };
+  }
+
   // Draw the zone as it is on the map.
   forget(name) {
     if (this._moved?.name === name) this._moved = null;

@@ -139,6 +139,15 @@ export const doings = {
   tellMoved(name, to, target, version) {
     const turned = Math.atan2(Math.sin(to.turned), Math.cos(to.turned));
     this.$emit("moved", { name, x: +to.x.toFixed(4), y: +to.y.toFixed(4), turned: +turned.toFixed(6), target, version });
+    this.wait(name);
+  },
+  // The page has been told of a move. If the connection is lost now, the page may not have heard of it; what it is told without a
+  // connection is kept until there is one.
+  wait(name) {
+    if (!this.connection) {
+      this.connection = globalThis.socket; // which is there when the page is
+      this.connection?.on("disconnect", this.giveUp);
+    }
     this.plan.wait(name);
     this.plan.draw();
   },
@@ -146,7 +155,7 @@ export const doings = {
     const { carrying, plan } = this;
     this.carrying = false;
     plan.target = plan.ghost = null;
-    if (carrying && this.mode !== "pick") plan.back(carrying.name);
+    if (carrying && this.mode !== "pick") plan.giveBack(carrying.name, carrying);
     this.look();
   },
   nudge(dx, dy, turn) {
@@ -196,7 +205,7 @@ export const doings = {
     const name = this.plan.selected;
     this.flush();
     this.chooseCorner(index);
-    this.carrying = { name, corner: index, version: this.plan.model.version };
+    this.carrying = { name, corner: index, outline: this.plan.corners.of(name), version: this.plan.model.version };
   },
   dragCorner(at, free) {
     const { carrying, plan } = this;
@@ -229,8 +238,7 @@ export const doings = {
   },
   tellShaped(name, corners, version) {
     this.$emit("shaped", { name, corners: corners.map(([x, y]) => [+x.toFixed(3), +y.toFixed(3)]), version });
-    this.plan.wait(name);
-    this.plan.draw();
+    this.wait(name);
     this.sayCorner();
   },
   sayCorner() {

@@ -1,13 +1,14 @@
 // The objects that the user has moved, and that are not there on the map yet. They stay where they were moved to until the page has answered
-// all their moves, and the map has the last one.
+// all their moves, and the map has the last one, however long that takes.
 
-const PATIENCE = 15000; // milliseconds that a moved object waits for the page's reply
+const NOTICE = 1000; // milliseconds after which the user is told that a move is still on its way
 
 export class Held {
-  // `late(names)`: called for objects whose move the page has not answered in time; they are held no longer.
-  constructor(late) {
-    this._late = late;
-    this._held = new Map(); // by name: { mover, version, since, unanswered }
+  // `told(movers)`: called with the objects whose moves are on their way for a while, whenever these are others than before.
+  constructor(told) {
+    this._told = told;
+    this._held = new Map(); // by name: { mover, inHand, unanswered, version, since }
+    this._late = [];
     this._timer = null;
   }
 
@@ -22,12 +23,13 @@ export class Held {
   // The user moves an object, again perhaps, with the object `mover` or by itself. Answers to earlier moves do not end this one.
   keep(name, mover) {
     const held = this._held.get(name);
-    const unanswered = held?.mover === mover ? held.unanswered : 0;
-    this._held.set(name, { mover, version: Infinity, since: Infinity, unanswered });
+    if (held?.mover === mover) held.inHand = true;
+    else this._held.set(name, { mover, inHand: true, unanswered: 0, version: -1, since: Infinity });
   }
 
   drop(name) {
     this._held.delete(name);
+    this._note();
   }
 
   // What was moved with an object, and itself.
@@ -35,36 +37,58 @@ export class Held {
     return [...this._held].filter(([, held]) => held.mover === mover).map(([name]) => name);
   }
 
-  // The page has been told of a move: wait for its reply, with a time limit.
-  told(mover) {
-    for (const name of this.movedWith(mover)) {
-      const held = this._held.get(name);
-      held.since = performance.now();
-      held.unanswered++;
-    }
-    this._timer ??= setTimeout(() => this._waitedLong(), PATIENCE);
+  // Whether a move of the object is not on the map yet, besides the one in the hand.
+  isOnItsWay(name, map) {
+    const held = this._held.get(name);
+    return held !== undefined && (held.unanswered > 0 || held.version > map.version);
   }
 
-  // The page has answered a move: the map contains it since this version.
-  answered(mover, version) {
-    for (const name of this.movedWith(mover)) {
-      const held = this._held.get(name);
-      held.unanswered--;
-      if (held.unanswered === 0 && Number.isFinite(held.since)) held.version = version;
+  // The object is not in the hand any more. `asked`: the page has been told of the move, and will answer.
+  release(mover, asked) {
+    for (const held of this._of(mover)) {
+      held.inHand = false;
+      if (asked && held.unanswered++ === 0) held.since = performance.now();
     }
+    this._note();
   }
 
-  // The objects that the map has where they were moved to, or not at all.
+  // The page has answered a move: the map contains it since this version; without a version, it was refused.
+  answered(mover, version = -1) {
+    for (const held of this._of(mover)) {
+      held.unanswered = Math.max(held.unanswered - 1, 0);
+      held.version = Math.max(held.version, version);
+      if (held.unanswered === 0) held.since = Infinity;
+    }
+    this._note();
+  }
+
+  // The objects that the map has where they were moved to, or not at all, and those whose moves were all refused.
   settledBy(map) {
-    return [...this._held].filter(([name, held]) => map.version >= held.version || !map.objects.has(name)).map(([name]) => name);
+    const isSettled = (held) => !held.inHand && held.unanswered === 0 && map.version >= held.version;
+    return [...this._held].filter(([name, held]) => isSettled(held) || !map.objects.has(name)).map(([name]) => name);
   }
 
-  _waitedLong() {
+  // The page will not answer the moves that it has been told of: the connection was lost. Returns the objects that were moved.
+  giveUp() {
+    const lost = [...this._held.values()].filter((held) => held.unanswered > 0);
+    for (const held of lost) [held.unanswered, held.since] = [0, Infinity];
+    this._note();
+    return [...new Set(lost.map((held) => held.mover))];
+  }
+
+  _of(mover) {
+    return this.movedWith(mover).map((name) => this._held.get(name));
+  }
+
+  // Tell which moves are on their way for a while, now and when there are more.
+  _note() {
+    clearTimeout(this._timer);
+    this._timer = null;
     const now = performance.now();
-    const late = [...this._held].filter(([, held]) => now - held.since >= PATIENCE - 100).map(([name]) => name);
-    for (const name of late) this._held.delete(name);
-    const next = Math.min(...[...this._held.values()].map((held) => held.since));
-    this._timer = Number.isFinite(next) ? setTimeout(() => this._waitedLong(), next + PATIENCE - now) : null;
-    if (late.length) this._late(late);
+    const moves = [...this._held.values()];
+    const late = [...new Set(moves.filter((held) => now >= held.since + NOTICE).map((held) => held.mover))];
+    if (late.join() !== this._late.join()) this._told((this._late = late));
+    const next = Math.min(...moves.map((held) => held.since + NOTICE).filter((due) => due > now));
+    if (Number.isFinite(next)) this._timer = setTimeout(() => this._note(), next - now);
   }
 }

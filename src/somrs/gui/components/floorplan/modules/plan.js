@@ -18,7 +18,8 @@ const LABELS_REST = 120; // milliseconds between two layouts of the labels while
 const DOT = 1.5; // pixels; the label of a support must not cover larger objects
 
 export class Plan {
-  constructor(element, asked) {
+  // `late(names)`: called with the objects whose moves are not on the map after a while, whenever these are others.
+  constructor(element, late) {
     this.model = new Model();
     this.view = new View();
     this.storey = null;
@@ -33,11 +34,7 @@ export class Plan {
     this.cornered = () => false; // whether the user can move the corners of an object
     this.turnable = () => false;
     this.offered = () => false; // whether the user can drag it to state a goal, so that its name matters
-    this._held = new Held((names) => {
-      for (const name of names) this.corners.forget(name);
-      this.refresh(new Set(names));
-      asked(names);
-    });
+    this._held = new Held(late);
     this._moving = new Map(); // objects displayed elsewhere than on the map, with their map pose at that time
     this._sheets = new Sheets(element);
     this._layers = new Layers(this._sheets.groups);
@@ -233,9 +230,9 @@ export class Plan {
     this.corners.forget(name);
   }
 
-  // Start to wait for the page's reply to a move, with a time limit.
+  // Wait for the page's answer to a move.
   wait(name) {
-    this._held.told(name);
+    this._held.release(name, true);
   }
 
   // The map contains the move since this version: use the map's pose from then on.
@@ -244,11 +241,29 @@ export class Plan {
     this.refresh(new Set(this._held.movedWith(name)));
   }
 
-  // Move the object back to its map pose.
+  // A move was refused: without another one that is on its way, the object goes back to its map pose.
   back(name) {
     const group = this._held.movedWith(name);
-    for (const one of group) this._letGo(one);
+    this._held.answered(name);
     this.refresh(new Set(group));
+  }
+
+  // The user has given up the move of an object, or of the corners of a zone, that is in the hand: draw it where it was before. That is
+  // where an earlier move that is on its way leads, or else its map pose.
+  giveBack(name, { from, outline }) {
+    const group = this._held.movedWith(name);
+    if (outline && this._held.isOnItsWay(name, this.model)) this.corners.restore(name, outline);
+    else if (from && this._held.isOnItsWay(name, this.model)) this.hold(name, from);
+    this._held.release(name, false);
+    this.refresh(new Set(group));
+  }
+
+  // The connection to the page was lost, with moves that it was told of: draw everything as the map has it. Returns what was moved.
+  giveUp() {
+    const names = this._held.giveUp();
+    const group = names.flatMap((name) => this._held.movedWith(name));
+    this.refresh(new Set(group));
+    return names;
   }
 
   _group(name) {
