@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from somrs.protocol.messages import waits
+from somrs.protocol.messages.directory import Retract, Retracted
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
@@ -12,7 +13,7 @@ from somrs.protocol.messages.submission import CancelTask
 from somrs.protocol.messages.task_views import Phase
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed, WorkDone
-from tests.support.virtual_system import Robot, VirtualSystem, transfer_effect
+from tests.support.virtual_system import Robot, VirtualSystem, drop_object, transfer_effect
 
 GOAL = "Jar002 isOn Platform001"
 
@@ -169,6 +170,17 @@ def test_a_waiting_task_holds_up_no_other() -> None:
     other = system.submit("Jar002 isOn Cupboard002")
     system.finish(waiting, other)
     assert {system.view(task).outcome for task in (waiting, other)} == {Outcome.ACCOMPLISHED}
+
+
+def test_a_service_that_left_after_the_plan_was_made_does_not_replace_another() -> None:
+    system = VirtualSystem(Robot("Robot1", price=10, duration=60, works=drop_object), Robot("Robot2", price=20, duration=60))
+    task = system.submit(GOAL)
+    assert system.world.run(60, lambda: ("Execute", "Robot1") in system.protocol_messages(task))
+    assert ("Arrange", "Robot2") in system.protocol_messages(task)
+    assert isinstance(system.ask(Retract(provider="Robot2"), "registry"), Retracted)
+    invited_before = system.protocol_messages(task).count(("Arrange", "Robot2"))
+    assert system.world.run(60, lambda: system.view(task).phase is Phase.WAITING or system.view(task).outcome is not None)
+    assert system.protocol_messages(task).count(("Arrange", "Robot2")) == invited_before
 
 
 def test_without_a_registry_a_task_waits_for_it() -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cached_property
 
+from msgspec import structs
+
 from somrs.ontology.services import ServiceType
 from somrs.protocol.messages.directory import Offer
 
@@ -13,7 +15,7 @@ class Offers(Collection[Offer]):
     """Offers, in the order of their services' names. They do not change: `changed` returns others. Indexes are built when they are used."""
 
     def __init__(self, offers: Iterable[Offer] = ()) -> None:
-        self._by_service = {offer.service: offer for offer in sorted(offers, key=lambda offer: offer.service)}
+        self._by_service = {offer.service: offer for offer in sorted(_with_shared_types(offers), key=lambda offer: offer.service)}
 
     def __len__(self) -> int:
         return len(self._by_service)
@@ -74,3 +76,12 @@ class Offers(Collection[Offer]):
             if not any(definition is offer.service_type or definition == offer.service_type for definition in known):
                 known.append(offer.service_type)
         return tuple(definition for known in definitions.values() for definition in known)
+
+
+def _with_shared_types(offers: Iterable[Offer]) -> Iterator[Offer]:
+    """The offers with one object for equal definitions: each message brings its own."""
+    known_types: dict[str, ServiceType] = {}
+    for offer in offers:
+        known_type = known_types.setdefault(offer.service_type.name, offer.service_type)
+        is_copy = known_type is not offer.service_type and known_type == offer.service_type
+        yield structs.replace(offer, service_type=known_type) if is_copy else offer

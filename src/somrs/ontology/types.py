@@ -163,6 +163,7 @@ class Ontology:
         self._attributes_of: dict[str, Mapping[str, AttributeType]] = {}
         self._spread_out: dict[str, Mapping[str, AttributeType]] = {}
         self._rivals: dict[str, tuple[tuple[str, int], ...]] = {}
+        self._defaults: dict[tuple[str, str], Value | None] = {}
         for definition in definitions:
             match definition:
                 case AttributeType():
@@ -228,10 +229,11 @@ class Ontology:
 
     def default(self, type_name: str, path: str) -> Value | None:
         """The default value at the path: the type's own or the nearest ancestor's; None without one."""
-        for ancestor in self.ancestors(type_name):
-            if path in self.types[ancestor].defaults:
-                return self.types[ancestor].defaults[path]
-        return None
+        key = type_name, path
+        if key not in self._defaults:
+            definitions = (self.types[ancestor].defaults for ancestor in self.ancestors(type_name))
+            self._defaults[key] = next((defaults[path] for defaults in definitions if path in defaults), None)
+        return self._defaults[key]
 
     def rivals(self, relation: RelationType) -> tuple[tuple[str, int], ...]:
         """The relations whose facts about an object a new fact with it as the first argument replaces, each with the object's place in

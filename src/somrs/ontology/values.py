@@ -33,12 +33,15 @@ def evaluate(term: Term, map: Map, ontology: Ontology) -> Value | None:
     return measured.constant.name if isinstance(measured.constant, Name) else measured.constant.value
 
 
+_AT_REST = ((PAUSED, True), (IN_SERVICE, False), (MODE, OUT_OF_ORDER))
+"""Values of a device that does not begin work."""
+
+
 def takes_work(device: str, map: Map, ontology: Ontology) -> bool:
     """Whether an operator lets the device begin work: it is in service, not stopped, and, if it is a lift or a door, not out of order."""
-    forbidden = {PAUSED: True, IN_SERVICE: False, MODE: OUT_OF_ORDER}
     if value_of(device, PAUSED_FOR, map, ontology) is not None:
         return False
-    return all(value_of(device, path, map, ontology) != value for path, value in forbidden.items())
+    return all(value_of(device, path, map, ontology) != value for path, value in _AT_REST)
 
 
 def value_of(object_name: str, path: str, map: Map, ontology: Ontology) -> Value | None:

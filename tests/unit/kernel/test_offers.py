@@ -50,6 +50,13 @@ def test_indexes_find_what_a_search_of_all_finds(changes: list[tuple[list[Offer]
     assert Codec[Offers](Offers).decode(encode(offers)) == offers
 
 
+def test_equal_definitions_are_one_object() -> None:
+    offers = Offers([offer("Robot1.Work", "Carry")]).changed([offer("Robot2.Work", "Carry"), offer("Robot3.Work", "Carry", "A isOn B")])
+    first, second, other = (listed_offer.service_type for listed_offer in offers)
+    assert first is second
+    assert other != first
+
+
 def test_an_offer_is_there_as_it_is_and_not_otherwise() -> None:
     offers = Offers([offer("Robot1.Work", "Carry")])
     assert offer("Robot1.Work", "Carry") in offers
