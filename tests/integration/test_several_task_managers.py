@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 
 from somrs.kernel.reservations import LEASE, Reservations
+from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import Outcome
-from somrs.protocol.messages.submission import CancelTask, Policy
+from somrs.protocol.messages.reservations import TaskAssigned
+from somrs.protocol.messages.submission import CancelTask, Policy, Submit, SubmitOnce, TaskRejected
 from somrs.protocol.messages.task_views import Phase
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed, WorkDone
@@ -208,3 +210,69 @@ def test_what_a_program_of_before_had_reserved_itself_is_kept_for_its_tasks_afte
     assert system.view(second).phase is Phase.WAITING
     assert [view.outcome for view in system.finish(first, second)] == [Outcome.ACCOMPLISHED] * 2
     assert not hands.conflicts
+
+
+def send_once(system: VirtualSystem, manager: str, effect: str = FIRST, id: str = "urn:uuid:submission") -> None:
+    """A client that states a task at this Task Manager, and maybe at others, too."""
+    header = Header(sender="client", recipient=manager, message_id=id, reply_to="client")
+    system.world.send(Message(header=header, body=SubmitOnce(submission=Submit(effect=effect))))
+
+
+def assigned_to(system: VirtualSystem) -> list[str]:
+    """The Task Managers that the answers to the client name."""
+    return [message.body.task_manager for message in system.client.received if isinstance(message.body, TaskAssigned)]
+
+
+@pytest.mark.parametrize("order", [(A, B), (B, A)])
+def test_a_task_that_is_stated_at_two_task_managers_is_one_task(order: tuple[str, str]) -> None:
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1"), hands.robot("Robot2"))
+    for _ in range(2):
+        for manager in order:
+            send_once(system, manager)
+        system.world.run(5)
+    assert len(assigned_to(system)) == 4
+    (owner,) = {*assigned_to(system)}
+    other = A if owner == B else B
+    (task,) = system.manager_at(owner).state.tasks
+    assert not system.manager_at(other).state.tasks
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert len(system.client.received) == 4
+
+
+@pytest.mark.parametrize("snapshot", [False, True])
+def test_a_task_goes_on_at_the_task_manager_that_died_when_it_was_given_to_it(snapshot: bool) -> None:
+    """It has asked whose the task is, and dies before the answer. The client states the task at another one, and again when the first is
+    back."""
+    hands = Hands()
+    system = two_managers(hands.robot("Robot1"), hands.robot("Robot2"))
+    system.world.cut_off("repository")
+    send_once(system, A)
+    system.world.run(1)
+    assert not assigned_to(system)
+    if snapshot:
+        system.world.snapshot(A)
+    system.world.reconnect("repository")
+    assert system.world.run(60, lambda: bool(system.repository.contents.answered))
+    system.world.kill(A)
+    send_once(system, B)
+    assert system.world.run(60, lambda: A in assigned_to(system)), "the answer of the other one"
+    assert not system.manager_at(B).state.tasks
+    system.world.revive(A)
+    system.world.run(60)
+    send_once(system, A)
+    (task,) = system.manager_at(A).state.tasks
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert {*assigned_to(system)} == {A}
+
+
+def test_a_task_with_a_mistake_is_refused_and_given_to_nobody() -> None:
+    system = two_managers(Hands().robot("Robot1"))
+    for manager in (A, B):
+        send_once(system, manager, "NoSuchJar isOn Platform001")
+    system.world.run(10)
+    assert [type(message.body) for message in system.client.received] == [TaskRejected] * 2
+    assert not system.manager_at(A).state.tasks
+    assert not system.manager_at(B).state.tasks

@@ -62,7 +62,7 @@ from somrs.protocol.messages.knowledge import (
 )
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.paging import PAGE_BYTES, size
-from somrs.protocol.messages.reservations import ClaimReservations, Release, ReservationMode, Reserve
+from somrs.protocol.messages.reservations import AssignTask, ClaimReservations, Release, ReservationMode, Reserve, TaskAssigned
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.definition import define_outcome, rename_outcome
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
@@ -162,6 +162,9 @@ class Repository:
                 yield _ask(message, events_query(question))
             case Reserve() as request:
                 yield from self._run_once(message, lambda: self._reserve(message, request, now))
+            case AssignTask(task=task):
+                assigned = TaskAssigned(task=task, task_manager=message.header.sender)
+                yield from self._run_once(message, lambda: iter([self._remember_answer(message, assigned)]))
             case Release() as release:
                 self._reserving.release(release, message.header.sender, now)
             case ClaimReservations() as claims:

@@ -11,13 +11,13 @@ from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import Defined, Event, ReadMap, ReadOntology, Rejected, Updated
-from somrs.protocol.messages.reservations import ReservationDenied, Reserved
+from somrs.protocol.messages.reservations import ReservationDenied, Reserved, TaskAssigned
 from somrs.repository.provenance import Provenance
 
 REMEMBERED = 20_000
 """The number of answers that are stored. A request that arrives again within this number receives the stored answer."""
 
-Answer = Updated | Rejected | Defined | Reserved | ReservationDenied
+Answer = Updated | Rejected | Defined | Reserved | ReservationDenied | TaskAssigned
 
 
 class LeasesDue(Struct, frozen=True, tag=True):

@@ -28,14 +28,15 @@ from somrs.ontology.objects import objects_of
 from somrs.protocol.messages import directory, frp, previews, records, reservations, submission, task_news
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
-from somrs.task_manager.context import TaskManagerContext, find_task_error, rejection
+from somrs.task_manager.context import TaskManagerContext, find_task_error
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.participants import answer_stranger
 from somrs.task_manager.migrations import MIGRATIONS
 from somrs.task_manager.preview import PreviewExecutor
 from somrs.task_manager.preview_state import new_preview, preview_of_plan
-from somrs.task_manager.requests import ForPlan, ReportAnswered, RequestResult, ReservationAnswered, ServicesKnown
+from somrs.task_manager.requests import AssignmentAnswered, ForPlan, ReportAnswered, RequestResult, ReservationAnswered, ServicesKnown
 from somrs.task_manager.state import TaskManagerState, UnsettledReport
+from somrs.task_manager.submissions import Submissions, submitted_id
 from somrs.task_manager.subscriptions import Replies, TaskSubscriptions
 from somrs.task_manager.task_queries import TaskQueries
 from somrs.task_manager.timers import (
@@ -102,6 +103,7 @@ class TaskManager:
         )
         self._subscriptions = TaskSubscriptions(state.subscriptions, state.tasks)
         self._queries = TaskQueries(state)
+        self._submissions = Submissions(state)
 
     @property
     def open(self) -> list[str]:
@@ -206,7 +208,7 @@ class TaskManager:
                 yield from self._advance_preview(message.header.transaction, now, lambda preview: preview.receive(message, now))
             else:
                 yield from answer_stranger(message, self.address)
-        elif not state.replica.is_current and isinstance(body, submission.Submit | previews.Preview):
+        elif not state.replica.is_current and isinstance(body, submission.Submit | submission.SubmitOnce | previews.Preview):
             state.awaiting_map[id] = message
             yield SetTimer(MapDue(id), now + READY_TIME)
         else:
@@ -216,8 +218,8 @@ class TaskManager:
         """Handle a client's request."""
         state = self.state
         match message.body:
-            case submission.Submit():
-                yield from self._submit(message, message.body, now)
+            case submission.Submit() | submission.SubmitOnce():
+                yield from self._start_task((yield from self._submissions.receive(message, now)), now)
             case submission.CancelTask(task=task) | submission.PauseTask(task=task) | task_news.WatchTask(task=task) if (
                 task not in state.tasks
             ):
@@ -255,16 +257,10 @@ class TaskManager:
                 fault = frp.Fault(code="wsa:ActionNotSupported", text=f"a Task Manager does not understand {type(body).__name__}")
                 yield self._reply(message, fault)
 
-    def _submit(self, message: Message, task: submission.Submit, now: float) -> Effects:
-        state, id = self.state, message_id("task", message.header.message_id)
-        if id not in state.tasks:
-            if (task_error := find_task_error(task, state.replica)) is not None:
-                yield self._reply(message, rejection(task_error))
-                return
-            state.tasks[id] = TaskState.new(id, task, now, client=message.header.sender)
-            state.running.append(id)
-            yield from self._transaction(id).start(now)
-        yield self._reply(message, submission.Submitted(task=id))
+    def _start_task(self, submission: Message | None, now: float) -> Effects:
+        if submission is not None:
+            yield from self._transaction(submitted_id(submission)).start(now)
+            yield self._submissions.acceptance(submission)
 
     def _preview(self, message: Message, query: previews.Preview, now: float) -> Effects:
         state, id = self.state, message_id("preview", message.header.message_id)
@@ -350,6 +346,8 @@ class TaskManager:
                 if unsettled is not None:
                     version, reported = unsettled
                     state.unsettled.append(UnsettledReport.of(version, purpose.owner, reported))
+            case AssignmentAnswered(purpose, assigned):
+                yield from self._start_task((yield from self._submissions.assigned(purpose.owner, assigned, now)), now)
             case ReservationAnswered(purpose, answer) if purpose.owner in state.running:
                 yield from self._transaction(purpose.owner).reserved(purpose, answer, now)
             case ReservationAnswered() as answered if answered.purpose.owner in state.previews:

@@ -17,7 +17,16 @@ from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.event_text import join_reasons
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, UpdateMap
-from somrs.protocol.messages.reservations import Claim, ClaimReservations, Release, ReservationDenied, Reserve, Reserved
+from somrs.protocol.messages.reservations import (
+    AssignTask,
+    Claim,
+    ClaimReservations,
+    Release,
+    ReservationDenied,
+    Reserve,
+    Reserved,
+    TaskAssigned,
+)
 from somrs.task_manager.timers import AnswerDue
 
 PATIENCE = 10.0
@@ -74,7 +83,13 @@ class ForReservation(Struct, frozen=True, tag=True):
     serial: int
 
 
-RequestPurpose = ForPlan | ForLook | ForReport | ForPause | ForReservation
+class ForAssignment(Struct, frozen=True, tag=True):
+    """Whose task it is."""
+
+    owner: str
+
+
+RequestPurpose = ForPlan | ForLook | ForReport | ForPause | ForReservation | ForAssignment
 
 
 DiscoveredOffers = tuple[Offer, ...] | str | None
@@ -106,7 +121,14 @@ class ReservationAnswered(Struct, frozen=True):
     answer: ReservationAnswer
 
 
-RequestResult = ServicesKnown | ReportAnswered | ReservationAnswered
+class AssignmentAnswered(Struct, frozen=True):
+    """The answer to the question whose task it is."""
+
+    purpose: ForAssignment
+    answer: TaskAssigned | Fault
+
+
+RequestResult = ServicesKnown | ReportAnswered | ReservationAnswered | AssignmentAnswered
 
 
 class Request(Struct, frozen=True, kw_only=True):
@@ -144,6 +166,13 @@ class Requests(Struct, kw_only=True):
     def reserve(self, body: Reserve, purpose: ForReservation, now: float) -> Effects:
         """Request a reservation from the Repository."""
         yield from self._send_request(self._new_request(self.repository, body, purpose, now + UPDATE_TIME), now)
+
+    def assign(self, task: str, now: float) -> Effects:
+        """Ask the Repository whose task it is."""
+        request = self._new_request(
+            self.repository, AssignTask(task=task), ForAssignment(task), now + UPDATE_TIME, id=message_id("assign", task)
+        )
+        yield from self._send_request(request, now)
 
     def notify(self, body: Release | ClaimReservations, now: float) -> Effects:
         """Tell the Repository about reservations."""
@@ -222,6 +251,9 @@ class Requests(Struct, kw_only=True):
         if isinstance(purpose, ForReservation):
             reply = body if isinstance(body, Reserved | ReservationDenied) else join_reasons(answer_problems(answer))
             return ReservationAnswered(purpose, reply)
+        if isinstance(purpose, ForAssignment):
+            problem = Fault(code="env:Receiver", text=f"the Repository answered: {join_reasons(answer_problems(answer))}")
+            return AssignmentAnswered(purpose, body if isinstance(body, TaskAssigned) else problem)
         if not isinstance(body, Discovered):
             return ServicesKnown(purpose, f"the Service Registry answered: {join_reasons(answer_problems(answer))}")
         offers = request.offers + body.offers
@@ -242,15 +274,16 @@ class Requests(Struct, kw_only=True):
         expires_at: float,
         offers: tuple[Offer, ...] = (),
         settles_by: float | None = None,
+        id: str | None = None,
     ) -> Request:
-        message = self._message(recipient, body)
+        message = self._message(recipient, body, id)
         request = Request(message=message, purpose=purpose, expires_at=expires_at, offers=offers, settles_by=settles_by)
         self.pending[message.header.message_id] = request
         return request
 
-    def _message(self, recipient: str, body: Body) -> Message:
+    def _message(self, recipient: str, body: Body, id: str | None = None) -> Message:
         self.request_count += 1
-        id = message_id(self.address, self.incarnation, self.request_count)
+        id = id or message_id(self.address, self.incarnation, self.request_count)
         return Message(header=Header(sender=self.address, recipient=recipient, message_id=id, reply_to=self.address), body=body)
 
     def _send_request(self, request: Request, now: float) -> Effects:

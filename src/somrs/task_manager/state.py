@@ -82,6 +82,8 @@ class TaskManagerState(Struct, kw_only=True):
     unsettled: list[UnsettledReport] = []
     awaiting_map: dict[str, Message] = field(default_factory=dict, name="until_ready")
     awaiting_records: dict[str, Message] = field(default_factory=dict, name="readers")
+    awaiting_assignment: dict[str, Message] = field(default_factory=dict)
+    """The submissions of which the Repository has not said yet whose they are, by their tasks."""
 
     @classmethod
     def new(cls, address: str, repository: str, registry: str) -> TaskManagerState:

@@ -36,7 +36,7 @@ class TaskQueries:
                 task for task in newest if last_task is not None and (task.submitted_at, task.id) < (last_task.submitted_at, last_task.id)
             ]
         page = tuple(fit_page((view_in_parts(task, 0)[0] for task in newest), max(query.limit, 0)))
-        return self._reply(request, Tasks(tasks=page, more=len(page) < len(newest)))
+        return self._reply(request, Tasks(tasks=page, more=len(page) < len(newest), total=len(matching_tasks)))
 
     def read_messages(self, request: Message, query: ReadMessages) -> Effect:
         """Answer with messages of a task. Those of a running task are in its state; those of an ended task are in its record."""

@@ -26,10 +26,11 @@ KnowledgeBody = (
     | knowledge.Consider | knowledge.Considered | knowledge.ReadEvents | knowledge.Events
     | reservations.Reserve | reservations.Reserved | reservations.ReservationDenied | reservations.ReservationFree
     | reservations.ReservationLost | reservations.Release | reservations.ClaimReservations
+    | reservations.AssignTask | reservations.TaskAssigned
 )  # fmt: skip
 ClientBody = (
-    submission.Submit | submission.Submitted | submission.TaskRejected | submission.CancelTask | submission.Cancelling
-    | submission.PauseTask | submission.TaskPaused
+    submission.Submit | submission.SubmitOnce | submission.Submitted | submission.TaskRejected | submission.CancelTask
+    | submission.Cancelling | submission.PauseTask | submission.TaskPaused
     | task_news.ReadTasks | task_news.Tasks | task_news.WatchTask | task_news.TaskNews | previews.Preview | previews.Previewed
     | records.ReadRecords | records.Records | task_news.WatchTasks | task_news.TasksNews | task_news.ReadMessages | task_news.Messages
 )  # fmt: skip
@@ -73,7 +74,9 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     knowledge.ReadEvents: (knowledge.Events,),
     knowledge.SubscribeMap: (knowledge.MapSubscribed,),
     reservations.Reserve: (reservations.Reserved, reservations.ReservationDenied),
+    reservations.AssignTask: (reservations.TaskAssigned,),
     submission.Submit: (submission.Submitted, submission.TaskRejected),
+    submission.SubmitOnce: (reservations.TaskAssigned, submission.TaskRejected),
     submission.CancelTask: (submission.Cancelling,),
     submission.PauseTask: (submission.TaskPaused,),
     task_news.ReadTasks: (task_news.Tasks,),

@@ -82,6 +82,20 @@ class ReservationLost(MessageBody, frozen=True, kw_only=True, tag=True):
     holders: tuple[Holder, ...] = ()
 
 
+class AssignTask(MessageBody, frozen=True, kw_only=True, tag=True):
+    """A Task Manager asks whether a task is its to do. The id of the message derives from the task, so that to the
+    Repository the requests of all Task Managers are one: the first decides, and each is answered alike."""
+
+    task: str
+
+
+class TaskAssigned(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The task is the one of the Task Manager with this address. The answer to AssignTask, and to SubmitOnce."""
+
+    task: str
+    task_manager: str
+
+
 class Release(MessageBody, frozen=True, kw_only=True, tag=True):
     """The task releases what it holds, and does not wait any more. `ended`: it has ended."""
 

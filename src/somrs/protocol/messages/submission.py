@@ -46,6 +46,13 @@ class Submit(MessageBody, frozen=True, kw_only=True, tag=True):
     retry_of: str | None = None
 
 
+class SubmitOnce(MessageBody, frozen=True, kw_only=True, tag=True):
+    """State a task at one of several Task Managers. The same message may be sent to several of them, for example because one does not
+    answer: it is one task. They agree at the Repository whose it is, and answer that (`TaskAssigned`)."""
+
+    submission: Submit
+
+
 def with_formulas(task: Submit, write: Callable[[str], str]) -> Submit:
     """Return the task with each of its formulas as `write` returns it."""
 

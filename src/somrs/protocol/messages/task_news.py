@@ -21,13 +21,14 @@ class ReadTasks(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Tasks(MessageBody, frozen=True, kw_only=True, tag=True):
-    """A page of tasks. `more`: there are older tasks.
+    """A page of tasks. `more`: there are older tasks. `total`: the number of those that were asked for, on all pages.
 
     A page ends early when it becomes too long for a message. If a single plan is too long, the page has its first steps; TaskNews has all.
     """
 
     tasks: tuple[TaskView, ...]
     more: bool = False
+    total: int | None = None
 
 
 class WatchTasks(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -134,6 +134,8 @@ class TaskView(Struct, frozen=True, kw_only=True):
     recognise: bool = False
     findings: Findings | None = None
     """The answer to a client that asks what is so, when the task has ended."""
+    task_manager: str = ""
+    """The name of the Task Manager that has it; the client of a system with several fills it in."""
 
 
 class TaskRow(Struct, frozen=True, kw_only=True):
@@ -170,6 +172,8 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     """Who has paused it, if it is paused; also in the reasons, as text."""
     recognise: bool = False
     """It asks what is so, and makes nothing so."""
+    task_manager: str = ""
+    """As in TaskView."""
 
 
 class TaskEvent(Struct, frozen=True, kw_only=True):
