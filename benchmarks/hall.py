@@ -141,9 +141,10 @@ async def play(robots: int, addresses: Addresses, *, steady: bool) -> Run:
         watch = asyncio.create_task(watch_robots(operator, run))
         jars = dict(zip(await asyncio.gather(*(deliveries.submit(jar) for jar in range(robots))), range(robots), strict=True))
         run.began += WARM_UP if steady else 0.0
+        task_manager = next(iter(addresses.task_managers))
         version, limit = 0, run.began + (STEADY if steady else PATIENCE)
         while jars and (await operator.clock()).time < limit:
-            news = await client.watch_list(WatchTasks(after=version, wait=5))
+            news = await client.watch_list(WatchTasks(after=version, wait=5), task_manager)
             version, is_measured = news.version, (await operator.clock()).time >= run.began
             for row in news.rows:
                 if row.outcome is None or row.task not in jars:

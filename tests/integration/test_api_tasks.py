@@ -147,7 +147,7 @@ def test_the_list_tells_of_tasks_that_come_and_change(tmp_path: Path) -> None:
         last_page = await api.tasks.list(limit=1, behind=second)
         assert [row.task for row in last_page.rows] == [first]
         assert (last_page.more, last_page.total) == (False, 2)
-        with pytest.raises(UsageError, match="holds no task task-1"):
+        with pytest.raises(UsageError, match="hold no task task-1"):
             await api.tasks.list(behind="task-1")
         with pytest.raises(UsageError, match="at least 1"):
             await api.tasks.list(limit=0)

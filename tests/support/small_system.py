@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from somrs.api.program import served
 from somrs.api.remote import LiveApi, live_api
 from somrs.api.service import open_api_service
-from somrs.client.client import Addresses
+from somrs.client.client import Addresses, task_manager_name
 from somrs.deployment.device import DeviceRunner
 from somrs.kernel.component import TimerFired
 from somrs.ontology.files.loading import load_text
@@ -37,7 +37,7 @@ from somrs.scheduling.store import FILE as ORDERS
 from somrs.scheduling.store import orders_journal
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
-from somrs.storage.archive import FILE
+from somrs.storage.archive import archive_file
 from somrs.storage.journal import Journal
 from somrs.storage.repository_store import repository_journal
 from somrs.task_manager.manager import SCHEMA, TaskManager
@@ -87,24 +87,29 @@ class Porter(Device):
 
 
 class SmallSystem:
-    """The components of a running system. The Task Manager can be stopped and started again from its journal."""
+    """The components of a running system. A Task Manager can be stopped and started again from its journal."""
 
-    def __init__(self, data: Path, porters: Sequence[Porter]) -> None:
+    def __init__(self, data: Path, porters: Sequence[Porter], managers: int = 1) -> None:
         self.data, self.porters = data, porters
-        self._reservation = Reservation(LOOPBACK, 3)
+        self._reservation = Reservation(LOOPBACK, 2 + managers)
         ports = self._reservation.ports
-        url, self._port, self.scheduler_port = f"http://{LOOPBACK}:{ports[0]}", ports[1], ports[2]
-        task_manager = f"http://{LOOPBACK}:{ports[1]}/task-manager"
-        self.addresses = Addresses(repository=f"{url}/repository", registry=f"{url}/registry", task_manager=task_manager)
+        url, self.scheduler_port, self._ports = f"http://{LOOPBACK}:{ports[0]}", ports[1], ports[2:]
+        task_manager, *further = (f"http://{LOOPBACK}:{port}/task-manager" for port in self._ports)
+        self.addresses = Addresses(
+            repository=f"{url}/repository", registry=f"{url}/registry", task_manager=task_manager, further_task_managers=tuple(further)
+        )
         self._host = Host(LOOPBACK, ports[0])
         self._devices: list[DeviceRunner] = []
-        self._manager: tuple[Host, Journal] | None = None
+        self._managers: dict[int, tuple[Host, Journal]] = {}
         self._repository_journal: Journal | None = None
 
     @property
     def manager(self) -> TaskManager:
-        assert self._manager is not None
-        component = self._manager[0]._nodes[self.addresses.task_manager].component
+        return self.manager_at(1)
+
+    def manager_at(self, number: int) -> TaskManager:
+        address = self.addresses.task_managers[task_manager_name(number)]
+        component = self._managers[number][0]._nodes[address].component
         assert isinstance(component, TaskManager)
         return component
 
@@ -117,14 +122,15 @@ class SmallSystem:
         await self._host.start()
         self._host.add_journaled("/repository", lambda address: Repository(address, contents), journal, carry_out=journal.carry_out)
         self._host.add("/registry", lambda address: Registry(address, repository=self.addresses.repository))
-        await self.start_manager()
+        for number in range(1, len(self._ports) + 1):
+            await self.start_manager(number)
         for porter in self.porters:
             runner = DeviceRunner(porter, self.addresses, self.data)
             await runner.start()
             self._devices.append(runner)
 
-    async def start_manager(self) -> None:
-        journal, host = Journal(self.data / FILE, SCHEMA, "here"), Host(LOOPBACK, self._port)
+    async def start_manager(self, number: int = 1) -> None:
+        journal, host = Journal(archive_file(self.data, number), SCHEMA, "here"), Host(LOOPBACK, self._ports[number - 1])
         await host.start()
 
         async def carry_out(task: object, report: Report) -> object:
@@ -137,20 +143,18 @@ class SmallSystem:
             return TaskManager(address, repository=self.addresses.repository, registry=self.addresses.registry)
 
         host.add_journaled("/task-manager", make_manager, journal, carry_out=carry_out)
-        self._manager = host, journal
+        self._managers[number] = host, journal
 
-    async def stop_manager(self) -> None:
-        assert self._manager is not None
-        host, journal = self._manager
-        self._manager = None
+    async def stop_manager(self, number: int = 1) -> None:
+        host, journal = self._managers.pop(number)
         await host.stop()
         journal.close()
 
     async def stop(self) -> None:
         for runner in self._devices:
             await runner.stop()
-        if self._manager is not None:
-            await self.stop_manager()
+        for number in [*self._managers]:
+            await self.stop_manager(number)
         await self._host.stop()
         if self._repository_journal is not None:
             self._repository_journal.close()
@@ -158,9 +162,11 @@ class SmallSystem:
 
 
 @asynccontextmanager
-async def running(data: Path, *porters: Porter, clock: Clock | None = None) -> AsyncIterator[tuple[SmallSystem, LiveApi]]:
-    """Run the system with the API service. `clock` is the Scheduler's clock."""
-    system = SmallSystem(data, porters)
+async def running(
+    data: Path, *porters: Porter, clock: Clock | None = None, managers: int = 1
+) -> AsyncIterator[tuple[SmallSystem, LiveApi]]:
+    """Run the system with the API service. `clock` is the Scheduler's clock, `managers` the number of Task Managers."""
+    system = SmallSystem(data, porters, managers)
     async with AsyncExitStack() as stack:
         stack.push_async_callback(system.stop)
         await system.start()

@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Awaitable, Callable
+from functools import partial
 
 import msgspec
+from msgspec.structs import replace
 
 from somrs.api.context import Context
 from somrs.api.simulator_gateway import link
@@ -29,17 +31,22 @@ OFFSET_BEYOND_ALL = 1_000_000
 NAME_BEYOND_ALL = "\U0010fffd"
 """A name that sorts after all others: the Scheduler returns an empty page quickly."""
 
+TASK_MANAGER = "Task Manager"
+"""The name of the Task Manager, or the kind of each if there are several."""
+
 TICK = 5.0
 """Seconds between two checks of the components while a client follows them."""
 
 
 class PartView(msgspec.Struct, frozen=True, kw_only=True):
-    """A component of the system. `milliseconds`: its response time; None if it did not answer: `problem` says why."""
+    """A component of the system. `milliseconds`: its response time; None if it did not answer: `problem` says why. `kind`: the name of its
+    kind, if there are several."""
 
     name: str
     address: str
     milliseconds: float | None = None
     problem: str = ""
+    kind: str = ""
 
 
 class SystemView(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,8 +80,12 @@ class SystemService:
                 lambda: context.client.ask(addresses.repository, ReadOntology(after=OFFSET_BEYOND_ALL), OntologyPage),
             ),
             ("Service Registry", addresses.registry, lambda: context.client.ask(addresses.registry, Discover(provider="-"), Discovered)),
-            ("Task Manager", addresses.task_manager, lambda: context.client.ask(addresses.task_manager, ReadTasks(limit=0), Tasks)),
         ]
+        managers = context.client.task_managers
+        for name, address in managers.addresses.items():
+            probes.append(
+                (name if managers.several else TASK_MANAGER, address, partial(context.client.ask, address, ReadTasks(limit=0), Tasks))
+            )
         if (scheduler := addresses.scheduler) is not None:
             probes.append(
                 ("Scheduler", scheduler, lambda: context.client.ask(scheduler, ReadTemplates(after=NAME_BEYOND_ALL), TemplatesPage))
@@ -84,6 +95,7 @@ class SystemService:
         if (traffic := addresses.traffic) is not None:
             probes.append(("Traffic", traffic, lambda: context.client.ask(traffic, ReadRoadmap(after=OFFSET_BEYOND_ALL), RoadmapPage)))
         parts = await asyncio.gather(*(_probe_part(*probe) for probe in probes))
+        parts = [replace(part, kind=TASK_MANAGER) if part.name in managers.addresses else part for part in parts]
         if addresses.api is not None:
             parts.append(PartView(name="API", address=addresses.api, milliseconds=0.0))  # this response proves that it answers
         map, ontology = context.map, context.ontology

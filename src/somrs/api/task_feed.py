@@ -57,27 +57,40 @@ class TaskFeed:
         hub.feed("task", self._task)
 
     async def _tasks(self, topic: str) -> None:
+        names = [*self._client.task_managers.addresses]
+        rows_by_name: dict[str, dict[str, TaskRow]] = {name: {} for name in names}
+        async with asyncio.TaskGroup() as group:
+            for name in names:
+                group.create_task(self._tasks_of(name, rows_by_name, topic))
+
+    async def _tasks_of(self, name: str, rows_by_name: dict[str, dict[str, TaskRow]], topic: str) -> None:
+        """Publish the changes of the tasks of one Task Manager. `rows_by_name`: the tasks of all of them, as far as they are known."""
         version = 0
         started_at: float | None = None
         while True:
             try:
-                news = await self._list(WatchTasks(after=version, wait=WAIT))
+                news = await self._list(WatchTasks(after=version, wait=WAIT), name)
                 anew = news.begun != started_at
                 if anew and started_at is not None:
-                    news = await self._list(WatchTasks(after=0, wait=0))
+                    news = await self._list(WatchTasks(after=0, wait=0), name)
             except RemoteError:
                 await asyncio.sleep(RETRY_DELAY)
                 continue
-            if news.rows or anew:
-                self._hub.publish(topic, TasksChanged(rows=news.rows, anew=anew))
+            rows_by_name[name] = ({} if anew else rows_by_name[name]) | {row.task: row for row in news.rows}
+            if anew:
+                rows = tuple(row for rows in rows_by_name.values() for row in rows.values())
+                # At the start, the lists of the others may not be known yet.
+                self._hub.publish(topic, TasksChanged(rows=rows, anew=started_at is not None or len(rows_by_name) == 1))
+            elif news.rows:
+                self._hub.publish(topic, TasksChanged(rows=news.rows))
             version, started_at = news.version, news.begun
             await asyncio.sleep(PAUSE)
 
-    async def _list(self, request: WatchTasks) -> TasksNews:
+    async def _list(self, request: WatchTasks, name: str) -> TasksNews:
         """All pages of the news."""
-        news = await self._client.watch_list(request)
+        news = await self._client.watch_list(request, name)
         while news.more:
-            page = await self._client.watch_list(WatchTasks(after=news.version, wait=0))
+            page = await self._client.watch_list(WatchTasks(after=news.version, wait=0), name)
             rows_by_task = {row.task: row for row in (*news.rows, *page.rows)}
             news = msgspec.structs.replace(page, rows=tuple(rows_by_task.values()))
         return news

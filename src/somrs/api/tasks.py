@@ -11,6 +11,7 @@ from somrs.client.message_chart import chart
 from somrs.client.operations import Document, operation
 from somrs.client.refusals import NotFound
 from somrs.client.task_history import TaskHistory
+from somrs.client.task_managers import silent_text
 from somrs.client.task_report import is_named, repetition
 from somrs.client.task_report import view as view_of
 from somrs.client.trace import lines_from, without_heartbeats
@@ -35,11 +36,12 @@ MOST_NAMED = 5
 
 class TaskList(msgspec.Struct, frozen=True, kw_only=True):
     """A page of tasks, newest first. `more`: another page follows, behind the last task of this one. `total`: the number of tasks on all
-    pages."""
+    pages. `silent`: the Task Managers that do not answer; their tasks are missing."""
 
     rows: tuple[TaskRow, ...]
     more: bool = False
     total: int = 0
+    silent: tuple[str, ...] = ()
 
 
 class TaskDetails(msgspec.Struct, frozen=True, kw_only=True):
@@ -84,23 +86,24 @@ class TaskService:
 
     @operation("GET", "/tasks")
     async def list(self, running: bool = False, limit: int = 50, behind: str | None = None) -> TaskList:
-        """List the tasks that the Task Manager holds, newest first: all, or with `running` those that have not ended.
+        """List the tasks that the Task Managers hold, newest first: all, or with `running` those that have not ended.
 
         If `more` is true in the result, there is a next page: pass the last task of this page as `behind`. `total` counts the tasks on all
         pages.
         """
         if limit < 1:
             raise UsageError(f"limit is the number of tasks on a page, at least 1, and not {limit}")
-        held = await self._client.rows()
+        listing = await self._client.rows()
+        held = listing.items
         start = 0
         if behind is not None:
             ids = [row.task for row in held]
             if behind not in ids:
-                raise UsageError(f"the Task Manager holds no task {behind}; read the list again, without behind")
+                raise UsageError(f"the Task Managers hold no task {behind}; read the list again, without behind")
             start = ids.index(behind) + 1
         listed = [row for row in held if not running or row.phase is not Phase.ENDED]
         following = [row for row in held[start:] if not running or row.phase is not Phase.ENDED]
-        return TaskList(rows=tuple(following[:limit]), more=len(following) > limit, total=len(listed))
+        return TaskList(rows=tuple(following[:limit]), more=len(following) > limit, total=len(listed), silent=listing.silent)
 
     @operation("GET", "/tasks/{id}")
     async def read(self, id: str) -> TaskDetails:
@@ -183,15 +186,16 @@ class TaskService:
         """The complete id of the task whose id begins with `name`. Raises NotFound for no task, UsageError for several."""
         if len(name) == _WHOLE_ID and name.startswith("urn:uuid:"):
             return name
-        known_ids = [row.task for row in await self._client.rows()]
+        listing = await self._client.rows()
+        known_ids = [row.task for row in listing]
         records = await TaskHistory(self._client.records).first(ReadRecords(task=name, brief=True), MOST_NAMED) if name else []
         matches = [*dict.fromkeys(id for id in (*known_ids, *(record.task for record in records)) if is_named(id, name))]
         if not matches:
-            raise _task_not_found(name)
+            raise _task_not_found(name, silent_text(listing.silent))
         if len(matches) > 1:
             raise UsageError(f"{len(matches)} tasks or more begin with {name}; give more of the id")
         return matches[0]
 
 
-def _task_not_found(task: str) -> NotFound:
-    return NotFound(f"there is no task {task}; `/tasks` lists current tasks, and `/records` lists ended ones")
+def _task_not_found(task: str, reason: str = "") -> NotFound:
+    return NotFound(f"there is no task {task}; {reason or '`/tasks` lists current tasks, and `/records` lists ended ones'}")

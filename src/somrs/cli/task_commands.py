@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 from pathlib import Path
 
 from msgspec import structs
@@ -14,6 +15,7 @@ from somrs.client import terminal
 from somrs.client.client import PATIENCE, Addresses, Client
 from somrs.client.message_chart import chart
 from somrs.client.task_history import TaskHistory, open_task_history
+from somrs.client.task_managers import Listing, silent_text
 from somrs.client.task_report import TaskReport, is_named, repetition, to_builtins, view
 from somrs.client.trace import Line, lines_from, lines_of, without_heartbeats
 from somrs.errors import FormulaError, UsageError
@@ -23,7 +25,6 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import ReadRecords
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_news import TaskNews
-from somrs.protocol.messages.task_views import TaskView
 
 LAST_TASK = "last"
 """In place of an id: the task that was submitted last."""
@@ -86,14 +87,18 @@ async def run_task(task: Submit, data: Path, *, wait: bool, json: bool) -> int:
 
 async def tasks(data: Path, *, history: bool, limit: int, json: bool, query: ReadRecords | None = None) -> None:
     """Print the running tasks and, with `history`, the ended ones, the latest first. `query`: only ended tasks that match it."""
+    silent: tuple[str, ...]
     if history:
         async with open_task_history(data) as archive:
             running = await archive.client.tasks(running=True) if archive.client is not None and query is None else ()
             records = await archive.first(structs.replace(query or ReadRecords(), brief=True), limit)
-            views = [*running, *map(view, records)]
+            views, silent = [*running, *map(view, records)], tuple(archive.silent)
     else:
         async with Client(Addresses.read(data)) as client:
-            views = [*await client.tasks(running=True)]
+            listing = await client.tasks(running=True)
+            views, silent = [*listing], listing.silent
+    if silent:
+        print(silent_text(silent), file=sys.stderr)
     if json:
         terminal.print_json(views)
     elif views:
@@ -131,8 +136,8 @@ async def _lines(report: TaskReport, archive: TaskHistory) -> list[Line]:
 
 
 async def _read_report(name: str, archive: TaskHistory) -> TaskReport:
-    running = await archive.client.tasks(limit=1 if name == LAST_TASK else None) if archive.client is not None else ()
-    id = _select_id(name, [*(view.task for view in running), *await _find_record_ids(name, archive)])
+    known = await archive.client.tasks(limit=1 if name == LAST_TASK else None) if archive.client is not None else Listing(items=())
+    id = _select_id(name, [*(view.task for view in known), *await _find_record_ids(name, archive)], known.silent)
     records = await archive.first(ReadRecords(task=id), 1)
     if records:
         return TaskReport.from_record(records[0])
@@ -146,18 +151,27 @@ async def _find_record_ids(name: str, archive: TaskHistory) -> list[str]:
     return [record.task for record in await archive.first(query, 1 if name == LAST_TASK else 10)]
 
 
-def _select_id(name: str, ids: list[str]) -> str:
-    """The id that `name` selects: `last`, or the beginning of the id. Raises UsageError for no task, or several."""
+def _select_id(name: str, ids: list[str], silent: tuple[str, ...] = ()) -> str:
+    """The id that `name` selects: `last`, or the beginning of the id. Raises UsageError for no task, or several. `silent`: the Task
+    Managers whose tasks are not known."""
     if name == LAST_TASK:
         if not ids:
             raise UsageError("there are no tasks yet; `somrs do FORMULA` submits one")
         return ids[0]
     matches = [*dict.fromkeys(id for id in ids if is_named(id, name))]
     if len(matches) != 1:
-        raise UsageError(
-            f"{f'{len(matches)} tasks begin' if matches else 'no task begins'} with {name}; `somrs tasks --history` lists them"
-        )
+        problem = f"{len(matches)} tasks begin" if matches else "no task begins"
+        reason = silent_text(silent) if silent and not matches else "`somrs tasks --history` lists them"
+        raise UsageError(f"{problem} with {name}; {reason}")
     return matches[0]
+
+
+async def _select_running(name: str, client: Client) -> str:
+    """The id of the running task that `name` selects. Raises UsageError for no task, or several."""
+    running = await client.tasks(running=True)
+    if name == LAST_TASK and not running.items:
+        raise UsageError(silent_text(running.silent) or "no task is running")
+    return _select_id(name, [view.task for view in running], running.silent)
 
 
 async def retry(name: str, data: Path, *, wait: bool, json: bool) -> int:
@@ -169,19 +183,13 @@ async def retry(name: str, data: Path, *, wait: bool, json: bool) -> int:
 
 async def pause(name: str, author: str, data: Path, *, paused: bool) -> None:
     async with Client(Addresses.read(data)) as client:
-        views: tuple[TaskView, ...] = await client.tasks(running=True)
-        if name == LAST_TASK and not views:
-            raise UsageError("no task is running")
-        id = _select_id(name, [view.task for view in views])
+        id = await _select_running(name, client)
         is_paused = await client.pause(id, author, paused=paused)
         print(f"{id} is paused" if is_paused else f"{id} goes on" if not paused else f"{id} has ended or is ending")
 
 
 async def cancel(name: str, reason: str, data: Path) -> None:
     async with Client(Addresses.read(data)) as client:
-        views: tuple[TaskView, ...] = await client.tasks(running=True)
-        if name == LAST_TASK and not views:
-            raise UsageError("no task is running")
-        id = _select_id(name, [view.task for view in views])
+        id = await _select_running(name, client)
         await client.cancel(id, reason)
         print(f"stopping {id}")

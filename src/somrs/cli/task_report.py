@@ -41,6 +41,7 @@ def _facts(report: TaskReport) -> Table:
     facts = [
         ("task", view.task),
         ("submitted", terminal.moment(view.submitted_at)),
+        *([("at", view.task_manager)] if view.task_manager else []),
         *([("ended", terminal.moment(record.ended_at))] if record is not None else []),
         ("by", person_name(view.client)),
         *terminal.forecast(view),

@@ -1,4 +1,4 @@
-"""The client of the system's components (Repository, Registry, Task Manager, Scheduler): one request, one reply."""
+"""The client of the system's components (Repository, Registry, Task Managers, Scheduler): one request, one reply."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from typing import TypeVar
 
 import msgspec
 
+from somrs.client.task_managers import Answers, Listing, TaskManagers
 from somrs.errors import FormulaError, RemoteError, UsageError
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Definition, Ontology
-from somrs.protocol.messages import directory, frp, knowledge, previews, records, submission, task_news, task_views
+from somrs.protocol.messages import directory, frp, knowledge, previews, records, reservations, submission, task_news, task_views
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.people import client_address
@@ -31,6 +32,7 @@ PATIENCE = 30.0
 """Seconds for which a client with a task waits for a Task Manager that is being restarted."""
 
 Answer = TypeVar("Answer")
+Shown = TypeVar("Shown", task_views.TaskView, task_views.TaskRow)
 
 
 class Refused(RemoteError):
@@ -109,6 +111,7 @@ class Client:
         self.addresses = addresses
         self._wire = Wire()
         self._client_name = client_name()
+        self.task_managers = TaskManagers(addresses.task_managers, self.ask)
 
     async def __aenter__(self) -> Client:
         return self
@@ -262,19 +265,19 @@ class Client:
         """The latest arrivals and departures of devices, newest first."""
         return (await self.ask(self.addresses.registry, directory.ReadPresence(), directory.PresenceLog)).changes
 
-    # The Task Manager
+    # The Task Managers
 
     async def submit(self, task: submission.Submit, patience: float = 0.0, id: str | None = None, author: str | None = None) -> str:
-        """Submit a task, and return its id. Submissions with the same message `id` are one task.
+        """Submit a task, and return its id. Submissions with the same message `id` are one task. With several Task Managers, any takes it.
 
         Raises:
             FormulaError: there is a mistake in a formula of the task.
             UsageError: something else about the task is invalid.
-            RemoteError: the Task Manager did not accept the task.
+            RemoteError: no Task Manager accepted the task.
         """
-        answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience, id=id, author=author)
+        answer = await self.task_managers.submit(task, patience, id, author)
         match answer:
-            case submission.Submitted(task=id):
+            case submission.Submitted(task=id) | reservations.TaskAssigned(task=id):
                 return id
             case submission.TaskRejected(mistake=submission.FormulaMistake() as mistake):
                 raise FormulaError(mistake.text, mistake.position, mistake.problem, mistake.hint)
@@ -299,30 +302,41 @@ class Client:
     async def watch(self, request: task_news.WatchTask, patience: float = 0.0) -> task_news.TaskNews:
         """News of a task. A view that is too long for one message is read in parts and joined."""
         parts: list[task_views.TaskView] = []
-        news = await self.ask(self.addresses.task_manager, request, task_news.TaskNews, timeout=request.wait + 40, patience=patience)
+        name = await self.task_managers.name_of(request.task, patience)
+        address = self.task_managers.addresses[name]
+        news = await self.ask(address, request, task_news.TaskNews, timeout=request.wait + 40, patience=patience)
         while news.rest is not None:
             parts.append(news.view)
             next_request = msgspec.structs.replace(request, parts=news.rest, wait=0)
-            news = await self.ask(self.addresses.task_manager, next_request, task_news.TaskNews, patience=patience)
-        if not parts:
-            return news
+            news = await self.ask(address, next_request, task_news.TaskNews, patience=patience)
         views = [*parts, news.view]
         steps, work = (tuple(chain.from_iterable(getattr(view, part) for view in views)) for part in ("steps", "work"))
-        return msgspec.structs.replace(news, view=msgspec.structs.replace(news.view, steps=steps, work=work))
+        view = msgspec.structs.replace(news.view, steps=steps, work=work, task_manager=self.task_managers.label(name))
+        return msgspec.structs.replace(news, view=view)
 
-    async def watch_list(self, request: task_news.WatchTasks) -> task_news.TasksNews:
-        """A page of the changes in the list of tasks."""
-        return await self.ask(self.addresses.task_manager, request, task_news.TasksNews, timeout=request.wait + 40)
+    async def watch_list(self, request: task_news.WatchTasks, task_manager: str) -> task_news.TasksNews:
+        """A page of the changes in the list of tasks of the Task Manager with this name."""
+        address = self.task_managers.addresses[task_manager]
+        news = await self.ask(address, request, task_news.TasksNews, timeout=request.wait + 40)
+        return msgspec.structs.replace(news, rows=tuple(self._of_manager(row, task_manager) for row in news.rows))
 
-    async def rows(self) -> tuple[task_views.TaskRow, ...]:
-        """The tasks that the Task Manager holds, as rows of a list, newest first."""
+    async def rows(self) -> Listing[task_views.TaskRow]:
+        """The tasks that the Task Managers hold, as rows of a list, newest first."""
+        return _newest_first(await self.task_managers.ask_all(self._rows))
+
+    async def _rows(self, name: str) -> tuple[task_views.TaskRow, ...]:
         rows_by_task: dict[str, task_views.TaskRow] = {}
         version, has_next_page = 0, True
         while has_next_page:
-            news = await self.watch_list(task_news.WatchTasks(after=version, wait=0))
+            news = await self.watch_list(task_news.WatchTasks(after=version, wait=0), name)
             rows_by_task |= {row.task: row for row in news.rows}
             version, has_next_page = news.version, news.more
-        return tuple(sorted(rows_by_task.values(), key=lambda row: (row.submitted_at, row.task), reverse=True))
+        return tuple(rows_by_task.values())
+
+    def _of_manager(self, task: Shown, name: str) -> Shown:
+        """The task as one of the Task Manager with this name, which is remembered."""
+        self.task_managers.remember(task.task, name)
+        return msgspec.structs.replace(task, task_manager=name) if self.task_managers.several else task
 
     async def read_task(self, task: str) -> task_news.TaskNews:
         """The task as it is now, with all its events and, while it runs, all its contracts."""
@@ -346,13 +360,17 @@ class Client:
             messages, has_next_page = messages + page.messages, page.more
         return messages
 
-    async def tasks(self, *, running: bool = False, limit: int | None = None) -> tuple[task_views.TaskView, ...]:
-        """The tasks that the Task Manager holds, newest first: all, or those that have not ended."""
+    async def tasks(self, *, running: bool = False, limit: int | None = None) -> Listing[task_views.TaskView]:
+        """The tasks that the Task Managers hold, newest first: all, or those that have not ended."""
+        listing = _newest_first(await self.task_managers.ask_all(lambda name: self._tasks(name, running, limit)))
+        return msgspec.structs.replace(listing, items=listing.items[:limit])
+
+    async def _tasks(self, name: str, running: bool, limit: int | None) -> tuple[task_views.TaskView, ...]:
         tasks: list[task_views.TaskView] = []
         question = task_news.ReadTasks(running=running, limit=PAGE if limit is None else min(limit, PAGE))
         while limit is None or len(tasks) < limit:
-            page = await self.ask(self.addresses.task_manager, question, task_news.Tasks)
-            tasks += page.tasks
+            page = await self.ask(self.task_managers.addresses[name], question, task_news.Tasks)
+            tasks += (self._of_manager(task, name) for task in page.tasks)
             if not page.more:
                 break
             question = msgspec.structs.replace(question, behind=page.tasks[-1].task)
@@ -360,20 +378,28 @@ class Client:
 
     async def records(self, query: records.ReadRecords) -> records.Records:
         """A page of the records of ended tasks."""
-        return await self.ask(self.addresses.task_manager, query, records.Records)
+        return await self.task_managers.records(query)
 
     async def cancel(self, task: str, reason: str) -> None:
         request = submission.CancelTask(task=task, reason=reason)
-        await self.ask(self.addresses.task_manager, request, submission.Cancelling, patience=PATIENCE)
+        address = await self.task_managers.address_of(task, PATIENCE)
+        await self.ask(address, request, submission.Cancelling, patience=PATIENCE)
 
     async def pause(self, task: str, author: str, *, paused: bool = True) -> bool:
         """Pause a task, or let it go on. Returns whether it is paused now."""
         request = submission.PauseTask(task=task, resume=not paused, author=author)
-        return (await self.ask(self.addresses.task_manager, request, submission.TaskPaused, patience=PATIENCE)).paused
+        address = await self.task_managers.address_of(task, PATIENCE)
+        return (await self.ask(address, request, submission.TaskPaused, patience=PATIENCE)).paused
 
     async def messages(self, task: str, offset: int = 0) -> task_news.Messages:
         """A page of the messages of a running or ended task, after the first `offset`."""
-        return await self.ask(self.addresses.task_manager, task_news.ReadMessages(task=task, after=offset), task_news.Messages)
+        address = await self.task_managers.address_of(task)
+        return await self.ask(address, task_news.ReadMessages(task=task, after=offset), task_news.Messages)
 
     async def preview(self, request: previews.Preview) -> previews.Previewed:
-        return await self.ask(self.addresses.task_manager, request, previews.Previewed, timeout=60)
+        return await self.task_managers.ask_any(request, previews.Previewed, timeout=60)
+
+
+def _newest_first(answers: Answers[tuple[Shown, ...]]) -> Listing[Shown]:
+    tasks = sorted(chain.from_iterable(answers.by_name.values()), key=lambda task: (task.submitted_at, task.task), reverse=True)
+    return Listing(items=tuple(tasks), silent=answers.silent)

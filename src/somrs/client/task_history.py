@@ -1,4 +1,4 @@
-"""The records of ended tasks, read from the Task Manager of a running system, or from the journal of a stopped one."""
+"""The records of ended tasks, read from the Task Managers of a running system, or from the journals of a stopped one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pathlib import Path
 import msgspec
 from msgspec import structs
 
-from somrs.client.client import SYSTEM_FILE, Addresses, Client
+from somrs.client.client import SYSTEM_FILE, Addresses, Client, task_manager_name
+from somrs.client.joined_records import join_records, of_task_manager
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.storage import archive
@@ -25,11 +26,14 @@ class TaskHistory:
 
     def __init__(self, ask: Callable[[ReadRecords], Awaitable[Records]], client: Client | None = None) -> None:
         self._ask, self.client = ask, client
+        self.silent: dict[str, None] = {}
+        """The Task Managers that did not answer so far; their records are missing."""
 
     async def pages(self, query: ReadRecords) -> AsyncIterator[Records]:
         """All records that match the query, page by page, each record complete. `query.limit` is the size of a page."""
         while True:
             page = await self._ask(query)
+            self.silent |= dict.fromkeys(page.silent)
             if page.rest is not None:
                 page = structs.replace(page, records=(*page.records[:-1], await self._read_rest(page.records[-1], page.rest, query)))
             yield page
@@ -59,27 +63,35 @@ class TaskHistory:
 @asynccontextmanager
 async def open_task_history(data: Path) -> AsyncIterator[TaskHistory]:
     """The records of ended tasks in a data folder. Raises UsageError if there are none."""
-    file = data / archive.FILE
-    if not (data / SYSTEM_FILE).exists() and not file.exists():
+    files = archive.archive_files(data)
+    if not (data / SYSTEM_FILE).exists() and not files:
         Addresses.read(data)
     if (data / SYSTEM_FILE).exists():
         async with Client(Addresses.read(data)) as client:
             try:
                 await client.records(ReadRecords(limit=0, brief=True))
             except RemoteError:
-                if not file.exists():
+                if not files:
                     raise
             else:
                 yield TaskHistory(client.records, client)
                 return
-    db = _open_journal(file)
+    journals: dict[Path, sqlite3.Connection] = {}
+
+    async def read_pages(query: ReadRecords) -> list[Records]:
+        names = [task_manager_name(number) if len(files) > 1 else "" for number in range(1, len(files) + 1)]
+        return [of_task_manager(_read(query, file, db), name) for name, (file, db) in zip(names, journals.items(), strict=True)]
+
     try:
-        yield TaskHistory(lambda query: _read(query, file, db))
+        for file in files:
+            journals[file] = _open_journal(file)
+        yield TaskHistory(lambda query: join_records(query, read_pages))
     finally:
-        db.close()
+        for db in journals.values():
+            db.close()
 
 
-async def _read(query: ReadRecords, file: Path, db: sqlite3.Connection) -> Records:
+def _read(query: ReadRecords, file: Path, db: sqlite3.Connection) -> Records:
     try:
         return archive.find_records(query, db)
     except sqlite3.DatabaseError as error:

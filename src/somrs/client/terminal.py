@@ -197,16 +197,20 @@ def ending(view: TaskView) -> Group:
 
 
 def tasks(views: Sequence[TaskView]) -> Table:
+    """The tasks, and which Task Manager has them if there are several."""
+    has_managers = any(view.task_manager for view in views)
     rows = (
         (
             short_id(view.task),
             view.effect,
+            *([view.task_manager] if has_managers else []),
             moment(view.submitted_at),
             outcome(view).append("".join(f"\n{name} {text}" for name, text in forecast(view)), style="not bold dim"),
         )
         for view in views
     )
-    return table("Tasks", ("task", "goal", "submitted", "state"), rows, whole=("task", "submitted"))
+    columns = ("task", "goal", *(["Task Manager"] if has_managers else []), "submitted", "state")
+    return table("Tasks", columns, rows, whole=("task", "submitted"))
 
 
 def forecast(view: TaskView) -> list[tuple[str, str]]:

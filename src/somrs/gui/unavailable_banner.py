@@ -15,7 +15,7 @@ from somrs.gui.news import follow
 
 
 class UnavailableBanner:
-    """Banner for one part, by its name in the system overview."""
+    """Banner for a part, or for all parts of a kind, by the name in the system overview."""
 
     def __init__(self, api: LiveApi, part: str) -> None:
         self._part = part
@@ -30,14 +30,14 @@ class UnavailableBanner:
     async def _handle_news(self, news: News) -> None:
         if not isinstance(news.value, SystemView):
             return
-        silent = any(part.name == self._part and part.milliseconds is None for part in news.value.parts)
+        parts = [part for part in news.value.parts if self._part in (part.name, part.kind)]
+        silent = [part.name if part.kind else f"The {part.name}" for part in parts if part.milliseconds is None]
         if silent:
-            self._label.set_text(
-                f"The {self._part} does not answer. Data from {format_time(self._answered_at)}; updates resume automatically."
-            )
+            subject = f"{' and '.join(silent)} {'does' if len(silent) == 1 else 'do'}"
+            self._label.set_text(f"{subject} not answer. Data from {format_time(self._answered_at)}; updates resume automatically.")
         else:
             self._answered_at = time.time()
-        self._label.visible = silent
+        self._label.visible = bool(silent)
 
 
 class ApiUnavailableBanner:

@@ -84,6 +84,9 @@ def find_records(query: ReadRecords, db: sqlite3.Connection) -> Records:
     total: int | None = None
     if query.behind is None:
         (total,) = db.execute(f"SELECT count(*) FROM records WHERE {condition}", values).fetchone()
+    elif query.behind_at is not None:
+        condition += " AND (ended_at, task) < (?, ?)"
+        values += [query.behind_at, query.behind]
     else:
         condition += " AND (ended_at, task) < (SELECT ended_at, task FROM records WHERE task = ?)"
         values.append(query.behind)

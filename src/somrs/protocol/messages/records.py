@@ -39,6 +39,8 @@ class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
     handlers: tuple[Handler, ...] = ()
     recognise: bool = False
     findings: Findings | None = None
+    task_manager: str = ""
+    """The name of the Task Manager that has it; the client of a system with several fills it in."""
 
 
 PARTS = ("steps", "work", "contracts", "events", "messages")
@@ -64,6 +66,8 @@ class ReadRecords(MessageBody, frozen=True, kw_only=True, tag=True):
     text: str | None = None
     service: str | None = None
     without: tuple[str, ...] = ()
+    behind_at: float | None = None
+    """When the task `behind` ended, if another Task Manager has its record."""
 
 
 class Records(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -77,3 +81,5 @@ class Records(MessageBody, frozen=True, kw_only=True, tag=True):
     more: bool = False
     rest: int | None = None
     total: int | None = None
+    silent: tuple[str, ...] = ()
+    """The Task Managers that did not answer the client of a system with several; their records are missing."""
