@@ -54,7 +54,7 @@ def test_who_wants_something_before_the_map_is_known_waits_for_it(body: Body) ->
         text="the map of the environment is not known yet, because repository does not answer; try again later",
     )
     assert manager.handle(TimerFired(MapDue("request")), 41.0) == []
-    assert answers(send_request(manager, task_news.ReadTasks(), 42.0, "other")) == [task_news.Tasks(tasks=())]
+    assert answers(send_request(manager, task_news.ReadTasks(), 42.0, "other")) == [task_news.Tasks(tasks=(), total=0)]
 
 
 @pytest.mark.parametrize("body", [submission.CancelTask(task="no task"), task_news.WatchTask(task="no task")])
