@@ -13,6 +13,7 @@ from msgspec import structs
 
 from somrs.kernel.component import Answered, Effect, Effects, EffectsReturning, Input, Received, TimerFired
 from somrs.kernel.reservations import Reservations
+from somrs.protocol.messages.directory import ServicesJoined, ServicesSubscribed
 from somrs.protocol.messages.events import UndoingCheaper
 from somrs.protocol.messages.frp import Accept, Outcome
 from somrs.protocol.messages.observations import Observation
@@ -318,6 +319,20 @@ def test_work_that_goes_on_when_its_door_is_shut_is_noticed(monkeypatch: pytest.
     assert violated_property(shut_meanwhile("StoreThrough")) is None
     monkeypatch.setattr(StepExecutor, "stop_where_broken", lambda *_: iter(()))
     assert violated_property(shut_meanwhile("StoreThrough")) is Property.INVARIANT
+
+
+def test_a_task_manager_that_does_not_hear_who_joins_is_noticed() -> None:
+    class Deaf(TaskManager):
+        def handle(self, event: Input, now: float) -> list[Effect]:
+            directory = self.state.discovery.directory
+            is_ready = directory is not None and directory.ready
+            if is_ready and isinstance(event, Received) and isinstance(event.message.body, ServicesJoined | ServicesSubscribed):
+                return []
+            return super().handle(event, now)
+
+    latecomer = make_scenario(devices=(carrier(1), carrier(2, joins=5.0), LOOKER))
+    assert violated_property(latecomer) is None
+    assert violated_property(latecomer, Managers(Deaf)) is Property.COPIES
 
 
 def test_a_wait_that_does_not_go_on_is_noticed() -> None:

@@ -300,6 +300,7 @@ class Witness:
         for simulated_device, device_work in scenario_run.working:
             raise Violation(Property.ORPHAN, f"{simulated_device.name} still works for {device_work.participant}")
         self._check_map()
+        self._check_copies()
         records: dict[str, TaskRecord] = {}
         for address in scenario_run.managers:
             for entry in scenario_run.world.records[address]:
@@ -310,6 +311,20 @@ class Witness:
             outcome = manager.state.tasks[task].outcome if manager is not None and task in manager.state.tasks else None
             if outcome is None or task not in records or records[task].outcome is not outcome:
                 raise Violation(Property.RESTART, f"{task} was accepted, and its outcome is not on record")
+
+    def _check_copies(self) -> None:
+        """Check that Task Managers know the map and the services on offer as they are at the end, when all news has had time to arrive."""
+        scenario_run, contents = self._scenario_run, self._scenario_run.contents
+        assert contents is not None, "the Repository runs at the end of a run"
+        offers = scenario_run.offers
+        for address in scenario_run.managers:
+            manager = scenario_run.task_manager(address)
+            assert manager is not None, "it has ended all its tasks"
+            if manager.state.replica.map != contents.map:
+                raise Violation(Property.COPIES, f"the map of {address} is not that of the Repository")
+            directory = manager.state.discovery.directory
+            if directory is None or directory.offers != offers:
+                raise Violation(Property.COPIES, f"{address} knows {directory and directory.offers}, and the Registry lists {offers}")
 
     def _check_map(self) -> None:
         """Check property 5 at the end, when every action has been reported or observed. Two cases are exempt: objects last moved by a

@@ -10,12 +10,14 @@ from functools import partial
 
 from msgspec import structs
 
-from somrs.kernel.component import Component, Input
+from somrs.kernel.component import Component, Input, Received, Send
+from somrs.kernel.offers import Offers
 from somrs.kernel.replica import Replica
 from somrs.ontology.objects import Map
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.directory import Discover, Discovered
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
 from somrs.repository.component import SCHEMA as REPOSITORY
@@ -161,6 +163,16 @@ class ScenarioRun:
     def contents(self) -> Contents | None:
         repository = self.world.components.get("repository")
         return repository.contents if isinstance(repository, Repository) else None
+
+    @property
+    def offers(self) -> Offers:
+        """What the Registry lists. All of it fits on a page."""
+        header = Header(sender=ANONYMOUS, recipient="registry", message_id="urn:so-mrs:all-offers")
+        effects = self.world.components["registry"].handle(Received(Message(header=header, body=Discover())), self.world.now)
+        (page,) = (effect.message.body for effect in effects if isinstance(effect, Send))
+        assert isinstance(page, Discovered)
+        assert not page.more
+        return Offers(page.offers)
 
     @property
     def working(self) -> list[tuple[SimulatedDevice, DeviceWork]]:

@@ -19,6 +19,7 @@ class Property(StrEnum):
     WAITING = "a wait goes on"
     OUTPUTS = "steps use what services told"
     IDENTITY = "one name for each thing"
+    COPIES = "copies are true"
     UNHANDLED_INPUT = "no unhandled input"
     """Not a property of the protocol: no input makes a component fail."""
 
