@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from somrs.api.fleet import Presence
 from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally
 from somrs.api.service import open_api_service
-from somrs.api.service_presence import STALE, ServicePresence
+from somrs.api.service_presence import ServicePresence
 from somrs.client.client import Client
 from somrs.client.task_history import TaskHistory
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
-from somrs.protocol.messages.directory import Offer, PresenceChange, Publish, Published, Retract, Retracted, ServicesJoined, ServicesLeft
+from somrs.protocol.messages.directory import Offer, PresenceChange, Publish, Published, Retract, Retracted, ServicesJoined
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
@@ -72,45 +72,27 @@ def test_arrivals_and_departures_are_known_to_an_api_that_was_not_there(tmp_path
     asyncio.run(run())
 
 
-class SlowRegistry:
-    """Answers with its offers, and has another one join at the first request."""
+class CountingRegistry:
+    """Counts how often its log was read."""
 
-    def __init__(self, presence: ServicePresence) -> None:
-        self._presence = presence
-        self.requests: list[str] = []
-
-    async def services(self) -> tuple[Offer, ...]:
-        self.requests.append("services")
-        if len(self.requests) == 1:
-            self._presence.handle_news(ServicesJoined(offers=(offer("B.Go"),)))
-            return (offer("A.Go"),)
-        return (offer("A.Go"), offer("B.Go", price=2.0))
+    def __init__(self) -> None:
+        self.read_count = 0
 
     async def presence(self) -> tuple[PresenceChange, ...]:
-        self.requests.append("presence")
-        return (PresenceChange(at=float(len(self.requests)), device="B", services=("B.Go",), joined=True),)
+        self.read_count += 1
+        return (PresenceChange(at=float(self.read_count), device="B", services=("B.Go",), joined=True),)
 
 
-def test_what_is_on_offer_follows_the_news_and_is_read_from_time_to_time() -> None:
+def test_the_log_is_read_once_for_each_version_of_what_is_on_offer() -> None:
     async def run() -> None:
-        presence = ServicePresence()
-        registry = SlowRegistry(presence)
+        presence, registry = ServicePresence(), CountingRegistry()
         client = cast("Client", registry)
-        await presence.read(client, 0.0)
-        await presence.read(client, 0.1)
-        assert set(presence.offers) == {"A.Go", "B.Go"}, "news that came while it read are not lost"
-        assert registry.requests == ["services", "presence", "services", "presence"]
-        await presence.read(client, STALE / 2)
-        assert len(registry.requests) == 4, "nothing changed"
-        presence.handle_news(ServicesLeft(services=("A.Go", "X.Go"), provider="A", reason="expired"))
-        assert set(presence.offers) == {"B.Go"}
-        await presence.read(client, STALE / 2)
-        assert registry.requests[4:] == ["presence"], "the log is read after news"
+        for version, read_count in ((-1, 1), (-1, 1), (7, 2), (7, 2), (9, 3)):
+            await presence.read(client, version)
+            assert registry.read_count == read_count
         assert (change := presence.last_arrival("B")) is not None
-        assert change.at == 5.0
+        assert change.at == 3.0
         assert presence.last_departure("B") is None
-        await presence.read(client, 2 * STALE)
-        assert set(presence.offers) == {"A.Go", "B.Go"}, "as news may be lost"
 
     asyncio.run(run())
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
 
 import msgspec
@@ -13,12 +13,14 @@ import msgspec
 from somrs.api.context import Context
 from somrs.api.device_state import DeviceState, is_working, state_of
 from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally, device_of
+from somrs.api.service_presence import ServicePresence
 from somrs.api.simulator_gateway import SimulatedDeviceView, break_or_mend, put_robot, simulated_devices
 from somrs.client.operations import operation
 from somrs.client.refusals import ErrorReport, NotFound, error_report
 from somrs.client.task_history import TaskHistory
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import SomrsError
+from somrs.kernel.offers import Offers
 from somrs.ontology.objects import Change, Fact, FactRemoved, ValueSet
 from somrs.ontology.services import ServiceKind
 from somrs.ontology.types import IN_SERVICE, PAUSED, PAUSED_FOR, WORKING, Value
@@ -136,7 +138,7 @@ class Devices(msgspec.Struct, frozen=True, kw_only=True):
 class FleetService:
     def __init__(self, context: Context) -> None:
         self._context = context
-        self._presence = context.listener.presence
+        self._presence = ServicePresence()
         self._task_history = TaskHistory(context.client.records, context.client)
         self._reliability = ReliabilityStats()
         context.hub.feed("fleet", self._feed)
@@ -155,17 +157,22 @@ class FleetService:
         The topic `fleet` publishes the same list whenever it changes.
         """
         now = time.time()
-        tasks, states, *_ = await asyncio.gather(
+        services = self._context.listener.services
+        tasks, states, offers, *_ = await asyncio.gather(
             self._context.client.tasks(running=True),
             simulated_devices(self._context.addresses.simulator),
-            self._presence.read(self._context.client, now),
+            self._offers(),
+            self._presence.read(self._context.client, services.version),
             self._reliability.learn(self._task_history),
         )
         assignments = _by_device(tasks)
         utilisations = self._reliability.utilisations(_works(tasks), now)
-        names = {*self._on_map(), *(offer.provider for offer in self._presence.offers.values())}
+        names = {*self._on_map(), *offers.providers}
         names.update(change.device for change in self._presence.log if not change.joined and change.at > now - DEPARTED_TIME)
-        devices = (self._device(name, assignments.get(name, ()), utilisations.get(name, 0.0), states.get(name)) for name in sorted(names))
+        devices = (
+            self._device(name, offers.of_provider(name), assignments.get(name, ()), utilisations.get(name, 0.0), states.get(name))
+            for name in sorted(names)
+        )
         return Devices(at=now, devices=tuple(devices), log=self._presence.log)
 
     @operation("POST", "/fleet/{robot}/faults/{fault}")
@@ -198,10 +205,21 @@ class FleetService:
             if ontology.is_device(type_name):
                 yield from map.of_type(type_name)
 
-    def _device(self, name: str, assignments: tuple[Assignment, ...], utilisation: float, state: SimulatedDeviceView | None) -> DeviceView:
+    async def _offers(self) -> Offers:
+        """The services on offer; until the copy has been read, as the Registry answers."""
+        services = self._context.listener.services
+        return services.offers if services.ready else Offers(await self._context.client.services())
+
+    def _device(
+        self,
+        name: str,
+        offers: Sequence[Offer],
+        assignments: tuple[Assignment, ...],
+        utilisation: float,
+        state: SimulatedDeviceView | None,
+    ) -> DeviceView:
         map, ontology = self._context.map, self._context.ontology
         object = map.objects.get(name)
-        offers = [offer for offer in self._presence.offers.values() if offer.provider == name]
         departure, arrival = self._presence.last_departure(name), self._presence.last_arrival(name)
         type_name = object.type if object is not None else offers[0].provider_type if offers else ""
         offered = [self._service(offer) for offer in offers]

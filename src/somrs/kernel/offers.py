@@ -1,4 +1,4 @@
-"""The offers of services that a component knows, by name and by type."""
+"""The offers of services that a component knows, by name, by type and by device."""
 
 from __future__ import annotations
 
@@ -42,6 +42,10 @@ class Offers(Collection[Offer]):
         """The offers of these services, as far as they are on offer."""
         return [offer for service in sorted({*services}) if (offer := self.get(service)) is not None]
 
+    def of_provider(self, provider: str) -> list[Offer]:
+        """The offers of a device."""
+        return [*self._by_provider.get(provider, ())]
+
     def changed(self, added_offers: Iterable[Offer] = (), removed_services: Iterable[str] = ()) -> Offers:
         """These offers without those of some services, and then with others, which replace those of the same service."""
         offers = dict(self._by_service)
@@ -61,6 +65,18 @@ class Offers(Collection[Offer]):
         for offer in self:
             offers.setdefault(offer.service_type.name, []).append(offer)
         return offers
+
+    @cached_property
+    def _by_provider(self) -> dict[str, list[Offer]]:
+        offers: dict[str, list[Offer]] = {}
+        for offer in self:
+            offers.setdefault(offer.provider, []).append(offer)
+        return offers
+
+    @property
+    def providers(self) -> Collection[str]:
+        """The devices whose services are on offer."""
+        return self._by_provider.keys()
 
     @cached_property
     def types(self) -> Mapping[str, ServiceType]:

@@ -26,10 +26,13 @@ from somrs.protocol.messages.directory import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServiceUpdate:
-    """The result of an input: `effects` to carry out, and the services that `joined`: offers that are new or have changed."""
+    """The result of an input: `effects` to carry out, the Registry's `news`, and the services that `joined`: offers that are new or have
+    changed. `reloaded`: before the news, everything was read again."""
 
     effects: list[Effect]
+    news: tuple[ServicesJoined | ServicesLeft, ...] = ()
     joined: tuple[str, ...] = ()
+    reloaded: bool = False
 
 
 class _Reading(Reading, kw_only=True):
@@ -66,10 +69,8 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
             return None
         for change in followed.events:
             self._apply(change, now)
-        if self.offers is old_offers:
-            return ServiceUpdate(effects=followed.effects)
-        joined = tuple(offer.service for offer in self.offers if offer not in old_offers)
-        return ServiceUpdate(effects=followed.effects, joined=joined)
+        joined = tuple(offer.service for offer in self.offers if offer not in old_offers) if self.offers is not old_offers else ()
+        return ServiceUpdate(effects=followed.effects, news=followed.events, joined=joined, reloaded=followed.reloaded)
 
     def settles_at(self, now: float) -> float | None:
         """When no provider is expected to publish again any more; None if none is."""

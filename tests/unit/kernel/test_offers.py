@@ -43,6 +43,11 @@ def test_indexes_find_what_a_search_of_all_finds(changes: list[tuple[list[Offer]
         assert {service: offers.get(service) for service in SERVICES} == {
             service: next((plain_offer for plain_offer in plain if plain_offer.service == service), None) for service in SERVICES
         }
+        providers = [service.partition(".")[0] for service in SERVICES]
+        assert {provider: offers.of_provider(provider) for provider in providers} == {
+            provider: [plain_offer for plain_offer in plain if plain_offer.provider == provider] for provider in providers
+        }
+        assert {*offers.providers} == {plain_offer.provider for plain_offer in plain}
         assert offers.types == {plain_offer.service_type.name: plain_offer.service_type for plain_offer in plain}
         definitions = {(plain_offer.service_type.name, plain_offer.service_type.effect) for plain_offer in plain}
         assert len(offers.definitions) == len(definitions)
