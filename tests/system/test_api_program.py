@@ -15,6 +15,7 @@ import pytest
 from somrs.api.remote import api_of, live_api
 from somrs.client.client import Addresses
 from somrs.deployment.system import System
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError
 from somrs.protocol.messages.submission import Submit
 from tests.support import warm
@@ -44,7 +45,7 @@ async def answering(url: str) -> None:
 
 def test_it_runs_with_the_core_alone(tmp_path: Path) -> None:
     async def run() -> None:
-        async with System([SCENARIO_1], tmp_path / "run", speed="max", launcher=warm.launcher()) as system:
+        async with System([SCENARIO_1], tmp_path / "run", speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher()) as system:
             line = [sys.executable, "-c", CORE_ONLY_PROGRAM, "run", "api", "--data", str(tmp_path / "run"), "--port", "0"]
             os.kill(system.programs["api"].process.pid, signal.SIGKILL)  # it has the file of orders
             await system.programs["api"].process.wait()
@@ -72,7 +73,9 @@ def test_the_windows_and_the_api_do_not_take_each_other_along(tmp_path: Path) ->
 
     async def run() -> None:
         async with (
-            System([SCENARIO_1], tmp_path / "run", speed="max", windows=True, launcher=warm.launcher()) as system,
+            System(
+                [SCENARIO_1], tmp_path / "run", speed="max", world=WorldKind.KINEMATIC, windows=True, launcher=warm.launcher()
+            ) as system,
             httpx.AsyncClient() as browser,
         ):
             api, gui = system.addresses.api, system.addresses.gui

@@ -1,4 +1,5 @@
-"""A whole system with the simulator, on the site of scenario 3: a door that is shut, and a cupboard with doors."""
+"""A whole system with the simulator, on the site of scenario 3: a door that is shut, and a cupboard with doors. Where somebody shuts one in
+front of a robot, the world has physics, in which robots take their time."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from somrs.client.client import Client
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.submission import Submit
@@ -30,7 +32,11 @@ def _powered(folder: Path) -> Path:
 @pytest.mark.parametrize(("powered", "opener"), [(False, "Robot1"), (True, "Door001")], ids=["by hand", "by its drive"])
 def test_what_is_behind_a_shut_door_is_reached(tmp_path: Path, powered: bool, opener: str) -> None:
     async def test() -> None:
-        async with running(tmp_path / "data", _powered(tmp_path) if powered else SCENARIO_3) as (_, client, operator):
+        async with running(tmp_path / "data", _powered(tmp_path) if powered else SCENARIO_3, world=WorldKind.KINEMATIC) as (
+            _,
+            client,
+            operator,
+        ):
             view = await accomplish(client, "Carton001 isOn Shelf001")
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
             assert [step.service for step in view.steps] == [f"{opener}.OpenDoor", "Robot1.TransferObject"]
@@ -41,7 +47,7 @@ def test_what_is_behind_a_shut_door_is_reached(tmp_path: Path, powered: bool, op
 
 def test_a_jar_is_put_into_a_shut_cupboard_and_another_taken_out(tmp_path: Path) -> None:
     async def test() -> None:
-        async with running(tmp_path / "data", SCENARIO_3) as (_, client, operator):
+        async with running(tmp_path / "data", SCENARIO_3, world=WorldKind.KINEMATIC) as (_, client, operator):
             view = await accomplish(client, "Jar002 isIn Cupboard002 AND Cupboard002.Open = FALSE")
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
             assert (await operator.observe("Jar002")).container == "Cupboard002"

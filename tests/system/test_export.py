@@ -11,6 +11,7 @@ import pytest
 from somrs.cli.task_commands import run_task, tasks
 from somrs.client.export import Format, Table, export
 from somrs.deployment.system import System
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import TaskRecord
 from somrs.protocol.messages.submission import Submit
@@ -31,7 +32,7 @@ def test_what_is_over_is_exported_while_the_system_runs_when_it_is_killed_and_wh
     data, target = tmp_path / "run", tmp_path / "tasks.jsonl"
 
     async def run() -> None:
-        async with System([SCENARIO_1], data, speed="max", launcher=warm.launcher()) as system:
+        async with System([SCENARIO_1], data, speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher()) as system:
             assert await run_task(Submit(effect="Jar002 isOn Platform001"), data, wait=True, json=False) == 0
             output = capsys.readouterr().out
             assert output.count("✔ accomplished") == 1
@@ -45,7 +46,7 @@ def test_what_is_over_is_exported_while_the_system_runs_when_it_is_killed_and_wh
             await system.programs["task-manager"].process.wait()
             assert await exported(data, target) == running, "its addresses are still there, and nobody listens at them"
         assert await exported(data, target) == running
-        async with System([SCENARIO_1], data, speed="max", launcher=warm.launcher()):
+        async with System([SCENARIO_1], data, speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher()):
             assert await exported(data, target) == running
             capsys.readouterr()
             await tasks(data, history=False, limit=20, json=False)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from somrs.client.client import Client
 from somrs.deployment.system import System
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
@@ -72,7 +73,10 @@ def test_thirty_tasks_at_once_are_all_accomplished_on_a_busy_machine(tmp_path: P
         return view
 
     async def run() -> list[TaskView]:
-        async with System(files, tmp_path / "run", speed="20", launcher=warm.launcher()) as system, Client(system.addresses) as client:
+        async with (
+            System(files, tmp_path / "run", speed="20", world=WorldKind.KINEMATIC, launcher=warm.launcher()) as system,
+            Client(system.addresses) as client,
+        ):
             with busy_machine():
                 async with asyncio.timeout(HANG_TIME):
                     return await asyncio.gather(*(finished(client, number) for number in range(TASKS)))

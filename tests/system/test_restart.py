@@ -10,6 +10,7 @@ import pytest
 from somrs.client.client import Client
 from somrs.client.trace import Follower
 from somrs.deployment.system import System
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
@@ -40,7 +41,10 @@ def test_tasks_outlive_their_task_manager(tmp_path: Path) -> None:
     places = {"Arrange": "Jar002 isOn Platform001", "Accept": "Jar003 isOn Platform001", "Execute": "Jar002 isOn Table001"}
 
     async def run() -> None:
-        async with System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher()) as system, Client(system.addresses) as client:
+        async with (
+            System([SCENARIO_1], tmp_path, speed="8", world=WorldKind.KINEMATIC, launcher=warm.launcher()) as system,
+            Client(system.addresses) as client,
+        ):
             notices: list[str] = []
             supervisor = asyncio.create_task(system.keep_running(notices.append))
             manager = system.programs["task-manager"]
@@ -69,7 +73,7 @@ def test_a_task_outlives_the_whole_system(tmp_path: Path) -> None:
     address of one of them."""
 
     async def run() -> None:
-        system = System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher())
+        system = System([SCENARIO_1], tmp_path, speed="8", world=WorldKind.KINEMATIC, launcher=warm.launcher())
         try:
             await system.start()
             addresses = system.addresses
@@ -86,10 +90,13 @@ def test_a_task_outlives_the_whole_system(tmp_path: Path) -> None:
         host, _, port = addresses.task_manager.removeprefix("http://").partition("/")[0].partition(":")
         async with await asyncio.start_server(lambda reader, writer: None, host, int(port)):
             with pytest.raises(UsageError, match="1 task is open") as raised:
-                async with System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher()):
+                async with System([SCENARIO_1], tmp_path, speed="8", world=WorldKind.KINEMATIC, launcher=warm.launcher()):
                     pass
             assert f"belongs to {addresses.task_manager}" in str(raised.value)
-        async with System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher()) as system, Client(system.addresses) as client:
+        async with (
+            System([SCENARIO_1], tmp_path, speed="8", world=WorldKind.KINEMATIC, launcher=warm.launcher()) as system,
+            Client(system.addresses) as client,
+        ):
             assert system.addresses.task_manager == addresses.task_manager
             view = await asyncio.wait_for(ended(client, task), HANG_TIME)
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation

@@ -14,6 +14,7 @@ import pytest
 from somrs.api.remote import Api, api_of
 from somrs.client.client import Addresses, Client
 from somrs.deployment.system import System
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import RemoteError, UsageError
 from somrs.ports import Reservation
 from somrs.protocol.messages.frp import Outcome
@@ -40,7 +41,7 @@ async def answered(api: Api, order: str) -> tuple[Run, ...]:
 def test_an_order_is_stated_once_each_time_though_the_scheduler_is_killed(tmp_path: Path) -> None:
     async def run() -> None:
         async with (
-            System([SCENARIO_1], tmp_path / "run", speed="max", launcher=warm.launcher()) as system,
+            System([SCENARIO_1], tmp_path / "run", speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher()) as system,
             Client(system.addresses) as client,
         ):
             supervisor = asyncio.create_task(system.keep_running(lambda text: None))
@@ -81,7 +82,7 @@ def test_an_order_is_stated_once_each_time_though_the_scheduler_is_killed(tmp_pa
 def test_orders_are_stated_while_neither_the_api_nor_the_windows_run(tmp_path: Path) -> None:
     async def run() -> None:
         async with (
-            System([SCENARIO_1], tmp_path / "run", speed="max", launcher=warm.launcher()) as system,
+            System([SCENARIO_1], tmp_path / "run", speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher()) as system,
             Client(system.addresses) as client,
         ):
             async with api_of(system.addresses) as api:

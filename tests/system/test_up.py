@@ -37,7 +37,7 @@ def is_running(process_id: int) -> bool:
 
 def test_a_system_outlives_the_shell_that_started_it_and_logs_why_it_stops(tmp_path: Path) -> None:
     output, log = tmp_path / "output.txt", tmp_path / "data" / "logs" / "system.log"
-    command = f"'{sys.executable}' -m somrs.cli.main up '{SCENARIO_1}' --data '{tmp_path / 'data'}' --speed max"
+    command = f"'{sys.executable}' -m somrs.cli.main up '{SCENARIO_1}' --data '{tmp_path / 'data'}' --speed max --world kinematic"
     script = f"nohup {command} > '{output}' 2>&1 & echo $!; read line"
     with subprocess.Popen(
         ["sh", "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True, bufsize=1
@@ -61,7 +61,7 @@ def test_a_system_outlives_the_shell_that_started_it_and_logs_why_it_stops(tmp_p
 def test_a_system_in_the_background_of_a_script_stops_at_sigint(tmp_path: Path) -> None:
     """Shells let such programs ignore SIGINT, and so do their own programs."""
     output = tmp_path / "output.txt"
-    command = f"'{sys.executable}' -m somrs.cli.main up '{SCENARIO_1}' --data '{tmp_path / 'data'}' --speed max"
+    command = f"'{sys.executable}' -m somrs.cli.main up '{SCENARIO_1}' --data '{tmp_path / 'data'}' --speed max --world kinematic"
     script = f"{command} > '{output}' 2>&1 & echo $!; wait"
     with subprocess.Popen(["sh", "-c", script], stdout=subprocess.PIPE, text=True, start_new_session=True, bufsize=1) as shell:
         assert shell.stdout is not None
