@@ -12,16 +12,18 @@ ROOMS = Hall(side=24.0, aisle=4.0, has_wall=True)
 NARROW = Hall(side=24.0, aisle=2.4)
 """Between its tables, two robots pass each other only in places, so that ways are searched for."""
 LONGEST = 300.0
+SLOW = pytest.mark.slow
+"""For crowds that show nothing else than the first one."""
 
 
-@pytest.mark.parametrize("seed", [3, 5])
+@pytest.mark.parametrize("seed", [3, pytest.param(5, marks=SLOW)])
 def test_the_last_trips_among_two_hundred_robots_take_little_longer_than_alone(seed: int) -> None:
     journeys = Crowd(HALL, robots=200, travellers=12, trips=2, work=5.0, seed=seed).run(LONGEST)
     assert len(journeys) == 24
     assert [journey for journey in journeys if journey.seconds > 1.5 * journey.alone + 15.0] == []
 
 
-@pytest.mark.parametrize("seed", [2, 6])
+@pytest.mark.parametrize("seed", [2, pytest.param(6, marks=SLOW)])
 def test_robots_come_through_a_door_between_two_rooms_with_many_others(seed: int) -> None:
     journeys = Crowd(ROOMS, robots=60, travellers=10, trips=2, work=5.0, seed=seed).run(LONGEST)
     assert len(journeys) == 20
