@@ -13,8 +13,9 @@ from contestants.contest import BIDDERS
 from contestants.programs import Programs, free_port, ready, wait_for_end
 from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, one_step, site
 from somrs.client.client import Addresses
+from somrs.deployment.components import run_registry, run_repository
 from somrs.deployment.device import DeviceRunner, device_journal
-from somrs.deployment.programs import run_program, run_registry, run_repository, until_stopped
+from somrs.deployment.programs import run_program, until_stopped
 from somrs.planner.model.problem import Problem
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.host import Host

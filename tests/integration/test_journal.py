@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from msgspec import Struct, structs
 
 from somrs.client.client import Addresses
-from somrs.deployment.programs import run_task_manager
+from somrs.deployment.components import run_task_manager
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.errors import UsageError

@@ -27,7 +27,8 @@ def repository(
     name: SiteName = None,
 ) -> None:
     """The Repository."""
-    from somrs.deployment.programs import run_program, run_repository
+    from somrs.deployment.components import run_repository
+    from somrs.deployment.programs import run_program
 
     def run() -> None:
         run_program(run_repository(data, site, host, port, _addresses(data, bus, name).bus if bus is not None else None))
@@ -70,7 +71,8 @@ def registry(
     data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0, bus: BusOption = None, name: SiteName = None
 ) -> None:
     """The Service Registry."""
-    from somrs.deployment.programs import run_program, run_registry
+    from somrs.deployment.components import run_registry
+    from somrs.deployment.programs import run_program
 
     guarded(lambda: run_program(run_registry(data, _addresses(data, bus, name), host, port)))
 
@@ -85,7 +87,8 @@ def task_manager(
     name: SiteName = None,
 ) -> None:
     """A Task Manager."""
-    from somrs.deployment.programs import run_program, run_task_manager
+    from somrs.deployment.components import run_task_manager
+    from somrs.deployment.programs import run_program
 
     guarded(lambda: run_program(run_task_manager(data, _addresses(data, bus, name), host, port, number)))
 

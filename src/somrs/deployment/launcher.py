@@ -33,6 +33,7 @@ from somrs.errors import RemoteError
 COMMON = (
     "somrs.cli.main",
     "somrs.deployment.device_host",
+    "somrs.deployment.components",
     "somrs.deployment.programs",
     "somrs.ontology.files.loading",
     "somrs.storage.journal",

@@ -19,12 +19,9 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from somrs.client.client import Addresses, task_manager_path
-from somrs.client.trace import Trace, trace_file
+from somrs.client.client import Addresses
 from somrs.errors import RemoteError, UsageError
-from somrs.runtime.bus import BusAddress
 from somrs.runtime.host import Host
-from somrs.runtime.node import Report, Watch
 
 if TYPE_CHECKING:
     from somrs.devices.simulator.server.follower import Follower
@@ -32,7 +29,6 @@ if TYPE_CHECKING:
     from somrs.devices.simulator.server.simulation import Simulation
     from somrs.devices.simulator.world.kinds import WorldKind
     from somrs.ontology.files.loading import LoadedModel
-    from somrs.storage.journal import Journal
 
 MAP_TIME = 60.0
 """Seconds for which the simulator waits for the map when it starts."""
@@ -104,112 +100,6 @@ def load_site(site: Sequence[Path]) -> LoadedModel:
     if loaded.map is None:
         raise UsageError(f"{', '.join(map(str, site)) or 'no file was given'}: there is no map in it; `objects:` are missing")
     return loaded
-
-
-async def run_repository(data: Path, site: Sequence[Path], host: str, port: int, bus: BusAddress | None = None) -> None:
-    """Run the Repository. It continues from its journal, or starts with the site's files when there is none."""
-    from somrs.repository.component import Repository
-    from somrs.repository.state import Contents
-    from somrs.storage.repository_store import repository_journal
-
-    def create_repository(address: str) -> Repository:
-        loaded = load_site(site)
-        assert loaded.map is not None, "load_site returns a map"
-        return Repository(address, Contents(ontology=loaded.ontology, map=loaded.map))
-
-    data.mkdir(parents=True, exist_ok=True)
-    journal = repository_journal(data / "repository.sqlite")
-    try:
-        runtime = Host(host, port, bus=bus)
-        await runtime.start()
-        node = runtime.add_journaled("/repository", create_repository, journal, carry_out=journal.carry_out)
-        await runtime.listening()
-        await until_stopped("repository", node.address)
-        await runtime.stop()
-    finally:
-        journal.close()
-
-
-async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -> None:
-    """Run the Service Registry. Offers that were listed when its process ended remain listed until their leases expire."""
-    from somrs.ontology.files.loading import upper
-    from somrs.registry.component import SCHEMA, Registry
-    from somrs.storage.journal import Journal
-
-    data.mkdir(parents=True, exist_ok=True)
-    journal = Journal(data / "registry.sqlite", SCHEMA, f"the Repository at {addresses.repository}")
-    try:
-        runtime = Host(host, port, bus=addresses.bus)
-        await runtime.start()
-        node = runtime.add_journaled("/registry", lambda address: Registry(address, upper(), addresses.repository), journal)
-        await runtime.listening()
-        await until_stopped("registry", node.address)
-        await runtime.stop()
-    finally:
-        journal.close()
-
-
-async def run_task_manager(data: Path, addresses: Addresses, host: str, port: int, number: int = 1) -> None:
-    """Run the Task Manager with this number, with the planner in a separate process so that planning does not delay messages.
-
-    It continues the tasks that were open when its process ended, at the same address.
-    """
-    from somrs.deployment.world_clock import clock_follower
-    from somrs.planner.model.problem import Problem
-    from somrs.planner_service.process import PlannerProcess
-    from somrs.planner_service.service import Planner
-    from somrs.protocol.messages.records import ReadRecords
-    from somrs.storage.archive import archive_file
-    from somrs.storage.journal import Journal
-    from somrs.task_manager.manager import SCHEMA, TaskManager
-
-    data.mkdir(parents=True, exist_ok=True)
-    file = archive_file(data, number)
-    journal = Journal(file, SCHEMA, f"the Repository at {addresses.repository}, the Registry at {addresses.registry}")
-    try:
-        trace = Trace(trace_file(data, number))
-        runtime = await _start_runtime(journal, host, port, trace, addresses.bus)
-        with PlannerProcess() as process:
-            planner = Planner(process)
-
-            async def carry_out(task: object, report: Report) -> object:
-                if isinstance(task, ReadRecords):
-                    return await journal.carry_out(task, report)
-                assert isinstance(task, Problem), "a Task Manager requests nothing else"
-                return await planner.plan(task)
-
-            path = task_manager_path(number)
-            trace.coordinator = f"{runtime.url}{path}"
-            node = runtime.add_journaled(
-                path,
-                lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
-                journal,
-                carry_out=carry_out,
-            )
-            async with clock_follower(node, runtime.clock, addresses.simulator):
-                await runtime.listening()
-                await until_stopped("task-manager", node.address)
-                await runtime.stop()
-        trace.close()
-    finally:
-        journal.close()
-
-
-async def _start_runtime(journal: Journal, host: str, port: int, watch: Watch, bus: BusAddress | None) -> Host:
-    """Listen on the bus, or else at `port`, or at the port of the last run: participants know only that address."""
-    last_port = urlsplit(journal.address).port or 0
-    runtime = Host(host, port or last_port, watch, bus=bus)
-    try:
-        await runtime.start()
-    except UsageError as error:
-        if port or not last_port:
-            raise
-        if journal.open:
-            explanation = f"the participants of its open tasks ({len(journal.open)}) know the Task Manager only as {journal.address}"
-            raise UsageError(f"{error}; {explanation}: stop the program that listens there") from None
-        runtime = Host(host, 0, watch)
-        await runtime.start()
-    return runtime
 
 
 def speed_of(text: str) -> float | None:

@@ -17,17 +17,13 @@ from somrs.protocol.messages.envelope import Message
 from somrs.runtime.bus import Bus, BusAddress
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import Server
-from somrs.runtime.node import CarryOut, Node, Report, Watch
+from somrs.runtime.node import CarryOut, Node, Watch, refuse_work
 from somrs.runtime.outbox import Outboxes, OutgoingMessage, Transport
 from somrs.runtime.reception import Handler
 from somrs.runtime.wire import Wire
 from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)
-
-
-async def _refuse_work(task: object, report: Report) -> object:
-    raise RemoteError(f"this node cannot do {type(task).__name__}")
 
 
 class Host:
@@ -69,7 +65,7 @@ class Host:
         if self._bus is not None:
             await self._bus.listening()
 
-    def add(self, path: str, factory: Callable[[str], Component], *, carry_out: CarryOut = _refuse_work) -> Node:
+    def add(self, path: str, factory: Callable[[str], Component], *, carry_out: CarryOut = refuse_work) -> Node:
         """Add a component without a journal at a path such as `/repository`, and start it. `factory` creates it for its address."""
         address = f"{self.url}{path}"
         return self._start(path, self._node(address, factory(address), carry_out), is_resumed=False)
@@ -80,7 +76,7 @@ class Host:
         factory: Callable[[str], Stateful],
         journal: Journal,
         *,
-        carry_out: CarryOut = _refuse_work,
+        carry_out: CarryOut = refuse_work,
         notices: Sequence[object] = (),
     ) -> Node:
         """Add a component with a journal: as the journal has it or, if the journal is new, as `factory` creates it for its address.
@@ -90,10 +86,22 @@ class Host:
         Raises:
             UsageError: the journal cannot be continued.
         """
-        address = f"{self.url}{path}"
-        journaled, is_resumed = journal.begin(address, factory)
+        journaled, is_resumed = journal.begin(f"{self.url}{path}", factory)
+        return self.add_continued(path, journaled, journal, is_resumed=is_resumed, carry_out=carry_out, notices=notices)
+
+    def add_continued(
+        self,
+        path: str,
+        journaled: JournaledComponent,
+        journal: Journal,
+        *,
+        is_resumed: bool,
+        carry_out: CarryOut = refuse_work,
+        notices: Sequence[object] = (),
+    ) -> Node:
+        """Add a component as its journal has it. `is_resumed`: whether something may have been under way."""
         self.clock.advance_to(journaled.time)
-        node = self._node(address, journaled.component, carry_out, journal=journal, journaled=journaled)
+        node = self._node(f"{self.url}{path}", journaled.component, carry_out, journal=journal, journaled=journaled)
         return self._start(path, node, is_resumed=is_resumed, notices=notices)
 
     def _node(

@@ -65,6 +65,11 @@ Watch = Callable[[Message, float], None]
 """Called once for each message of the Failure Recovery Protocol that a component sends or receives."""
 
 
+async def refuse_work(task: object, report: Report) -> object:
+    """Performs no task."""
+    raise RemoteError(f"this node cannot do {type(task).__name__}")
+
+
 class Node:
     """A component at its address: inputs in, effects out.
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from somrs.client.client import Addresses
-from somrs.deployment.programs import until_stopped
+from somrs.deployment.continuation import continuing
 from somrs.runtime.clock import TimeOfDay, local_zone
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node
@@ -19,21 +20,22 @@ PATH = "/scheduler"
 
 async def run_scheduler(data: Path, addresses: Addresses, host: str, port: int) -> None:
     """Run the Scheduler until this process is asked to stop."""
-    data.mkdir(parents=True, exist_ok=True)
-    journal = orders_journal(data / FILE)
-    try:
+    file = data / FILE
+    async with continuing(addresses.bus, "scheduler", file, partial(orders_journal, file)) as continuation:
         runtime = Host(host, port, clock=TimeOfDay(), bus=addresses.bus)
         await runtime.start()
-        node = add_scheduler(runtime, journal, addresses)
-        await runtime.listening()
-        await until_stopped("scheduler", node.address)
+        located = _located(addresses)
+        node = await continuation.add(runtime, PATH, lambda address: Scheduler(address, located), notices=(located,))
+        await continuation.serve("scheduler", node)
         await runtime.stop()
-    finally:
-        journal.close()
 
 
 def add_scheduler(runtime: Host, journal: Journal, addresses: Addresses) -> Node:
     """Add a Scheduler with this journal to the runtime, at its path."""
-    located = Located(addresses.repository, addresses.task_manager, local_zone())
-    # The addresses and the time zone may have changed since the journal was written.
+    located = _located(addresses)
     return runtime.add_journaled(PATH, lambda address: Scheduler(address, located), journal, notices=(located,))
+
+
+def _located(addresses: Addresses) -> Located:
+    """A notice, because the addresses and the time zone may have changed since the journal was written."""
+    return Located(addresses.repository, addresses.task_manager, local_zone())

@@ -17,19 +17,19 @@ from somrs.scheduling.component import SCHEMA, Scheduler
 from somrs.scheduling.state import Located, Question, SchedulerState
 from somrs.storage import journal
 from somrs.storage.disk import Disk, execute
-from somrs.storage.journal import Journal
+from somrs.storage.journal import Journal, Log
 
 FILE = "orders.sqlite"
 """In the data folder."""
 
 
-def orders_journal(path: Path) -> Journal:
+def orders_journal(path: Path, log: Log | None = None) -> Journal:
     """Open a Scheduler's file, or create it in an existing folder.
 
     Raises:
         UsageError: the file is damaged, is not a Scheduler's, or cannot be written.
     """
-    return Journal(path, SCHEMA, disk=Disk(path, KIND))
+    return Journal(path, SCHEMA, disk=Disk(path, KIND), log=log)
 
 
 def _journaled(db: sqlite3.Connection) -> None:

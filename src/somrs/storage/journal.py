@@ -33,6 +33,9 @@ _PROGRAM = f"SO-MRS {__version__}"
 SNAPSHOT_SHARE = 0.02
 """The maximal share of the event loop's time for snapshots."""
 
+MOST_BATCH = 500_000
+"""The most bytes of several entries that are written as one batch: messages on a bus have a limit."""
+
 WITH_PARTS = """
     CREATE TABLE IF NOT EXISTS parts (component TEXT NOT NULL, part TEXT NOT NULL, key BLOB NOT NULL, value BLOB NOT NULL,
       PRIMARY KEY (component, part, key)) WITHOUT ROWID;
@@ -116,14 +119,24 @@ class Archive(Protocol):
         ...
 
 
+class Log(Protocol):
+    """Where entries are kept besides the file, before they count as written: `stream_log.StreamLog`."""
+
+    def append(self, number: int, version: int, document: bytes) -> None:
+        """Write a batch of entries, the last of which has this number. Called in the thread of the disk. Raises UsageError."""
+        ...
+
+
 class _StoredJournal(Struct):
-    """The contents of a file: who wrote it, for which address, what was open, the snapshot with its parts, and the entries after it."""
+    """The contents of a file: who wrote it, for which address, what was open, the number of the last entry, the snapshot with its parts,
+    and the entries after it."""
 
     program: str
     setting: str
     address: str
     open: list[str]
     schema: int
+    number: int
     state: bytes
     sum: int
     parts: dict[str, list[bytes]]
@@ -136,10 +149,11 @@ _TASKS = TaskArchive()
 class Journal:
     """An open journal of a component with this schema.
 
-    `address` is where the component was reached, and `open` what it had not finished; both are empty for a new file. `setting` holds what
+    `address` is where the component was reached, `open` what it had not finished, and `number` that of the last entry; all are empty for a
+    new file (`is_new`). `setting` holds what
     else the state depends on, such as the addresses of other components; it must not change. Components of one process can have journals in
     one file (`for_component`), so that one commit stores the simultaneous inputs of all. `archive` stores the component's records; an
-    archive with tables of its own comes with the `disk` that has them.
+    archive with tables of its own comes with the `disk` that has them. `log`: where entries are kept besides the file.
     """
 
     def __init__(
@@ -151,7 +165,9 @@ class Journal:
         component: str = "",
         disk: Disk | None = None,
         archive: Archive = _TASKS,
+        log: Log | None = None,
     ) -> None:
+        self._log = log
         self.disk = disk if disk is not None else Disk(path, KIND)
         self._written, self._archive = JournalCodec(schema), archive
         self._setting, self._component = setting, component
@@ -167,6 +183,8 @@ class Journal:
             raise
         self.address = self._stored_journal.address if self._stored_journal is not None else ""
         self.open: tuple[str, ...] = tuple(self._stored_journal.open) if self._stored_journal is not None else ()
+        self.is_new = self._stored_journal is None
+        self.number = self._stored_journal.number if self._stored_journal is not None else 0
 
     def for_component(self, component: str) -> Journal:
         """Return the journal of another component of this process, in the same file. Closing one of them closes all."""
@@ -247,6 +265,7 @@ class Journal:
     def append(self, entry: Entry) -> None:
         """Request that the entry is written to disk."""
         self._queued.append((entry.number, self._written.encode_entry(entry)))
+        self.number = entry.number
         self._entry_count += 1
         self.disk.write(self._flush)
 
@@ -289,13 +308,40 @@ class Journal:
 
     def _flush(self, db: sqlite3.Connection) -> None:
         """Write all queued entries, including those of later requests, which then find nothing to write."""
-        entries: list[bytes] = []
-        last_number = 0
         while self._queued:
-            last_number, entry = self._queued.popleft()
-            entries.append(entry)
-        if entries:
-            db.execute("INSERT INTO entries VALUES (?, ?, ?)", (self._component, last_number, JournalCodec.encode_batch(entries)))
+            entries: list[bytes] = []
+            size = last_number = 0
+            while self._queued and (not entries or size + len(self._queued[0][1]) <= MOST_BATCH):
+                last_number, entry = self._queued.popleft()
+                entries.append(entry)
+                size += len(entry)
+            document = JournalCodec.encode_batch(entries)
+            if self._log is not None:
+                self._log.append(last_number, self._written.schema.version, document)
+            self._insert(last_number, document, db)
+
+    def _insert(self, last_number: int, document: bytes, db: sqlite3.Connection) -> None:
+        db.execute("INSERT INTO entries VALUES (?, ?, ?)", (self._component, last_number, document))
+
+    def follow(self, journaled: JournaledComponent, document: bytes, version: int) -> None:
+        """Handle a batch of entries that another process has written, and request that they are written to disk here.
+
+        Raises UsageError when they do not follow on the last one, or were written by a later program.
+        """
+        try:
+            entries = [entry for entry in self._written.decode_batch(document, version) if entry.number > journaled.number]
+            records = journaled.replay(entries)
+        except (ValueError, msgspec.MsgspecError) as error:
+            raise UsageError(f"{self.disk.path}: entries on the bus cannot be continued here: {error}") from None
+        if not entries:
+            return
+        own_document = JournalCodec.encode_batch([self._written.encode_entry(entry) for entry in entries])
+        self.disk.write(functools.partial(self._insert, entries[-1].number, own_document))
+        for record in records:
+            self.store_record(record.entry)
+        self.note(journaled.component)
+        self.number = journaled.number
+        self._entry_count += len(entries)
 
     def _begin_anew(self, address: str, journaled: JournaledComponent) -> None:
         self._stored_parts = self.disk.write_and_wait(
@@ -327,15 +373,17 @@ def _read_stored_journal(db: sqlite3.Connection, component: str) -> _StoredJourn
     if life is None:
         return None
     program, setting, address, open, schema = life
-    snapshot = db.execute("SELECT state, sum FROM snapshot WHERE component = ?", (component,)).fetchone()
+    snapshot = db.execute("SELECT state, sum, number FROM snapshot WHERE component = ?", (component,)).fetchone()
     if snapshot is None:
         raise KeyError("there is no state")
+    (last_number,) = db.execute("SELECT coalesce(max(last), 0) FROM entries WHERE component = ?", (component,)).fetchone()
     return _StoredJournal(
         program=program,
         setting=setting,
         address=address,
         open=msgspec.json.decode(open, type=list[str]),
         schema=schema,
+        number=max(snapshot[2], last_number),
         state=snapshot[0],
         sum=snapshot[1],
         parts={part: [*_read_part(db, component, part)] for part in _part_names(db, component)},

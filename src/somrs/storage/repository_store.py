@@ -22,7 +22,7 @@ from somrs.repository.rollback import PastState
 from somrs.repository.state import ArchivedEvents, Contents, EventsOf, HistoryOf, PageOf
 from somrs.storage import journal
 from somrs.storage.disk import Disk, Kind
-from somrs.storage.journal import Contradiction, Journal
+from somrs.storage.journal import Contradiction, Journal, Log
 from somrs.storage.repository_formats import MIGRATIONS
 from somrs.storage.store_events import event_of, read_event, read_job, read_way_back, restore_past
 
@@ -50,13 +50,13 @@ KIND = Kind(
 )
 
 
-def repository_journal(path: Path) -> Journal:
+def repository_journal(path: Path, log: Log | None = None) -> Journal:
     """Open a Repository's file, or create it; its folder must exist.
 
     Raises:
         UsageError: the file is damaged, of another kind, or not writable.
     """
-    return Journal(path, SCHEMA, disk=Disk(path, KIND), archive=_MapHistory())
+    return Journal(path, SCHEMA, disk=Disk(path, KIND), archive=_MapHistory(), log=log)
 
 
 class _MapHistory:

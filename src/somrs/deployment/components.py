@@ -1,0 +1,116 @@
+"""The components of a system as programs: Repository, Registry and Task Manager."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from somrs.client.client import Addresses, task_manager_path
+from somrs.client.trace import Trace, trace_file
+from somrs.deployment.continuation import continuing
+from somrs.deployment.programs import load_site
+from somrs.errors import UsageError
+from somrs.runtime.bus import BusAddress
+from somrs.runtime.host import Host
+from somrs.runtime.node import Report, Watch
+
+if TYPE_CHECKING:
+    from somrs.storage.journal import Journal
+
+
+async def run_repository(data: Path, site: Sequence[Path], host: str, port: int, bus: BusAddress | None = None) -> None:
+    """Run the Repository. It continues from its journal, or starts with the site's files when there is none."""
+    from somrs.repository.component import Repository
+    from somrs.repository.state import Contents
+    from somrs.storage.repository_store import repository_journal
+
+    def create_repository(address: str) -> Repository:
+        loaded = load_site(site)
+        assert loaded.map is not None, "load_site returns a map"
+        return Repository(address, Contents(ontology=loaded.ontology, map=loaded.map))
+
+    file = data / "repository.sqlite"
+    async with continuing(bus, "repository", file, partial(repository_journal, file)) as continuation:
+        runtime = Host(host, port, bus=bus)
+        await runtime.start()
+        node = await continuation.add(runtime, "/repository", create_repository, carry_out=continuation.journal.carry_out)
+        await continuation.serve("repository", node)
+        await runtime.stop()
+
+
+async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -> None:
+    """Run the Service Registry. Offers that were listed when its process ended remain listed until their leases expire."""
+    from somrs.ontology.files.loading import upper
+    from somrs.registry.component import SCHEMA, Registry
+    from somrs.storage.journal import Journal
+
+    file = data / "registry.sqlite"
+    open_journal = partial(Journal, file, SCHEMA, f"the Repository at {addresses.repository}")
+    async with continuing(addresses.bus, "registry", file, lambda log: open_journal(log=log)) as continuation:
+        runtime = Host(host, port, bus=addresses.bus)
+        await runtime.start()
+        node = await continuation.add(runtime, "/registry", lambda address: Registry(address, upper(), addresses.repository))
+        await continuation.serve("registry", node)
+        await runtime.stop()
+
+
+async def run_task_manager(data: Path, addresses: Addresses, host: str, port: int, number: int = 1) -> None:
+    """Run the Task Manager with this number, with the planner in a separate process so that planning does not delay messages.
+
+    It continues the tasks that were open when its process ended, at the same address.
+    """
+    from somrs.deployment.world_clock import clock_follower
+    from somrs.planner.model.problem import Problem
+    from somrs.planner_service.process import PlannerProcess
+    from somrs.planner_service.service import Planner
+    from somrs.protocol.messages.records import ReadRecords
+    from somrs.storage.archive import archive_file
+    from somrs.storage.journal import Journal
+    from somrs.task_manager.manager import SCHEMA, TaskManager
+
+    file = archive_file(data, number)
+    open_journal = partial(Journal, file, SCHEMA, f"the Repository at {addresses.repository}, the Registry at {addresses.registry}")
+    path = task_manager_path(number)
+    async with continuing(addresses.bus, path.strip("/"), file, lambda log: open_journal(log=log)) as continuation:
+        trace = Trace(trace_file(data, number))
+        runtime = await _start_runtime(continuation.journal, host, port, trace, addresses.bus)
+        with PlannerProcess() as process:
+            planner = Planner(process)
+
+            async def carry_out(task: object, report: Report) -> object:
+                if isinstance(task, ReadRecords):
+                    return await continuation.journal.carry_out(task, report)
+                assert isinstance(task, Problem), "a Task Manager requests nothing else"
+                return await planner.plan(task)
+
+            trace.coordinator = f"{runtime.url}{path}"
+            node = await continuation.add(
+                runtime,
+                path,
+                lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
+                carry_out=carry_out,
+            )
+            async with clock_follower(node, runtime.clock, addresses.simulator):
+                await continuation.serve("task-manager", node)
+                await runtime.stop()
+        trace.close()
+
+
+async def _start_runtime(journal: Journal, host: str, port: int, watch: Watch, bus: BusAddress | None) -> Host:
+    """Listen on the bus, or else at `port`, or at the port of the last run: participants know only that address."""
+    last_port = urlsplit(journal.address).port or 0
+    runtime = Host(host, port or last_port, watch, bus=bus)
+    try:
+        await runtime.start()
+    except UsageError as error:
+        if port or not last_port:
+            raise
+        if journal.open:
+            explanation = f"the participants of its open tasks ({len(journal.open)}) know the Task Manager only as {journal.address}"
+            raise UsageError(f"{error}; {explanation}: stop the program that listens there") from None
+        runtime = Host(host, 0, watch)
+        await runtime.start()
+    return runtime

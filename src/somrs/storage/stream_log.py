@@ -1,0 +1,370 @@
+"""The journal of a component on the bus: its entries in a stream of NATS JetStream, and copies of its file in the object store.
+
+A component on the bus has one leader, which handles its inputs, and standbys, which follow the stream. The leader writes entries to the
+stream before they are in its file and before any effect is visible. Each write names the last entry that the leader knows, and is refused
+when there is another one: whoever was replaced cannot write any more, and what it cannot write it may not say. No clock decides that; a
+lease only says when a standby should try.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Callable, Coroutine
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+from somrs.errors import UsageError
+
+if TYPE_CHECKING:
+    from nats.aio.client import Client
+    from nats.js import JetStreamContext
+    from nats.js.kv import KeyValue
+    from nats.js.object_store import ObjectStore
+
+T = TypeVar("T")
+
+LEASE_TIME = 2.0
+"""Seconds after its last renewal in which a lease ends."""
+
+RENEWAL = 0.5
+"""Seconds between two renewals of a lease, or between two attempts of a standby to get it."""
+
+MOST_COPIES = 3
+"""The number of servers that store each entry, if there are as many."""
+
+LEASES, COPIES = "somrs-leaders", "somrs-journals"
+"""The buckets of the leases, and of the copies of files."""
+
+NUMBER, VERSION, WRITER = "Somrs-Number", "Somrs-Version", "Somrs-Writer"
+"""The headers of a batch of entries: the number of its last entry, the version of their schema, and who wrote it."""
+
+_EXPECTED = "Nats-Expected-Last-Sequence"
+_WRONG_SEQUENCE, _NO_SUCH_CLUSTER = 10071, {10074, 10005}
+_WRITE_TIME = 5.0
+"""Seconds after which a write without an answer is repeated. If it was done, the repetition is refused and recognised."""
+_PAUSE, _LONGEST_PAUSE = 0.05, 1.0
+
+
+class Replaced(UsageError):
+    """Another process continues this component."""
+
+
+class Batch(NamedTuple):
+    """Entries in the stream: their place, the number of the last one, the version of their schema, and the document."""
+
+    sequence: int
+    number: int
+    version: int
+    document: bytes
+
+
+class StreamLog:
+    """The entries of one component. `identity`: of this process with its file; its lease is its own again after a restart.
+
+    It has a thread with a connection of its own, so that the thread of a disk can wait for it. `last`: the place of the last entry that is
+    known here. `on_lost` is called, in that thread, when another process has become the leader.
+    """
+
+    def __init__(self, servers: str, site: str, component: str, identity: str) -> None:
+        self._servers, self._identity = servers, identity
+        self._key = f"{site}.{component}"
+        self._subject, self._stream = f"somrs-journal.{self._key}", f"somrs-journal-{site}-{component}"
+        self.last = 0
+        self.on_lost: Callable[[], object] = lambda: None
+        self._revision: int | None = None
+        """The revision of the lease while it is this process's."""
+        self._renewing: asyncio.Task[None] | None = None
+        self._news = asyncio.Event()
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name=f"log {component}", daemon=True)
+        self._thread.start()
+
+    @property
+    def component(self) -> str:
+        return self._key.partition(".")[2]
+
+    async def call(self, work: Coroutine[Any, Any, T]) -> T:
+        """Do work of this log in its thread."""
+        return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(work, self._loop))
+
+    # Connection
+
+    async def open(self) -> None:
+        """Connect, and make the stream and the buckets if they are not there. However long the bus cannot be reached."""
+        await self.call(self._open())
+
+    async def _open(self) -> None:
+        import nats
+        from nats.js.api import KeyValueConfig, StreamConfig
+
+        self._client: Client = await _patiently(
+            lambda: nats.connect(self._servers.split(","), max_reconnect_attempts=-1, reconnect_time_wait=0.25, error_cb=_ignore)
+        )
+        self._js: JetStreamContext = self._client.jetstream(timeout=_WRITE_TIME)
+        stream = StreamConfig(name=self._stream, subjects=[self._subject])
+        await self._made(lambda copies: self._js.add_stream(stream, num_replicas=copies))
+        self._leases: KeyValue = await self._made(
+            lambda copies: self._js.create_key_value(KeyValueConfig(bucket=LEASES, ttl=LEASE_TIME, replicas=copies))
+        )
+        self._objects: ObjectStore = await self._made(lambda copies: self._js.create_object_store(COPIES, replicas=copies))
+        await self._client.subscribe(self._subject, cb=self._on_entry)
+
+    async def _made(self, make: Callable[[int], Coroutine[Any, Any, T]]) -> T:
+        """What `make` makes with as many copies as there are servers for."""
+        from nats.js.errors import APIError
+
+        for copies in range(MOST_COPIES, 1, -1):
+            try:
+                return await _patiently(partial(make, copies), {10058, *_NO_SUCH_CLUSTER})
+            except APIError as error:
+                if error.err_code == 10058:  # it is there with another number of copies
+                    continue
+                if error.err_code not in _NO_SUCH_CLUSTER:
+                    raise
+        return await _patiently(lambda: make(1))
+
+    async def _on_entry(self, message: object) -> None:
+        self._news.set()
+
+    def close(self) -> None:
+        """Close the connection, and end the thread."""
+        with contextlib.suppress(TimeoutError):
+            asyncio.run_coroutine_threadsafe(self._close(), self._loop).result(2.0)
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+
+    async def _close(self) -> None:
+        if self._renewing is not None:
+            self._renewing.cancel()
+        with contextlib.suppress(OSError):
+            await self._client.close()
+
+    # Entries
+
+    def append(self, number: int, version: int, document: bytes) -> None:
+        """Write entries, the last of which has this number, and wait until the servers have stored them.
+
+        Raises Replaced when another process has written, and UsageError when the servers do not accept messages of this size.
+        """
+        asyncio.run_coroutine_threadsafe(self._append(number, version, document), self._loop).result()
+
+    async def _append(self, number: int, version: int, document: bytes) -> None:
+        from nats import errors
+        from nats.js.errors import APIError
+
+        headers = {_EXPECTED: str(self.last), NUMBER: str(number), VERSION: str(version), WRITER: self._identity}
+        pause = _PAUSE
+        while True:
+            try:
+                self.last = (await self._js.publish(self._subject, document, timeout=_WRITE_TIME, headers=headers)).seq
+            except APIError as error:
+                if error.err_code == _WRONG_SEQUENCE:
+                    if not await self._is_own(self.last + 1, document):
+                        raise Replaced(f"another process continues {self._key}: it has written to its journal on the bus") from None
+                    self.last += 1
+                    return
+            except errors.MaxPayloadError:
+                advice = f"raise max_payload of the NATS servers, now {self._client.max_payload}"
+                raise UsageError(f"an input of {self._key} has {len(document)} bytes; {advice}") from None
+            except (errors.Error, OSError):
+                pass  # an acknowledgement that is lost is found by the next attempt
+            else:
+                return
+            await asyncio.sleep(pause)
+            pause = min(pause * 2, _LONGEST_PAUSE)
+
+    async def _is_own(self, sequence: int, document: bytes) -> bool:
+        """Whether this process has written the document at this place."""
+        from nats.js.errors import NotFoundError
+
+        try:
+            message = await _patiently(lambda: self._js.get_msg(self._stream, sequence))
+        except NotFoundError:
+            return False
+        return message.data == document and (message.headers or {}).get(WRITER) == self._identity
+
+    async def bounds(self) -> tuple[int, int]:
+        """The places of the first and the last batch in the stream; the last is before the first if it is empty."""
+
+        async def read() -> tuple[int, int]:
+            state = (await _patiently(lambda: self._js.stream_info(self._stream))).state
+            return state.first_seq or state.last_seq + 1, state.last_seq
+
+        return await self.call(read())
+
+    async def batch(self, sequence: int) -> Batch | None:
+        """The batch at a place; None if there is none."""
+        from nats.js.errors import NotFoundError
+
+        async def read() -> Batch | None:
+            try:
+                message = await _patiently(lambda: self._js.get_msg(self._stream, sequence))
+            except NotFoundError:
+                return None
+            headers = message.headers or {}
+            return Batch(sequence, int(headers.get(NUMBER, 0)), int(headers.get(VERSION, 0)), message.data or b"")
+
+        return await self.call(read())
+
+    async def place_after(self, number: int) -> int:
+        """The place of the first batch with an entry after the one with this number, or behind the last batch."""
+        first, last = await self.bounds()
+        low, high = first, last + 1
+        while low < high:
+            middle = (low + high) // 2
+            batch = await self.batch(middle)
+            if batch is None or batch.number <= number:
+                low = middle + 1
+            else:
+                high = middle
+        return low
+
+    async def begin_writing(self, number: int) -> bool:
+        """Write that this process leads from here on, with the entries up to this number. False if there are others, not read yet."""
+        try:
+            await self.call(self._append(number, 0, b""))
+        except Replaced:
+            return False
+        return True
+
+    async def wait_for_entry(self, seconds: float) -> None:
+        """Return when an entry may have been written, or after `seconds`."""
+
+        async def wait() -> None:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(seconds):
+                    await self._news.wait()
+            self._news.clear()
+
+        await self.call(wait())
+
+    async def forget_before(self, sequence: int) -> None:
+        """Delete the entries before a place: a copy of the file has them."""
+        await self.call(_patiently(lambda: self._js.purge_stream(self._stream, seq=sequence)))
+
+    # Copies of the file
+
+    async def store_copy(self, file: Path, number: int) -> None:
+        """Store a copy of the component's file, which has the entries up to this number."""
+        from nats.js.api import ObjectMeta
+
+        async def store() -> None:
+            with file.open("rb") as content:
+                await self._objects.put(self._key, content, ObjectMeta(name=self._key, headers={NUMBER: str(number)}))
+
+        await self.call(store())
+
+    async def copied_number(self) -> int | None:
+        """The number of the last entry in the stored copy; None if there is no copy."""
+        from nats.js.errors import NotFoundError
+
+        async def read() -> int | None:
+            try:
+                info = await _patiently(lambda: self._objects.get_info(self._key))
+            except NotFoundError:
+                return None
+            return int((info.headers or {}).get(NUMBER, 0))
+
+        return await self.call(read())
+
+    async def fetch_copy(self, file: Path) -> None:
+        """Write the stored copy to a file."""
+
+        async def fetch() -> None:
+            with file.open("wb") as content:
+                await self._objects.get(self._key, writeinto=content)
+
+        await self.call(fetch())
+
+    # The lease
+
+    async def acquire(self) -> bool:
+        """Try to become the leader."""
+        return await self.call(self._acquire())
+
+    async def _acquire(self) -> bool:
+        from nats import errors
+        from nats.js.errors import APIError, KeyNotFoundError, KeyWrongLastSequenceError
+
+        value = self._identity.encode()
+        if self._renewing is not None and not self._renewing.done():
+            return True
+        try:
+            try:
+                entry = await self._leases.get(self._key)
+            except KeyNotFoundError:
+                self._revision = await self._leases.create(self._key, value)
+            else:
+                if entry.value != value:
+                    return False
+                self._revision = await self._leases.update(self._key, value, last=entry.revision)
+        except (KeyWrongLastSequenceError, APIError, errors.Error, OSError):
+            return False
+        self._renewing = asyncio.create_task(self._renew(value))
+        return True
+
+    async def _renew(self, value: bytes) -> None:
+        from nats import errors
+        from nats.js.errors import APIError, KeyNotFoundError, KeyWrongLastSequenceError
+
+        while True:
+            await asyncio.sleep(RENEWAL)
+            try:
+                self._revision = await self._leases.update(self._key, value, last=self._revision)
+            except (KeyWrongLastSequenceError, APIError, errors.Error, OSError):
+                # It has ended while this process or the bus stood still, or another process has it, or the bus is away.
+                try:
+                    entry = await self._leases.get(self._key)
+                    if entry.value != value:
+                        self._revision = None
+                        self.on_lost()
+                        return
+                    self._revision = entry.revision
+                except KeyNotFoundError:
+                    self._revision = None  # `update` without a revision makes it anew
+                    with contextlib.suppress(APIError, errors.Error, OSError):
+                        self._revision = await self._leases.create(self._key, value)
+                except (APIError, errors.Error, OSError):
+                    pass
+
+    async def resign(self) -> None:
+        """Give up the lease, so that a standby takes over at once."""
+
+        async def give_up() -> None:
+            if self._renewing is not None:
+                self._renewing.cancel()
+            if self._revision is not None:
+                from nats import errors
+                from nats.js.errors import APIError
+
+                with contextlib.suppress(APIError, errors.Error, OSError):  # it ends by itself
+                    await self._leases.delete(self._key, last=self._revision)
+
+        await self.call(give_up())
+
+
+async def _patiently(make: Callable[[], Coroutine[Any, Any, T]], known: set[int] | frozenset[int] = frozenset()) -> T:
+    """The result of `make`, which is repeated while the bus does not answer. Its refusals are raised if they are known, or not for now."""
+    from nats import errors
+    from nats.js.errors import APIError, NotFoundError
+
+    pause = _PAUSE
+    while True:
+        try:
+            return await make()
+        except NotFoundError:
+            raise
+        except APIError as error:
+            if error.err_code in known or error.code not in (None, 503):
+                raise
+        except (errors.Error, OSError):
+            pass
+        await asyncio.sleep(pause)
+        pause = min(pause * 2, _LONGEST_PAUSE)
+
+
+async def _ignore(error: Exception) -> None:
+    """What the library reports while the connection is away; it is made again."""

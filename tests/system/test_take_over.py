@@ -1,0 +1,146 @@
+"""The components of a site on two hosts: one host is killed for good while a task is under way, and the other one continues it."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from somrs.client.client import Addresses, Client
+from somrs.deployment.bus import find_site
+from somrs.deployment.device import DeviceRunner
+from somrs.ports import bound
+from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import TaskView
+from tests.support import warm
+from tests.support.hang import HANG_TIME
+from tests.support.nats_server import NatsServer
+from tests.support.small_system import Porter
+from tests.support.virtual_system import SITE
+from tests.support.warm import Program
+
+pytestmark = pytest.mark.long
+
+COMPONENTS = ("repository", "registry", "task-manager", "scheduler")
+
+
+class HostOfPrograms:
+    """The programs of the components that share a data folder, as on a host."""
+
+    def __init__(self, data: Path, servers: str, site: Path) -> None:
+        self._data, self._servers, self._site = data, servers, site
+        data.mkdir()
+        self.programs: dict[str, Program] = {}
+
+    async def start(self, component: str) -> None:
+        """Start a component, and wait until it says that it is ready, as the leader or as a standby."""
+        arguments = ["run", component, "--bus", self._servers, "--data", str(self._data)]
+        log = self._data / f"{component}.log"
+        self.programs[component] = Program([*arguments, *(("--site", str(self._site)) if component == "repository" else ())], log)
+        while '"ready"' not in log.read_text():
+            assert not self.programs[component].ended, log.read_text()
+            await asyncio.sleep(0.02)
+
+    def is_standby(self, component: str) -> bool:
+        return "standby" in (self._data / f"{component}.log").read_text().splitlines()[-1]
+
+    def kill(self, components: Sequence[str] = COMPONENTS, number: int = signal.SIGKILL) -> None:
+        for component in components:
+            if (program := self.programs.pop(component, None)) is not None:
+                program.send_signal(number)
+                program.wait()
+
+
+class TwoHosts:
+    """Two hosts and a gateway, with a NATS server that none of them has."""
+
+    def __init__(self, folder: Path, server: NatsServer) -> None:
+        site = folder / "site.yaml"
+        site.write_text(SITE)
+        self.servers = server.address.servers
+        self.hosts = [HostOfPrograms(folder / name, self.servers, site) for name in ("first", "second")]
+        self.addresses = Addresses(repository="", registry="", task_manager="")
+
+    @property
+    def first(self) -> HostOfPrograms:
+        return self.hosts[0]
+
+    @property
+    def second(self) -> HostOfPrograms:
+        return self.hosts[1]
+
+
+@asynccontextmanager
+async def two_hosts(folder: Path) -> AsyncIterator[TwoHosts]:
+    with bound("127.0.0.1", 0) as free:
+        port = free.getsockname()[1]
+    with NatsServer(folder, f"http://127.0.0.1:{port}") as server:
+        log = folder / "gateway.log"
+        gateway = Program(["run", "gateway", "--bus", server.address.servers, "--name", "yard", "--port", str(port)], log)
+        system = TwoHosts(folder, server)
+        try:
+            while '"ready"' not in log.read_text():
+                await asyncio.sleep(0.02)
+            system.addresses = await find_site(system.servers)
+            for host in system.hosts:
+                for component in COMPONENTS:
+                    await host.start(component)
+            yield system
+        finally:
+            for host in system.hosts:
+                host.kill()
+            gateway.send_signal(signal.SIGKILL)
+            gateway.wait()
+
+
+async def ended(client: Client, task: str) -> TaskView:
+    return [news.view async for news in client.news(task)][-1]
+
+
+def run(folder: Path, moment: str, lost: Sequence[str]) -> None:
+    """A task is accomplished although `lost` components of the first host are killed for good when a step is in the state `moment`."""
+
+    async def play() -> None:
+        async with two_hosts(folder) as system, Client(system.addresses) as client:
+            assert not any(map(system.first.is_standby, COMPONENTS))
+            assert all(map(system.second.is_standby, COMPONENTS))
+            porter = Porter("Robot1", seconds=1.0)
+            runner = DeviceRunner(porter, system.addresses, folder)
+            await runner.start()
+            task = await client.submit(Submit(effect="Jar002 isOn Platform001"))
+            while not any(step.state == moment for view in await client.tasks() for step in view.steps):
+                await asyncio.sleep(0.01)
+            system.first.kill(lost)
+            view = await ended(client, task)
+            assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+            assert porter.delivered == ["Jar002"], "it was done once"
+            assert (await client.query("Jar002 isOn Platform001")).rows
+            for component in lost:
+                assert not system.second.is_standby(component)
+            next_task = await client.submit(Submit(effect="Jar002 isOn Table001"))
+            assert (await ended(client, next_task)).outcome is Outcome.ACCOMPLISHED
+            assert [view.task for view in await client.tasks()] == [next_task, task]
+            # The host comes back, as a standby that has missed something.
+            for component in lost:
+                await system.first.start(component)
+                assert system.first.is_standby(component)
+            system.second.kill(lost, signal.SIGTERM)  # a planned end: the other one takes over at once
+            assert [view.task for view in await client.tasks()] == [next_task, task]
+            assert (await client.query("Jar002 isOn Table001")).rows
+            await runner.stop()
+
+    asyncio.run(asyncio.wait_for(play(), HANG_TIME))
+
+
+def test_a_whole_host_is_lost_while_a_robot_works(tmp_path: Path) -> None:
+    run(tmp_path, "Executing", COMPONENTS)
+
+
+@pytest.mark.parametrize("component", ["repository", "registry", "task-manager"])
+def test_a_component_is_lost_while_services_are_arranged(tmp_path: Path, component: str) -> None:
+    run(tmp_path, "Arranging", [component])
