@@ -72,6 +72,13 @@ class Porter(Device):
         able=lambda self, task: self._able(task),
     )
     async def transfer(self, task: Task) -> Situation:
+        return await self.carry(task)
+
+    @transfer.compensation
+    async def compensate_transfer(self, task: Task, situation: object) -> Situation:
+        return str(situation)
+
+    async def carry(self, task: Task) -> Situation:
         thing, place = str(task.inputs["Object"]), str(task.inputs["Destination"])
         for number in range(self.steps):
             await asyncio.sleep(self.seconds / self.steps)
@@ -80,10 +87,6 @@ class Porter(Device):
             raise ServiceFailed("it slipped out of the hand", f"{thing} isOn Floor001")
         self.delivered.append(thing)
         return f"{thing} isOn {place}"
-
-    @transfer.compensation
-    async def compensate_transfer(self, task: Task, situation: object) -> Situation:
-        return str(situation)
 
 
 class SmallSystem:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -33,12 +34,10 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int,
         return Repository(address, Contents(ontology=loaded.ontology, map=loaded.map))
 
     file = data / "repository.sqlite"
-    async with continuing(bus, "repository", file, partial(repository_journal, file)) as continuation:
-        runtime = Host(host, port, bus=bus)
-        await runtime.start()
+    open_journal = partial(repository_journal, file)
+    async with continuing(bus, "repository", file, open_journal) as continuation, Host(host, port, bus=bus) as runtime:
         node = await continuation.add(runtime, "/repository", create_repository, carry_out=continuation.journal.carry_out)
         await continuation.serve("repository", node)
-        await runtime.stop()
 
 
 async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -> None:
@@ -49,12 +48,12 @@ async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -
 
     file = data / "registry.sqlite"
     open_journal = partial(Journal, file, SCHEMA, f"the Repository at {addresses.repository}")
-    async with continuing(addresses.bus, "registry", file, lambda log: open_journal(log=log)) as continuation:
-        runtime = Host(host, port, bus=addresses.bus)
-        await runtime.start()
+    async with (
+        continuing(addresses.bus, "registry", file, lambda log: open_journal(log=log)) as continuation,
+        Host(host, port, bus=addresses.bus) as runtime,
+    ):
         node = await continuation.add(runtime, "/registry", lambda address: Registry(address, upper(), addresses.repository))
         await continuation.serve("registry", node)
-        await runtime.stop()
 
 
 async def run_task_manager(data: Path, addresses: Addresses, host: str, port: int, number: int = 1) -> None:
@@ -77,7 +76,10 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
     async with continuing(addresses.bus, path.strip("/"), file, lambda log: open_journal(log=log)) as continuation:
         trace = Trace(trace_file(data, number))
         runtime = await _start_runtime(continuation.journal, host, port, trace, addresses.bus)
-        with PlannerProcess() as process:
+        async with contextlib.AsyncExitStack() as stack:
+            stack.callback(trace.close)
+            stack.push_async_callback(runtime.stop)
+            process = stack.enter_context(PlannerProcess())
             planner = Planner(process)
 
             async def carry_out(task: object, report: Report) -> object:
@@ -95,8 +97,6 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
             )
             async with clock_follower(node, runtime.clock, addresses.simulator):
                 await continuation.serve("task-manager", node)
-                await runtime.stop()
-        trace.close()
 
 
 async def _start_runtime(journal: Journal, host: str, port: int, watch: Watch, bus: BusAddress | None) -> Host:

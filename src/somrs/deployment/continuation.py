@@ -91,7 +91,7 @@ class Continuation:
             if not is_said:
                 say_ready(stream.component, f"{address} (standby)")
                 is_said = True
-            await stream.wait_for_entry(RENEWAL)
+            await stream.wait_for_news(RENEWAL)
             if os.getppid() != parent:
                 raise RemoteError(f"{stream.component} ends, because the process that started it has ended")
         has_all = False

@@ -27,7 +27,8 @@ log = logging.getLogger(__name__)
 
 
 class Host:
-    """The components of one process behind one port, by default at the loopback address. `clock` is the clock of all components.
+    """The components of one process behind one port, by default at the loopback address: a context manager. `clock` is the clock of all
+    components.
 
     `bus`: where the components are instead, and how they reach those of the same site.
     """
@@ -56,6 +57,13 @@ class Host:
     @property
     def port(self) -> int:
         return self._server.port
+
+    async def __aenter__(self) -> Host:
+        await self.start()
+        return self
+
+    async def __aexit__(self, *exception: object) -> None:
+        await self.stop()
 
     async def start(self) -> None:
         await self._server.start()

@@ -39,6 +39,7 @@ from somrs.runtime.output import Output
 from somrs.runtime.pending_replies import PendingReplies, in_session, is_waited_for
 from somrs.runtime.reception import NotTaken
 from somrs.storage.journal import Journal
+from somrs.storage.stream_log import Replaced
 
 log = logging.getLogger(__name__)
 
@@ -100,6 +101,8 @@ class Node:
         self._inputs: deque[Input] = deque()
         self._handling = self._closed = False
         self._broken = ""
+        self._is_replaced = False
+        """Whether another process continues the component; senders have to try again, and reach that one."""
         self.broken = asyncio.Event()
         """Set when an input could not be stored: the component takes no more inputs."""
         self._timers: dict[Hashable, asyncio.TimerHandle] = {}
@@ -178,7 +181,7 @@ class Node:
             except TimeoutError:
                 raise RemoteError(f"no answer to {type(message.body).__name__} within {ANSWER_TIME:.0f} s") from None
             except NotTaken as error:
-                if self._closed:
+                if self._closed or self._is_replaced:
                     raise
                 raise RemoteError(str(error)) from None  # a sender that waits for an answer gets the error at once
 
@@ -259,7 +262,7 @@ class Node:
         refusal = NotTaken(f"{self.address} accepts no more inputs, because it could not store one: {error}")
         if not self._broken:
             log.critical("%s", refusal)
-        self._broken = str(refusal)
+        self._broken, self._is_replaced = str(refusal), isinstance(error, Replaced)
         self.broken.set()
         self.output.drop(refusal)
         self._pending_replies.fail_all(refusal)

@@ -21,13 +21,13 @@ PATH = "/scheduler"
 async def run_scheduler(data: Path, addresses: Addresses, host: str, port: int) -> None:
     """Run the Scheduler until this process is asked to stop."""
     file = data / FILE
-    async with continuing(addresses.bus, "scheduler", file, partial(orders_journal, file)) as continuation:
-        runtime = Host(host, port, clock=TimeOfDay(), bus=addresses.bus)
-        await runtime.start()
+    async with (
+        continuing(addresses.bus, "scheduler", file, partial(orders_journal, file)) as continuation,
+        Host(host, port, clock=TimeOfDay(), bus=addresses.bus) as runtime,
+    ):
         located = _located(addresses)
         node = await continuation.add(runtime, PATH, lambda address: Scheduler(address, located), notices=(located,))
         await continuation.serve("scheduler", node)
-        await runtime.stop()
 
 
 def add_scheduler(runtime: Host, journal: Journal, addresses: Addresses) -> Node:

@@ -43,7 +43,7 @@ NUMBER, VERSION, WRITER = "Somrs-Number", "Somrs-Version", "Somrs-Writer"
 
 _EXPECTED = "Nats-Expected-Last-Sequence"
 _WRONG_SEQUENCE, _NO_SUCH_CLUSTER = 10071, {10074, 10005}
-_WRITE_TIME = 5.0
+_WRITE_TIME = 2.0
 """Seconds after which a write without an answer is repeated. If it was done, the repetition is refused and recognised."""
 _PAUSE, _LONGEST_PAUSE = 0.05, 1.0
 
@@ -72,6 +72,7 @@ class StreamLog:
         self._servers, self._identity = servers, identity
         self._key = f"{site}.{component}"
         self._subject, self._stream = f"somrs-journal.{self._key}", f"somrs-journal-{site}-{component}"
+        self._resignation = f"somrs-resignation.{self._key}"
         self.last = 0
         self.on_lost: Callable[[], object] = lambda: None
         self._revision: int | None = None
@@ -110,7 +111,8 @@ class StreamLog:
             lambda copies: self._js.create_key_value(KeyValueConfig(bucket=LEASES, ttl=LEASE_TIME, replicas=copies))
         )
         self._objects: ObjectStore = await self._made(lambda copies: self._js.create_object_store(COPIES, replicas=copies))
-        await self._client.subscribe(self._subject, cb=self._on_entry)
+        await self._client.subscribe(self._subject, cb=self._on_news)
+        await self._client.subscribe(self._resignation, cb=self._on_news)
 
     async def _made(self, make: Callable[[int], Coroutine[Any, Any, T]]) -> T:
         """What `make` makes with as many copies as there are servers for."""
@@ -126,7 +128,7 @@ class StreamLog:
                     raise
         return await _patiently(lambda: make(1))
 
-    async def _on_entry(self, message: object) -> None:
+    async def _on_news(self, message: object) -> None:
         self._news.set()
 
     def close(self) -> None:
@@ -135,12 +137,15 @@ class StreamLog:
             asyncio.run_coroutine_threadsafe(self._close(), self._loop).result(2.0)
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
+        self._loop.close()
 
     async def _close(self) -> None:
-        if self._renewing is not None:
-            self._renewing.cancel()
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, AttributeError):  # there may be no connection yet
             await self._client.close()
+        unfinished = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in unfinished:
+            task.cancel()
+        await asyncio.gather(*unfinished, return_exceptions=True)
 
     # Entries
 
@@ -230,8 +235,8 @@ class StreamLog:
             return False
         return True
 
-    async def wait_for_entry(self, seconds: float) -> None:
-        """Return when an entry may have been written, or after `seconds`."""
+    async def wait_for_news(self, seconds: float) -> None:
+        """Return when an entry may have been written or the leader has resigned, or after `seconds`."""
 
         async def wait() -> None:
             with contextlib.suppress(TimeoutError):
@@ -342,6 +347,7 @@ class StreamLog:
 
                 with contextlib.suppress(APIError, errors.Error, OSError):  # it ends by itself
                     await self._leases.delete(self._key, last=self._revision)
+                    await self._client.publish(self._resignation)
 
         await self.call(give_up())
 
