@@ -5,12 +5,14 @@ from __future__ import annotations
 import pytest
 
 from somrs.protocol.messages import waits
-from somrs.protocol.messages.directory import Retract, Retracted
+from somrs.protocol.messages.directory import Retract, Retracted, ServicesJoined
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.protocol.messages.submission import CancelTask
+from somrs.protocol.messages.previews import Preview, Previewed
+from somrs.protocol.messages.submission import CancelTask, Submit, Submitted
 from somrs.protocol.messages.task_views import Phase
+from somrs.runtime.virtual_network import LATENCY
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed, WorkDone
 from tests.support.virtual_system import Robot, VirtualSystem, drop_object, transfer_effect
@@ -170,6 +172,26 @@ def test_a_waiting_task_holds_up_no_other() -> None:
     other = system.submit("Jar002 isOn Cupboard002")
     system.finish(waiting, other)
     assert {system.view(task).outcome for task in (waiting, other)} == {Outcome.ACCOMPLISHED}
+
+
+@pytest.mark.parametrize("client_request", [Submit(effect=GOAL, waits=False), Preview(effect=GOAL)])
+def test_a_service_of_which_news_is_on_its_way_is_not_missing(client_request: Submit | Preview) -> None:
+    """The Registry lists the robot, and its news takes three seconds to the Task Manager."""
+
+    def medium(message: Message) -> tuple[float, ...]:
+        return (3.0 if isinstance(message.body, ServicesJoined) else LATENCY,)
+
+    system = VirtualSystem(medium=medium)
+    system.join(Robot("Robot1", price=10, duration=60))
+    assert system.world.run(60, lambda: "Robot1" in system.registry.state.providers)
+    answer = system.ask(client_request)
+    if isinstance(answer, Submitted):
+        (view,) = system.finish(answer.task)
+        assert view.outcome is Outcome.ACCOMPLISHED
+    else:
+        assert isinstance(answer, Previewed)
+        assert [step.service_type for step in answer.steps] == ["TransferObject"]
+    assert [len(problem.services) for problem in system.problems] == [0, 1]
 
 
 def test_a_service_that_left_after_the_plan_was_made_does_not_replace_another() -> None:

@@ -77,6 +77,10 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
     question: str | None = None
     subscription: str | None = None
     subscribed_at: int = -1
+    asked_at: float = 0.0
+    """When the latest subscription was sent."""
+    known_since: float = 0.0
+    """When the latest subscription was sent that was answered: the copy has, or misses and knows it, what the publisher had then."""
     answer_by: float | None = None
     gap_until: float | None = None
     renew_at: float = 0.0
@@ -94,6 +98,10 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
     def start(self, now: float) -> list[Effect]:
         """Subscribe. The reply starts the reading, or tells how much the copy lacks."""
         self.confirmed = False
+        return self.ask_version(now)
+
+    def ask_version(self, now: float) -> list[Effect]:
+        """Ask the publisher for its version."""
         return [self._subscribe(now), self._next_timer()]
 
     def follow(self, event: Input, now: float) -> Followed[EventT] | None:
@@ -146,7 +154,7 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
 
     def _subscribe(self, now: float) -> Send:
         self.renew_at = now + LEASE / 3
-        self.subscribed_at = self.version
+        self.subscribed_at, self.asked_at = self.version, now
         send = self._ask(self._subscription(), now)
         self.subscription = send.message.header.message_id
         return send
@@ -212,7 +220,7 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
         return [] if isinstance(body, (self.SUBSCRIBED, *self.PAGES)) else None  # the reply to an abandoned request
 
     def _subscribed(self, version: int, now: float) -> list[Effect]:
-        self.subscription, self.confirmed = None, True
+        self.subscription, self.confirmed, self.known_since = None, True, self.asked_at
         if self.reading is None:
             self.answer_by = None
         if version < self.subscribed_at:  # the publisher was restored from a backup or is new: this is a copy of something else

@@ -117,10 +117,10 @@ class TaskManagerContext:
         """The copy of what the Registry lists; None: each task discovers services itself (`Discovery`)."""
         return self.discovery.directory
 
-    def discover(self, purpose: ForPlan | ForLook, now: float) -> Effects:
-        """Ask for the services on offer."""
+    def discover(self, purpose: ForPlan | ForLook, now: float, *, confirmed: bool = False) -> Effects:
+        """Ask for the services on offer; `confirmed`: as they are at the Registry now."""
         if self.directory is not None:
-            self.discovery.request(purpose, now)
+            yield from self.discovery.request(purpose, now, confirmed=confirmed)
         else:
             yield from self.requests.discover(purpose, now)
 

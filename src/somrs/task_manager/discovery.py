@@ -6,6 +6,8 @@ service type, providers, Registry and Repository agree again within a few second
 
 from __future__ import annotations
 
+import math
+
 from msgspec import Struct
 
 from somrs.kernel.component import Effect, Effects, Input, SetTimer
@@ -16,10 +18,14 @@ from somrs.task_manager.timers import DiscoveryDue
 
 
 class WaitingDiscovery(Struct, frozen=True, kw_only=True):
-    """A task or preview that wants to know the services on offer since `since`."""
+    """A task or preview that wants to know the services on offer since `since`.
+
+    `confirmed`: as they are at the Registry then. Otherwise, news may be on its way.
+    """
 
     purpose: ForPlan | ForLook
     since: float
+    confirmed: bool = False
 
 
 class Discovery(Struct, kw_only=True):
@@ -40,9 +46,11 @@ class Discovery(Struct, kw_only=True):
         """Handle an input; None if it does not concern the copy."""
         return self.directory.handle(event, now) if self.directory is not None else None
 
-    def request(self, purpose: ForPlan | ForLook, now: float) -> None:
-        """Ask for the services on offer."""
-        self.waiting.append(WaitingDiscovery(purpose=purpose, since=now))
+    def request(self, purpose: ForPlan | ForLook, now: float, *, confirmed: bool = False) -> Effects:
+        """Ask for the services on offer; `confirmed`: as they are at the Registry now."""
+        self.waiting.append(WaitingDiscovery(purpose=purpose, since=now, confirmed=confirmed))
+        if confirmed and self.directory is not None:
+            yield from self.directory.ask_version(now)
 
     def next_answer(self, ontology: Ontology, now: float) -> ServicesKnown | None:
         """Take the next request that can be answered, and return the answer."""
@@ -51,7 +59,8 @@ class Discovery(Struct, kw_only=True):
             return None
         is_settled = directory.settles_at(now) is None and not is_out_of_date(directory.offers, ontology)
         for number, request in enumerate(self.waiting):
-            if directory.is_current and (is_settled or now >= request.since + SETTLING_TIME):
+            is_known = directory.is_current and (directory.known_since >= request.since or not request.confirmed)
+            if is_known and (is_settled or now >= request.since + SETTLING_TIME):
                 del self.waiting[number]
                 return ServicesKnown(request.purpose, None)
             if now >= request.since + DISCOVERY_TIME:
@@ -65,8 +74,8 @@ class Discovery(Struct, kw_only=True):
         directory = self.directory
         fire_time: float | None = None
         if directory is not None and self.waiting:
-            fire_time = min(request.since for request in self.waiting) + (SETTLING_TIME if directory.is_current else DISCOVERY_TIME)
-            fire_time = min(fire_time, directory.settles_at(now) or fire_time)
+            times = [request.since + seconds for request in self.waiting for seconds in (SETTLING_TIME, DISCOVERY_TIME)]
+            fire_time = min(time for time in (*times, directory.settles_at(now) or math.inf) if time > now)
         if fire_time != self.timer_at:
             self.timer_at = fire_time
             yield SetTimer(DiscoveryDue(), fire_time)

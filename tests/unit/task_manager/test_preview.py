@@ -200,6 +200,8 @@ def test_when_the_registry_cannot_say_who_is_there_the_client_hears_that() -> No
     (due,) = [effect.at for effect in preview.effects if isinstance(effect, SetTimer) and effect.timer == DiscoveryDue()]
     assert due is not None
     reason = "the Service Registry does not answer"
+    (due,) = [effect.at for effect in harness.rings(DiscoveryDue(), due) if isinstance(effect, SetTimer)]
+    assert due is not None
     assert client_reply(harness.rings(DiscoveryDue(), due)) == Previewed(steps=(), explanation=reason, reasons=(reason,))
 
 

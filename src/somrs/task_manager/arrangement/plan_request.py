@@ -58,6 +58,11 @@ class PlanRequest(Struct, kw_only=True):
     bids: tuple[StepBid, ...] = ()
     """What services answered when they were asked for steps of earlier plans, if a condition was stated."""
     most_plans: int = 1
+    offers_version: int = -1
+    """That of the services on offer with which the planner was asked."""
+    rejected: NoPlan | None = None
+    """The planner found no plan, and the Registry is asked whether news of services is on its way."""
+    is_confirmed: bool = False
 
     @property
     def purpose(self) -> ForPlan:
@@ -91,9 +96,17 @@ class PlanRequester:
         """Handle the services on offer, or the reason why they are not known. Returns None if the planner is asked."""
         if isinstance(offers, str):
             return ServicesUnknown(offers)
+        rejected, self._request.rejected = self._request.rejected, None
+        if rejected is not None and self._request.offers_version == self._offers_version:
+            return rejected
         self._services.discovered(offers)
         self._request.avoided = self._context.reserved_elsewhere(self._request.owner)
         return (yield from self._ask())
+
+    @property
+    def _offers_version(self) -> int:
+        directory = self._context.directory
+        return directory.version if directory is not None else -1
 
     def _ask(self) -> EffectsReturning[PlanResult | None]:
         request, context = self._request, self._context
@@ -118,6 +131,7 @@ class PlanRequester:
         bids = tuple(bid for bid in request.bids if bid.service not in self._services.broken)
         task = replace(task, bids=bids if any(bid.condition is not None for bid in bids) else ())
         request.attempt += 1
+        request.offers_version = self._offers_version
         yield Ask(request.question, task)
         return None
 
@@ -127,6 +141,10 @@ class PlanRequester:
         if isinstance(value, NoPlan) and request.avoided and not request.ignores_reservations:
             request.ignores_reservations = True
             return (yield from self._ask())
+        if isinstance(value, NoPlan) and not request.is_confirmed and self._context.directory is not None:
+            request.rejected, request.is_confirmed = value, True
+            yield from self._context.discover(request.purpose, now, confirmed=True)
+            return None
         if isinstance(value, Plan):
             return (yield from self._plan_found(value, now))
         return value
@@ -168,5 +186,5 @@ class PlanRequester:
 
     def withdraw(self) -> Effects:
         """Withdraw the question to the planner: its plan is out of date, or not needed."""
-        if self._request.attempt and self._request.plan is None:
+        if self._request.attempt and self._request.plan is None and self._request.rejected is None:
             yield Withdraw(self._request.question)

@@ -107,7 +107,7 @@ class Observation:
         since_version = member.lost_version if member is not None and member.lost_version is not None else self._context.replica.version
         state.look_count += 1
         state.current_look = Look(object=unseen.object, work=unseen.work, since_version=since_version, serial=state.look_count)
-        yield from self._context.discover(ForLook(self._owner, state.look_count), now)
+        yield from self._context.discover(ForLook(self._owner, state.look_count), now, confirmed=True)
 
     def discovered(self, purpose: ForLook, offers: DiscoveredOffers, now: float) -> EffectsReturning[LookPlan | None]:
         """Handle the services on offer, or the reason why they are not known. Returns the plan of the observation, if there is one."""

@@ -15,7 +15,7 @@ from somrs.kernel.reservations import Reservation
 from somrs.kernel.service_replica import ServiceReplica
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import LostService, Problem
-from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.directory import Offer, SubscribeServices
 from somrs.protocol.messages.reservations import ReservationMode, Reserve
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.waits import Holder
@@ -80,6 +80,8 @@ class PlanRequestHarness:
         effect: str = GOAL,
     ) -> None:
         self.context, self.serial = context(lambda task: frozenset(held)), 0
+        self.registry_requests = 0
+        """How often the Registry was asked for its version."""
         self.repository = Reserving(Contents(ontology=laboratory(), map=MAP))
         self.reservation, self.requested_modes = TaskReservation(), list[ReservationMode]()
         reserving = ReservationRequester(self.reservation, "task1", GOAL, 0, self.context)
@@ -111,7 +113,7 @@ class PlanRequestHarness:
         return self._reserved(*run_effects(self.requester.answered(value, 1.0)))
 
     def _reserved(self, effects: list[Effect], result: object) -> tuple[list[Effect], object]:
-        """What comes of it when the Repository has answered."""
+        """What comes of it when the Repository and the Registry have answered."""
         for effect in effects:
             if isinstance(effect, Send) and isinstance(effect.message.body, Reserve):
                 self.requested_modes.append(effect.message.body.mode)
@@ -119,6 +121,9 @@ class PlanRequestHarness:
                 if effect.message.body.mode is not ReservationMode.ASK:
                     self.reservation.answered(answer)
                 return self._reserved(*run_effects(self.requester.reserved(answer, 1.0)))
+            if isinstance(effect, Send) and isinstance(effect.message.body, SubscribeServices):
+                self.registry_requests += 1
+                return self._reserved(*run_effects(self.requester.discovered(None)))
         return effects, result
 
 
@@ -191,6 +196,23 @@ def test_without_others_in_the_way_it_is_not_asked_once_more(value: Answer) -> N
     harness = PlanRequestHarness()
     harness.discovered(offer("Robot1"))
     assert harness.answered(value) == ([], value)
+
+
+def test_without_a_plan_the_registry_is_asked_whether_news_of_services_is_on_its_way() -> None:
+    harness = PlanRequestHarness()
+    harness.discovered(offer("Robot1"))
+    assert harness.answered(NO_PLAN) == ([], NO_PLAN)
+    assert (harness.registry_requests, harness.request.attempt) == (1, 1), "there is none"
+    harness = PlanRequestHarness()
+    harness.discovered(offer("Robot1"))
+    assert harness.context.directory is not None
+    harness.context.directory.version += 1
+    harness.context.directory.offers = Offers([offer("Robot1"), offer("Robot2")])
+    effects, result = harness.answered(NO_PLAN)
+    problem = harness.asked_problem(effects)
+    assert (result, problem.services[0].providers, harness.request.attempt) == (None, ("Robot1", "Robot2"), 2)
+    assert harness.answered(NO_PLAN) == ([], NO_PLAN)
+    assert harness.registry_requests == 1
 
 
 def test_whether_there_would_be_a_plan_without_others_is_found_out() -> None:

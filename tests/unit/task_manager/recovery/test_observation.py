@@ -10,13 +10,14 @@ from msgspec import structs
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.kernel.component import Send
+from somrs.kernel.following import LEASE
 from somrs.kernel.offers import Offers
 from somrs.ontology.objects import Change, Fact, FactRemoved, ValueSet
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import UNKNOWN
 from somrs.planner.model.plan import Plan, Step
 from somrs.protocol.messages import events
-from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.directory import Offer, SubscribeServices
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
@@ -130,12 +131,16 @@ def test_it_is_found_out_who_can_look_at_what_is_next(lost_at: int | None, since
     harness = ObservationHarness()
     harness.member.lost_version = lost_at
     harness.look_queue.unseen += [Unseen("Jar001", 1), Unseen("Jar002", 1)]
-    assert [*harness.observation.begin(5.0)] == []
+    effects = [*harness.observation.begin(5.0)]
     assert harness.look_queue.current_look is not None
     look = harness.look_queue.current_look
     assert (look.object, look.work, look.since_version, look.serial, look.plans) == ("Jar001", 1, since_version, 1, [])
     assert harness.look_queue.unseen == [Unseen("Jar002", 1)]
-    assert harness.context.discovery.next_answer(laboratory(), 5.0) == ServicesKnown(ForLook("task1", 1), None)
+    assert [effect.message.body for effect in effects if isinstance(effect, Send)] == [SubscribeServices(lease=LEASE)]
+    assert harness.context.directory is not None
+    for known_since, answer in ((4.0, None), (5.0, ServicesKnown(ForLook("task1", 1), None))):
+        harness.context.directory.known_since = known_since
+        assert harness.context.discovery.next_answer(laboratory(), 5.0) == answer
 
 
 def test_of_one_who_is_not_known_any_more_nothing_is_known_since_now() -> None:

@@ -18,7 +18,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages import events, frp, submission, task_views
 from somrs.protocol.messages.bodies import Body, FrpBody
-from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.directory import Offer, ServicesSubscribed, SubscribeServices
 from somrs.protocol.messages.envelope import Header, Message, reply
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
@@ -59,6 +59,8 @@ class TaskManagerHarness:
             Offer(service=f"{name}.TransferObject", provider=name, provider_type="PioneerP3DX", address=name, service_type=transfer)
             for name in robots or ("Robot1",)
         )
+        self.answers_version = True
+        """Whether the Registry answers which version it has."""
         self.rejects = rejects
         self.held = held
         """Whether the planner's answers wait until the test gives them."""
@@ -101,6 +103,10 @@ class TaskManagerHarness:
                     effects.remove(effect)
                 case Ask(question, Problem() as problem) if not self.held:
                     effects += self.feed(Answered(question, self.plan_results.pop(0) if self.plan_results else plan(problem)), now)
+                case Send(Message(body=SubscribeServices()) as message) if self.answers_version:
+                    effects.remove(effect)
+                    body = ServicesSubscribed(until=now + 60.0, version=self.directory.version)
+                    effects += self.feed(Received(reply(message, body, "registry")), now)
                 case Send(Message(body=UpdateMap() as update) as message):
                     effects += self.feed(Received(reply(message, self._update(update), "repository")), now)
         return effects + self.admit(now)
@@ -388,7 +394,7 @@ def test_one_that_falls_silent_is_lost_and_nothing_is_known_of_what_it_left() ->
 def test_a_participant_that_was_given_up_and_returns_reports_once() -> None:
     harness = TaskManagerHarness("Robot1", "Robot2")
     harness.executing()
-    harness.directory.confirmed = False
+    harness.answers_version = False
     for now in (41.0, 81.0):
         harness.rings(SilenceDue(harness.task.id, harness.member().id), now)
     assert harness.member().state is State.UNREACHABLE

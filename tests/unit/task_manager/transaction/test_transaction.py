@@ -162,12 +162,12 @@ def test_a_look_that_was_called_off_is_begun_anew_before_anything_is_undone() ->
 def test_a_look_for_which_nobody_was_found_yet_is_begun_anew_too() -> None:
     harness = TaskManagerHarness("Robot1", "Robot2")
     harness.executing()
-    harness.directory.confirmed = False
+    harness.answers_version = False
     assert harness.service_says(frp.Failed(description="stuck"), 5.0)
     assert harness.task.phase is Phase.RECOVERING
     event_count = len(harness.task.events)
-    assert bodies(harness.client_says(submission.CancelTask(task=harness.task.id), 6.0)) == ["Cancelling"]
-    harness.directory.confirmed = True
+    assert bodies(harness.client_says(submission.CancelTask(task=harness.task.id), 6.0)) == ["SubscribeServices", "Cancelling"]
+    harness.directory.known_since = 7.0
     assert bodies(harness.rings(DiscoveryDue(), 7.0)) == ["UpdateMap", "Compensate"]
     assert kinds(harness, event_count)[:2] == ["Stopping", "NobodyLooks"]
     assert (harness.task.look_queue.look_count, harness.task.look_queue.current_look, harness.task.look_queue.unseen) == (2, None, [])
@@ -283,7 +283,7 @@ def test_when_the_time_to_answer_is_over_the_best_of_what_came_is_taken() -> Non
 def test_a_task_manager_that_was_away_asks_anew() -> None:
     harness = TaskManagerHarness("Robot1", "Robot2")
     harness.offer(1.0, SECOND_SERVICE)
-    event_count = len(harness.task.events)
+    event_count, harness.answers_version = len(harness.task.events), False
     effects = harness.feed(Started("tm"), 5.0)
     assert bodies(effects) == ["SubscribeServices", "SubscribeMap", "Cancel", "Cancel", "Arrange", "Arrange"]
     reasons = {effect.message.body.reason for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, frp.Cancel)}
