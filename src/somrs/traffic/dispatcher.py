@@ -40,6 +40,8 @@ HELD_UP = 2.0
 """The time after which a robot that comes no nearer to its goal looks for ways round those that stand, in seconds."""
 STALL = 15.0
 """The time after which ways are searched for, because a robot comes no nearer to its goal, in seconds."""
+LONGEST_TURN = 60.0
+"""The time after which ways are searched for, although others come through the corridor for which the robot waits, in seconds."""
 RENEWAL = 2.0
 """The time after which a plan is renewed that has come to its end for some robots, and not for all, in seconds."""
 EFFORT = 1_000
@@ -206,9 +208,10 @@ class Dispatcher:
         drop_berths()
         state.serial += 1
         state.is_planning, state.changed, state.planned_at = True, False, now
-        robots = tuple(self._planned_robot(name, record, now) for name, record in state.robots.items())
-        searches = now > state.searched_at + STALL and any(self._is_stalled(name, record, now) for name, record in state.robots.items())
-        if searches:
+        may_search = now > state.searched_at + STALL
+        robots = tuple(self._planned_robot(name, record, now, may_search=may_search) for name, record in state.robots.items())
+        searches = may_search and any(self._is_stalled(name, record, now, LONGEST_TURN) for name, record in state.robots.items())
+        if any(robot.stalled for robot in robots):
             state.searched_at = now
         effort = min(EFFORT * 2**state.failures, MOST_EFFORT) * CROWD // max(CROWD, len(robots))
         problem = PlanTraffic(
@@ -235,7 +238,7 @@ class Dispatcher:
         """While traffic is held, the robots that still have to leave a zone."""
         return {name for name in self.state.robots if self._goal(name) is not None} if self.state.hold else set()
 
-    def _planned_robot(self, name: str, record: RobotRecord, now: float) -> PlannedRobot:
+    def _planned_robot(self, name: str, record: RobotRecord, now: float, *, may_search: bool) -> PlannedRobot:
         trip = record.trip if not self.state.hold else None
         return PlannedRobot(
             name=name,
@@ -246,12 +249,13 @@ class Dispatcher:
             movable=not record.silent and record.mobility is Mobility.FREE,
             busy=not record.silent and record.mobility is Mobility.BUSY,
             held_up=trip is not None and now > trip.progressed_at + HELD_UP,
+            stalled=may_search and self._is_stalled(name, record, now, STALL),
         )
 
-    def _is_stalled(self, name: str, record: RobotRecord, now: float) -> bool:
-        """Whether a robot has come no nearer to its goal for a while, though nobody works there."""
+    def _is_stalled(self, name: str, record: RobotRecord, now: float, limit: float) -> bool:
+        """Whether a robot has come no nearer to its goal for so long, though nobody works there."""
         trip = record.trip if not self.state.hold else None
-        return trip is not None and not record.silent and now > trip.progressed_at + STALL and self.occupant(name, trip) is None
+        return trip is not None and not record.silent and now > trip.progressed_at + limit and self.occupant(name, trip) is None
 
     def occupant(self, name: str, trip: Trip) -> str | None:
         """The robot that works where the trip of this one leads; None if there is none."""

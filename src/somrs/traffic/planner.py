@@ -41,6 +41,7 @@ class TrafficPlanner:
                 movable=robot.movable,
                 busy=robot.busy,
                 held_up=robot.held_up,
+                stalled=robot.stalled,
             )
             for robot in problem.robots
         ]

@@ -110,6 +110,7 @@ class PlannedRobot(Struct, frozen=True, array_like=True):
     movable: bool
     busy: bool
     held_up: bool = False
+    stalled: bool = False
 
 
 class OutOfOrder(Struct, frozen=True, array_like=True):

@@ -1,11 +1,17 @@
-"""Corridors of a graph: chains of places at which robots cannot pass each other, with the places at their mouths."""
+"""Corridors of a graph: chains of places at which robots cannot pass each other, with the bays beside them and the places at their mouths.
+
+In a bay, one robot at a time can let others pass. If robots counted on that, they would drive in from both sides, and back out again: a
+corridor with bays is one corridor.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 SHORTEST = 3
 """Chains with fewer places are no corridors: who meets another one there is soon out again."""
+DEEPEST = 2
+"""The number of places up to which a dead end is a bay."""
 NOWHERE = -1
 _SHORT = -2
 """In a chain that is too short."""
@@ -17,7 +23,8 @@ def find_corridors(successors: Sequence[Sequence[int]], exclusions: Sequence[Seq
     `successors`: the places to which lanes lead from each place; `exclusions`: those at which no robot may be while one is at this place.
     """
     size = len(successors)
-    narrow = [_is_narrow(place, successors, exclusions) for place in range(size)]
+    bays = _find_bays(successors)
+    narrow = [place in bays or _is_narrow(place, successors, exclusions, bays) for place in range(size)]
     numbers = [NOWHERE] * size
     count = 0
     for start in range(size):
@@ -41,10 +48,20 @@ def find_corridors(successors: Sequence[Sequence[int]], exclusions: Sequence[Seq
     return [max(corridor, NOWHERE) for corridor in corridors]
 
 
-def _is_narrow(place: int, successors: Sequence[Sequence[int]], exclusions: Sequence[Sequence[int]]) -> bool:
-    """Whether at most two robots have room around a robot at this place: before and behind it."""
+def _find_bays(successors: Sequence[Sequence[int]]) -> set[int]:
+    """The places of dead ends that are no deeper than a bay."""
+    bays: set[int] = set()
+    for _ in range(DEEPEST):
+        bays |= {place for place, ends in enumerate(successors) if sum(end not in bays for end in ends) == 1}
+    return bays
+
+
+def _is_narrow(place: int, successors: Sequence[Sequence[int]], exclusions: Sequence[Sequence[int]], bays: Collection[int]) -> bool:
+    """Whether at most two robots have room around a robot at this place, besides one in a bay: before and behind it."""
     neighbours: list[int] = []
     for neighbour in successors[place]:
+        if neighbour in bays:
+            continue
         excluded = exclusions[neighbour]
         if place not in excluded and not any(chosen in excluded for chosen in neighbours):
             neighbours.append(neighbour)

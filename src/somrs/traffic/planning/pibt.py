@@ -140,9 +140,17 @@ class _Step:
         candidates = [*self._graph.options(here, robot), here]
         if self._shuffle is not None:
             self._shuffle(candidates)
-        now, restless = self._now, self._restless
+        now, restless, corridors = self._now, self._restless, self._corridors
         meets = {place: self._meets_somebody(robot, place) for place in candidates}
-        candidates.sort(key=lambda place: (meets[place], estimate[place], place != here and not restless, now[place] != NOBODY))
+        candidates.sort(
+            key=lambda place: (
+                meets[place],
+                estimate[place],
+                place != here and not restless,
+                corridors[place] != NOWHERE,
+                now[place] != NOBODY,
+            )
+        )
         partner = self._partner(robot, candidates[0]) if candidates[0] != here else NOBODY
         if partner != NOBODY:
             candidates.reverse()
@@ -168,8 +176,10 @@ class _Step:
         estimate = self._estimates[robot]
         for oncoming in range(len(self._places)):
             for taken in (self._places[oncoming], self._decided[oncoming]):
-                is_within = oncoming != robot and taken != UNDECIDED and self._corridors[taken] == corridor
-                if is_within and estimate[self._exit(oncoming, taken)] >= estimate[place]:
+                if oncoming == robot or taken == UNDECIDED or self._corridors[taken] != corridor:
+                    continue
+                exit = self._exit(oncoming, taken)
+                if exit != taken and estimate[exit] >= estimate[place]:  # one that is to stay there gives way
                     return True
         return False
 

@@ -15,6 +15,7 @@ from somrs.traffic.planning.exhaustive import search_all
 from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.planning.lacam import SearchLimit, find_ways
 from somrs.traffic.planning.pibt import Configuration, Estimate, Goals, StepPlanner
+from somrs.traffic.planning.turns import FAR_AHEAD, waits_its_turn
 
 EFFORT = 2_000
 """The most steps of PIBT that a search for ways takes, unless said otherwise."""
@@ -24,8 +25,6 @@ ASIDE = 200
 """The most places among which a robot looks for one at which it is in nobody's way."""
 LONGEST_DETOUR = 10.0
 """The time for which a robot that is held up rather drives round others that stand than asks them to make room, in seconds."""
-FAR_AHEAD = 10
-"""The number of places ahead of a robot that is held up at which it looks for others that stand."""
 AHEAD = 3
 """The number of places ahead of a robot that is held up from which others make room."""
 DETOUR = 200
@@ -36,7 +35,8 @@ DETOUR = 200
 class Traveller:
     """A robot: where it is, where it wants to (None: nowhere), the number of steps for which it has had this goal, and the least distance
     to it at which it has been. Of two robots, the one that has waited longer comes first. A robot that is not `movable` stays; if it is
-    `busy`, it will be movable later. One that is `held_up` has come no nearer for a while: those that stand may be in its way."""
+    `busy`, it will be movable later. One that is `held_up` has come no nearer for a while: those that stand may be in its way. One that is
+    `stalled` has come no nearer for long, so that ways are searched for, unless it waits for its turn in a corridor."""
 
     place: int
     goal: int | None = None
@@ -45,6 +45,7 @@ class Traveller:
     movable: bool = True
     busy: bool = False
     held_up: bool = False
+    stalled: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,14 +72,15 @@ class WindowPlanner:
     def plan(self, robots: Sequence[Traveller], steps: int, effort: int = EFFORT, *, searches: bool = False) -> Course:
         """The next steps of the robots; none if they bring nobody nearer.
 
-        `effort`: the most steps of each search for ways; 0 for none. `searches`: search at once, because going step by step has brought
-        nobody nearer.
+        `effort`: the most steps of each search for ways; 0 for none. `searches`: search at once, because going step by step has not brought
+        a robot nearer for longer than its turn may take to come.
         """
         estimates = self._estimates_of_goals(robots)
         asides = self._asides(robots, estimates)
         course = self._step_by_step(robots, steps, estimates, asides)
         is_useful = self._brings_nearer(course, robots) or self._clears_ways(course, robots, estimates, asides)
-        if is_useful and not searches:
+        is_stalled = any(robots[number].stalled and not waits_its_turn(self.graph, number, robots, estimates) for number in estimates)
+        if is_useful and not searches and not is_stalled:
             return Course(steps=course)
         if effort == 0:
             return Course(steps=course[:1])
@@ -173,11 +175,15 @@ class WindowPlanner:
         staying = _staying(robots)
         waiting, course = [robot.waiting for robot in robots], [tuple(robot.place for robot in robots)]
         for _ in range(steps):
-            # Who makes room goes before those that may stand in its way out, and who is in a corridor gets out first.
+            # Who makes room goes before those that may stand in its way out; who is in a corridor, and does not stay, gets out first.
             now = course[-1]
             order = sorted(
                 range(len(robots)),
-                key=lambda robot: (robot not in asides, not self._planner.is_in_corridor(now[robot]), -waiting[robot]),
+                key=lambda robot: (
+                    robot not in asides,
+                    now[robot] == targets[robot] or not self._planner.is_in_corridor(now[robot]),
+                    -waiting[robot],
+                ),
             )
             following = self._planner.step(now, estimates, order, staying)
             assert following is not None, "all robots can wait"

@@ -24,6 +24,14 @@ def test_a_corridor_is_a_chain_with_its_mouths() -> None:
     assert {graph.corridors[at[name]] for name in "HEFNBQ"} == {NOWHERE}
 
 
+def test_a_bay_is_a_part_of_its_corridor_and_does_not_cut_it_in_two() -> None:
+    for bays in (("ABC##x##DEF",), ("ABC##y##DEF", "R####x####S")):
+        graph, at = grid(*bays[::-1], "GHIJKLMNOPQ", "TUV#####WXY")
+        corridor = {graph.corridors[at[name]] for name in ("IJKLMNOx" if len(bays) == 1 else "JKLMNxy")}
+        assert len(corridor) == 1
+        assert corridor != {NOWHERE}
+
+
 def test_places_side_by_side_and_short_narrow_ways_are_no_corridor() -> None:
     wide, _ = grid("......", "......", "......")
     assert set(wide.corridors) == {NOWHERE} or all(wide.corridors[place] == NOWHERE for place in (7, 8, 9, 10))
