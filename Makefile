@@ -99,7 +99,7 @@ benchmarks: setup
 
 # Kills real processes at every type of message of the protocol; SEED=17 plays one run once more.
 kill-runs: setup
-	@$(BIN)/python -m verification.kill_runs $(if $(N),--runs $(N)) $(if $(SEED_BASE),--first $(SEED_BASE)) $(if $(SEED),--seed $(SEED))
+	@$(BIN)/python -m verification.kill_runs $(if $(BUS),--bus) $(if $(N),--runs $(N)) $(if $(SEED_BASE),--first $(SEED_BASE)) $(if $(SEED),--seed $(SEED))
 
 # A system of the last release is killed amid tasks and started again with today's code; SEED=17 plays one run once more.
 upgrade-runs: setup

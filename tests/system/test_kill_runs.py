@@ -41,7 +41,9 @@ def test_a_killed_task_manager_and_a_killed_repository_find_their_places(tmp_pat
 
 def test_every_message_is_brought_about_with_every_victim() -> None:
     cases = [draw_case(seed) for seed in range(len(CELLS))]
-    assert {(case.message, case.victim) for case in cases} == {(message, victim) for message in MESSAGES for victim in Victim}
+    assert {(case.message, case.victim) for case in cases} == {
+        (message, victim) for message in MESSAGES for victim in Victim if victim is not Victim.HOST
+    }
     assert len(MESSAGES) == 18
     for case in cases:
         assert 1 <= case.nth <= case.scenario.count(case.message, len(case.placements)), case

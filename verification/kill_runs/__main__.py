@@ -33,7 +33,8 @@ STARTS = 3
 class Series:
     """Runs for many seeds, in several systems at the same time. A system is used again as long as its runs do not fail."""
 
-    def __init__(self, seeds: list[int], out_folder: Path, bar: Progress) -> None:
+    def __init__(self, seeds: list[int], out_folder: Path, bar: Progress, *, is_on_bus: bool = False) -> None:
+        self._is_on_bus = is_on_bus
         self.results: list[Result] = []
         self._seeds, self._out_folder, self._bar = deque(seeds), out_folder, bar
         self._progress_task = bar.add_task("kill runs", total=len(seeds))
@@ -50,7 +51,7 @@ class Series:
             self._systems += 1
             data = self._out_folder / f"system-{self._systems}"
             try:
-                async with RunningSystem(data) as running_system:
+                async with RunningSystem(data, is_on_bus=self._is_on_bus) as running_system:
                     troubles = 0
                     while self._seeds and await self._seed(running_system, self._seeds.popleft()):
                         pass
@@ -65,7 +66,7 @@ class Series:
     async def _seed(self, running_system: RunningSystem, seed: int) -> bool:
         """Play the run of a seed, and repeat it if the kill comes too late. Return whether the system can be used again."""
         for attempt in range(MAX_ATTEMPTS):
-            run = Run(running_system, draw_case(seed, attempt))
+            run = Run(running_system, draw_case(seed, attempt, is_on_bus=self._is_on_bus))
             result = await run.play()
             if result.missed and attempt == MAX_ATTEMPTS - 1:
                 result.problems.append(f"the kill came too late {MAX_ATTEMPTS} times: {result.missed}")
@@ -108,6 +109,7 @@ def main() -> int:
     arguments.add_argument("--seed", type=int, help="play only the run of this seed")
     arguments.add_argument("--systems", type=int, default=2, help="number of systems that run at the same time")
     arguments.add_argument("--out", type=Path, default=Path("out/kill-runs"))
+    arguments.add_argument("--bus", action="store_true", help="kill whole hosts of a system on a bus of three servers, for good")
     options = arguments.parse_args()
     seeds = [options.seed] if options.seed is not None else [*range(options.first, options.first + options.runs)]
     shutil.rmtree(options.out, ignore_errors=True)
@@ -115,7 +117,7 @@ def main() -> int:
     console = Console(width=None if sys.stdout.isatty() else 200)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as bar:
-        series = Series(seeds, options.out, bar)
+        series = Series(seeds, options.out, bar, is_on_bus=options.bus)
         results = asyncio.run(series.play(min(options.systems, len(seeds))))
     summary(results, console)
     passed = len({result.seed for result in results if result.recovered})

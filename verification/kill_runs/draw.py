@@ -33,10 +33,15 @@ class Victim(StrEnum):
     REPOSITORY = "repository"
     LINK = "link"
     """The connection between a device's Service Manager and the simulator: cut, and refused until it is repaired."""
+    HOST = "host"
+    """On a bus, the host that leads the Task Manager: its components and its server of the bus are killed for good, and standbys take
+    over."""
 
 
-CELLS = tuple((message, victim) for message in MESSAGES for victim in Victim)
+CELLS = tuple((message, victim) for message in MESSAGES for victim in Victim if victim is not Victim.HOST)
 """Every pair of message and victim. A seed determines a pair, and consecutive seeds cover all of them."""
+CELLS_ON_BUS = tuple((message, Victim.HOST) for message in MESSAGES)
+"""The same for a system on a bus."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,10 +71,11 @@ class Case:
         return f"{self.scenario.name} ({self.goal}): the {self.victim} is struck at {moment}, for {self.pause:.1f} s"
 
 
-def draw_case(seed: int, attempt: int = 0) -> Case:
+def draw_case(seed: int, attempt: int = 0, *, is_on_bus: bool = False) -> Case:
     """Return the run of a seed. A later attempt is another draw for the same message and victim."""
+    cells = CELLS_ON_BUS if is_on_bus else CELLS
     chance = random.Random(f"{seed}/{attempt}")
-    message, victim = CELLS[seed % len(CELLS)]
+    message, victim = cells[seed % len(cells)]
     scenario = chance.choice(scenarios_of(message))
     things = chance.sample(THINGS, chance.randint(1, scenario.most_things))
     placements = tuple((thing, chance.choice([place for place in PLACES if place != HOMES[thing]])) for thing in things)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from statistics import median
 
@@ -16,6 +17,10 @@ def summary(results: Sequence[Result], console: Console) -> None:
     """Print the results of all runs by message and by victim."""
     console.print(_by_message(results))
     console.print(_by_victim(results))
+    if take_overs := sorted(result.to_take_over for result in results if result.to_take_over is not None and not result.missed):
+        late = take_overs[min(len(take_overs) - 1, math.ceil(len(take_overs) * 0.99) - 1)]
+        figures = f"median {median(take_overs):.2f} s, 99 % within {late:.2f} s, most {take_overs[-1]:.2f} s"
+        console.print(f"from the kill of a host until its standbys lead: {figures}", highlight=False)
     for missed in (result for result in results if result.missed):
         console.print(
             f"[yellow]missed[/] seed {missed.seed}, attempt {missed.attempt + 1}: {missed.case}: {missed.missed}", highlight=False
@@ -34,17 +39,18 @@ def result_line(result: Result) -> str:
 
 def _by_message(results: Sequence[Result]) -> Table:
     table = Table(title="Recovered runs, by message and victim")
-    for heading in ("message", *Victim, "missed"):
+    victims = [victim for victim in Victim if any(result.victim == victim for result in results)]
+    for heading in ("message", *victims, "missed"):
         table.add_column(heading, justify="left" if heading == "message" else "right")
     for heading in ("to the next message, s: p50", "max", "to the outcome, s: p50", "max", "acknowledged", "lost"):
         table.add_column(heading, justify="right")
     for message in MESSAGES:
         matching = [result for result in results if result.message == message]
         if matching:
-            cells = [_share(result for result in matching if result.victim == victim) for victim in Victim]
+            cells = [_share(result for result in matching if result.victim == victim) for victim in victims]
             table.add_row(message, *cells, *_figures(matching))
     table.add_section()
-    table.add_row("all", *[_share(result for result in results if result.victim == victim) for victim in Victim], *_figures(results))
+    table.add_row("all", *[_share(result for result in results if result.victim == victim) for victim in victims], *_figures(results))
     return table
 
 
@@ -56,6 +62,8 @@ def _by_victim(results: Sequence[Result]) -> Table:
         table.add_column(heading, justify="right")
     for victim in Victim:
         matching = [result for result in results if result.victim == victim]
+        if not matching:
+            continue
         struck = [result for result in matching if not result.missed]
         ends = [str(sum(result.outcome == end for result in struck)) for end in ("accomplished", "cancelled", "failed")]
         unknown = str(sum(bool(result.unknown) for result in struck))

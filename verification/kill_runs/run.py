@@ -56,6 +56,8 @@ class Result(msgspec.Struct, kw_only=True):
     to_progress: float | None = None
     """Seconds from the restart of the victim to the next message of the protocol; 0 if nothing waited for the victim."""
     to_outcome: float | None = None
+    to_take_over: float | None = None
+    """Seconds from the kill of a host until its standbys lead."""
     acknowledged: int = 0
     lost: list[str] = []
     duration: float = 0.0
@@ -133,7 +135,7 @@ class Run:
             )
         bystanders = Bystanders(running_system.client, f"{case.seed}.{case.attempt}")
         async with contextlib.AsyncExitStack() as opened:
-            tail = Tail(running_system.data / "messages.jsonl")
+            tail = Tail(running_system.message_files)
             opened.callback(tail.close)
             await opened.enter_async_context(bystanders.at_work())
             client = await opened.enter_async_context(Client(running_system.system.addresses))
@@ -206,7 +208,8 @@ class Run:
             await asyncio.sleep(case.delay)
         state.struck_at = time.time()
         await self._running_system.strike(case.victim, state.device)
-        await asyncio.sleep(case.pause)
+        if case.victim is not Victim.HOST:
+            await asyncio.sleep(case.pause)
         await self._running_system.revive(case.victim, state.device)
         state.ready_at = time.time()
 
@@ -270,6 +273,8 @@ class Run:
         if state.struck_at is None or state.ready_at is None or view.ended_at is None:
             return
         result.to_outcome = max(0.0, view.ended_at - state.ready_at)
+        if self._case.victim is Victim.HOST:
+            result.to_take_over = state.ready_at - state.struck_at
         next_times = [line.at for line in self.lines if line.at > state.ready_at]
         result.to_progress = max(0.0, next_times[0] - state.ready_at) if next_times and result.to_outcome else 0.0
 

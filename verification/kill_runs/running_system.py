@@ -28,6 +28,7 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.runtime.wire import Wire
+from verification.kill_runs.bus import BusOfHosts
 from verification.kill_runs.draw import HOMES, Victim
 from verification.kill_runs.scenarios import DEVICES, PATROL, ROBOTS, THINGS
 
@@ -44,11 +45,15 @@ class Trouble(Exception):
 class RunningSystem:
     """One system in a folder. An asynchronous context manager."""
 
-    def __init__(self, data: Path, launcher: Launcher | None = None) -> None:
+    system: System
+
+    def __init__(self, data: Path, launcher: Launcher | None = None, *, is_on_bus: bool = False) -> None:
         self.data = data
+        self._hosts: BusOfHosts | None = None
+        self._is_on_bus, self._launcher = is_on_bus, launcher
         with resources.as_file(resources.files("somrs.demo") / "data" / "scenario-2.yaml") as site:
+            self._site = site
             loaded = load([site])
-            self.system = System([site], data, speed="max", launcher=launcher, devices_per_process=1)
         assert loaded.map is not None, "the site has a map"
         self.ontology: Ontology = loaded.ontology
         self._homes: Map = loaded.map
@@ -58,7 +63,14 @@ class RunningSystem:
     async def __aenter__(self) -> RunningSystem:
         discard(self.data)
         try:
+            if self._is_on_bus:
+                self._hosts = await self._open.enter_async_context(BusOfHosts(self.data / "hosts"))
+            bus, name = (self._hosts.servers, "yard") if self._hosts is not None else (None, None)
+            folder = self.data / "rest" if self._is_on_bus else self.data
+            self.system = System([self._site], folder, speed="max", launcher=self._launcher, devices_per_process=1, bus=bus, name=name)
             await self._open.enter_async_context(self.system)
+            if self._hosts is not None:
+                await self._hosts.replace_components_of(self.system, self._site)
             self.client = await self._open.enter_async_context(Client(self.system.addresses))
             host, _, port = (self.system.addresses.simulator or "").rpartition(":")
             self.operator = await self._open.enter_async_context(OperatorLink(host, int(port)))
@@ -73,6 +85,11 @@ class RunningSystem:
             self.signal(name, signal.SIGCONT)
         await self._open.aclose()
 
+    @property
+    def message_files(self) -> list[Path]:
+        """The files with the messages of the Task Manager, one for each process that may be it."""
+        return self._hosts.message_files if self._hosts is not None else [self.data / "messages.jsonl"]
+
     # Faults
 
     def signal(self, program: str, signal_number: signal.Signals) -> None:
@@ -86,6 +103,9 @@ class RunningSystem:
                 await self.operator.fault(device, Fault.LINK)
             case Victim.DEVICE:
                 self.signal(device, signal.SIGKILL)
+            case Victim.HOST:
+                assert self._hosts is not None, "hosts are victims on a bus only"
+                await self._hosts.kill_leader()
             case _:
                 self.signal(victim, signal.SIGKILL)
 
@@ -93,6 +113,9 @@ class RunningSystem:
         """Start the victim again, and return when it is ready."""
         if victim is Victim.LINK:
             await self.operator.repair(device, Fault.LINK)
+        elif victim is Victim.HOST:
+            assert self._hosts is not None, "hosts are victims on a bus only"
+            await self._hosts.taken_over()
         else:
             await self.system.restart(device if victim is Victim.DEVICE else victim)
 
@@ -126,6 +149,8 @@ class RunningSystem:
     async def set_right(self) -> None:
         """Repair everything, put every thing to its initial place, and wait until all devices are registered and free."""
         await self.mend()
+        if self._hosts is not None:
+            await self._hosts.bring_back(self._site)
         for thing in THINGS:
             home = self._homes.objects[thing].values
             await self.operator.move(thing, *(float(home[f"Position{axis}"]) for axis in "XYZ"))

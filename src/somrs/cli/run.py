@@ -37,12 +37,18 @@ def repository(
 
 
 @run_app.command()
-def bus(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 4222) -> None:
-    """A server of the bus: NATS with JetStream."""
+def bus(
+    data: Data = DEFAULT_FOLDER,
+    host: HostOption = LOOPBACK,
+    port: PortOption = 4222,
+    cluster_port: Annotated[int, typer.Option(help="The port for the other servers of the bus, if there are several.")] = 6222,
+    route: Annotated[list[str], typer.Option(help="HOST:PORT of each server of the bus for the others, its own too.")] = [],  # noqa: B006  # as above
+) -> None:
+    """A server of the bus: NATS with JetStream. Several that know each other store everything together."""
     from somrs.deployment.bus import run_bus
     from somrs.deployment.programs import run_program
 
-    guarded(lambda: run_program(run_bus(data, host, port)))
+    guarded(lambda: run_program(run_bus(data, host, port, cluster_port, route)))
 
 
 @run_app.command()

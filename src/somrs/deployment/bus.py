@@ -9,6 +9,7 @@ import shutil
 import signal
 import sys
 import sysconfig
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,22 +28,24 @@ if TYPE_CHECKING:
 SITES = "somrs-sites"
 """The bucket of the bus's key-value store with the addresses of each site, by its name."""
 
-LOG = "server.log"
+LOG, CLUSTER = "server.log", "somrs"
 
 _DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 _STORE_TIME = 60.0
 """Seconds for which the store of the bus is asked again: after its start, its servers first elect one that leads."""
 
 
-async def run_bus(data: Path, host: str, port: int) -> None:
+async def run_bus(data: Path, host: str, port: int, cluster_port: int = 0, routes: Sequence[str] = ()) -> None:
     """Run a NATS server with JetStream until this process is asked to stop. What it stores is in the folder `bus` of the data folder.
+
+    With `routes`, the HOST:PORT at which all servers of the bus listen for each other, it is one of several, and listens at `cluster_port`.
 
     Raises UsageError when there is no NATS server on this machine, or when it ends at once.
     """
     folder = data / "bus"
     folder.mkdir(parents=True, exist_ok=True)
     settings = folder / "server.conf"
-    settings.write_text(json.dumps(_settings(folder, host, port), indent=2))
+    settings.write_text(json.dumps(_settings(folder, host, port) | _cluster(host, cluster_port, routes), indent=2))
     process = await asyncio.create_subprocess_exec(_server(), "--config", str(settings), preexec_fn=_end_with_parent)
     bus = Bus(BusAddress(servers=f"nats://{host}:{port}", site="start", gateway="http://127.0.0.1"))
     starting, ending = asyncio.create_task(bus.start()), asyncio.create_task(process.wait())
@@ -63,6 +66,14 @@ async def run_bus(data: Path, host: str, port: int) -> None:
 def _settings(folder: Path, host: str, port: int) -> dict[str, object]:
     """The configuration of the NATS server. An acknowledged write is on disk: `sync_interval`."""
     return {"host": host, "port": port, "log_file": str(folder / LOG), "jetstream": {"store_dir": str(folder), "sync_interval": "always"}}
+
+
+def _cluster(host: str, port: int, routes: Sequence[str]) -> dict[str, object]:
+    """The part of the configuration for a server that is one of several. Its name must stay the same: the others know its vote by it."""
+    if not routes:
+        return {}
+    urls = [f"nats://{route}" for route in routes]
+    return {"server_name": f"{host}:{port}", "cluster": {"name": CLUSTER, "host": host, "port": port, "routes": urls}}
 
 
 def _end_text(folder: Path, code: int) -> str:
