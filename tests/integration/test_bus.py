@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from somrs.client.client import Addresses, Client
-from somrs.deployment.bus import addresses_on, find_site, list_site
+from somrs.deployment.bus import addresses_on, discard_site, find_site, list_site
 from somrs.deployment.device import DeviceRunner
 from somrs.errors import InputError, RemoteError, UsageError
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Notified, Received, Send
@@ -29,6 +29,7 @@ from somrs.runtime.host import Host
 from somrs.runtime.http import Server
 from somrs.runtime.node import Report
 from somrs.runtime.wire import Unanswered, Wire
+from somrs.storage.stream_log import StreamLog
 from somrs.task_manager.manager import TaskManager
 from tests.support.hang import HANG_TIME
 from tests.support.lab import contents
@@ -268,5 +269,32 @@ def test_a_site_is_found_on_its_bus(tmp_path: Path) -> None:
             await find_site(servers)
         with pytest.raises(UsageError, match="there is no site field"):
             await find_site(servers, "field")
+
+    on_bus(tmp_path, scenario)
+
+
+def test_a_site_is_discarded_and_others_on_the_bus_are_not(tmp_path: Path) -> None:
+    async def scenario(server: NatsServer) -> None:
+        logs = [StreamLog(server.address.servers, site, "registry", "first") for site in ("yard", "yard-2")]
+        for log in logs:
+            await log.open()
+            assert await log.acquire()
+            assert await log.begin_writing(0)
+            await asyncio.to_thread(log.append, 1, 1, b"one")
+            (tmp_path / "copy").write_bytes(b"a copy")
+            await log.store_copy(tmp_path / "copy", 0)
+        with pytest.raises(UsageError, match="registry of the site yard runs on"):
+            await discard_site(server.address.servers, "yard")
+        for log in logs:
+            await log.resign()
+            log.close()
+        await discard_site(server.address.servers, "yard")
+        logs = [StreamLog(server.address.servers, site, "registry", "second") for site in ("yard", "yard-2")]
+        for log, bounds, number in zip(logs, ((1, 0), (1, 2)), (None, 0), strict=True):
+            await log.open()
+            assert await log.bounds() == bounds
+            assert await log.copied_number() == number
+            assert await log.acquire()
+            log.close()
 
     on_bus(tmp_path, scenario)

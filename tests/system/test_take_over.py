@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 import signal
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -20,6 +21,7 @@ from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
 from somrs.runtime.wire import retry_unanswered
 from somrs.service_manager.sdk.device import Situation, Task, service
+from tests.support.command import program
 from tests.support.hang import HANG_TIME
 from tests.support.nats_server import NatsServer
 from tests.support.small_system import Porter
@@ -101,6 +103,13 @@ async def two_hosts(folder: Path) -> AsyncIterator[TwoHosts]:
             gateway.wait()
 
 
+def status(system: TwoHosts) -> str:
+    """What a user sees of the site's processes."""
+    result = program("status", "--bus", system.servers)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
 async def ended(client: Client, task: str) -> TaskView:
     return [news.view async for news in client.news(task)][-1]
 
@@ -154,6 +163,10 @@ def run(folder: Path, moment: Callable[[WatchedPorter], asyncio.Event], lost: Se
             for component in lost:
                 await system.first.start(component)
                 assert system.first.is_standby(component)
+            shown = await asyncio.to_thread(status, system)
+            for component in COMPONENTS:
+                assert re.search(rf"^│ {component} .* leads ", shown, re.MULTILINE), shown
+                assert re.search(rf"^│ {component} .* standby .* 0 +│$", shown, re.MULTILINE), shown
             system.second.kill(lost, signal.SIGTERM)  # a planned end: the other one takes over at once
             assert [view.task for view in await retry_unanswered(client.tasks, HANG_TIME)] == [next_task, task]
             assert (await retry_unanswered(lambda: client.query("Jar002 isOn Cupboard002"), HANG_TIME)).rows

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import uuid
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -69,8 +70,10 @@ async def open_api_service(addresses: Addresses, data: Path, host: str = "127.0.
     """
     hub, runtime = Hub(), Host(host, bus=addresses.bus)
     await runtime.start()
-    listener = Listener(f"{runtime.url}/news", addresses, hub)
-    runtime.add("/news", lambda address: listener)
+    # On a bus, there may be several programs that follow the system.
+    path = "/news" if addresses.bus is None else f"/news/{uuid.uuid4().hex}"
+    listener = Listener(f"{runtime.url}{path}", addresses, hub)
+    runtime.add(path, lambda address: listener)
     try:
         async with Client(addresses) as client:
             await _map_read(listener, addresses.repository)

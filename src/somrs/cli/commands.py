@@ -123,8 +123,9 @@ async def run_system(
 ) -> None:
     """Run a system until it is asked to stop."""
     from somrs.cli.import_commands import import_sources
+    from somrs.deployment.bus import discard_site, site_name
     from somrs.deployment.programs import load_site, stop_signal
-    from somrs.deployment.system import System, check_unused, discard
+    from somrs.deployment.system import OWN_BUS, System, check_unused, discard
 
     console = terminal.console()
     data.mkdir(parents=True, exist_ok=True)
@@ -133,6 +134,8 @@ async def run_system(
     if fresh:
         load_site(files)  # so that a mistake in it deletes nothing
         discard(data, keep=files)
+        if bus is not None and bus != OWN_BUS:
+            await discard_site(bus, name or site_name(files))
 
     report = _reporter(data, console)
     system = System(

@@ -16,9 +16,22 @@ from typer.main import get_command
 from somrs.cli.control import control_app
 from somrs.cli.map_commands import map_app
 from somrs.cli.ontology import ontology_app
-from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, Formula, HostOption, Json, SiteName, WorldOption, awaited, fail, guarded
+from somrs.cli.options import (
+    DEFAULT_FOLDER,
+    LOOPBACK,
+    BusOption,
+    Data,
+    Formula,
+    HostOption,
+    Json,
+    SiteName,
+    WorldOption,
+    awaited,
+    fail,
+    guarded,
+)
 from somrs.cli.orders import orders_app, templates_app
-from somrs.cli.run import run_app
+from somrs.cli.run import addresses_of, run_app
 from somrs.cli.task_options import PolicyOption
 from somrs.cli.tasks import tasks_app
 from somrs.cli.zones import zones_app
@@ -165,6 +178,14 @@ def services(
     from somrs.cli.commands import services as run
 
     awaited(run(type, effect, attribute, data, json=json))
+
+
+@app.command()
+def status(data: Data = DEFAULT_FOLDER, bus: BusOption = None, name: SiteName = None, json: Json = False) -> None:
+    """Show which components run. On a bus: on which host, who leads, and how far behind the standbys are."""
+    from somrs.cli.status import status as run
+
+    awaited(run(guarded(lambda: addresses_of(data, bus, name)), data, json=json))
 
 
 @app.command()

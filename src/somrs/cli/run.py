@@ -31,7 +31,7 @@ def repository(
     from somrs.deployment.programs import run_program
 
     def run() -> None:
-        run_program(run_repository(data, site, host, port, _addresses(data, bus, name).bus if bus is not None else None))
+        run_program(run_repository(data, site, host, port, addresses_of(data, bus, name).bus if bus is not None else None))
 
     guarded(run)
 
@@ -80,7 +80,7 @@ def registry(
     from somrs.deployment.components import run_registry
     from somrs.deployment.programs import run_program
 
-    guarded(lambda: run_program(run_registry(data, _addresses(data, bus, name), host, port)))
+    guarded(lambda: run_program(run_registry(data, addresses_of(data, bus, name), host, port)))
 
 
 @run_app.command(name="task-manager")
@@ -96,7 +96,7 @@ def task_manager(
     from somrs.deployment.components import run_task_manager
     from somrs.deployment.programs import run_program
 
-    guarded(lambda: run_program(run_task_manager(data, _addresses(data, bus, name), host, port, number)))
+    guarded(lambda: run_program(run_task_manager(data, addresses_of(data, bus, name), host, port, number)))
 
 
 @run_app.command()
@@ -116,7 +116,7 @@ def simulator(
     if site:
         guarded(lambda: run_program(run_simulator_of_files(site, host, port, speed_of(speed), world)))
     else:
-        guarded(lambda: run_program(run_simulator(data, _addresses(data, bus, name), host, port, speed_of(speed), world)))
+        guarded(lambda: run_program(run_simulator(data, addresses_of(data, bus, name), host, port, speed_of(speed), world)))
 
 
 @run_app.command()
@@ -127,7 +127,7 @@ def traffic(
     from somrs.deployment.programs import run_program
     from somrs.deployment.traffic import run_traffic
 
-    guarded(lambda: run_program(run_traffic(data, _addresses(data, bus, name), host, port)))
+    guarded(lambda: run_program(run_traffic(data, addresses_of(data, bus, name), host, port)))
 
 
 @run_app.command()
@@ -142,7 +142,7 @@ def world(
     """The symbolic world of devices without a simulated body."""
     from somrs.deployment.programs import run_program, run_world, speed_of
 
-    guarded(lambda: run_program(run_world(_addresses(data, bus, name), host, port, speed_of(speed))))
+    guarded(lambda: run_program(run_world(addresses_of(data, bus, name), host, port, speed_of(speed))))
 
 
 @run_app.command()
@@ -153,7 +153,7 @@ def scheduler(
     from somrs.deployment.programs import run_program
     from somrs.scheduling.program import run_scheduler
 
-    guarded(lambda: run_program(run_scheduler(data, _addresses(data, bus, name), host, port)))
+    guarded(lambda: run_program(run_scheduler(data, addresses_of(data, bus, name), host, port)))
 
 
 @run_app.command()
@@ -164,7 +164,7 @@ def api(
     from somrs.api.program import run_api
     from somrs.deployment.programs import run_program
 
-    guarded(lambda: run_program(run_api(data, _addresses(data, bus, name), host, port)))
+    guarded(lambda: run_program(run_api(data, addresses_of(data, bus, name), host, port)))
 
 
 @run_app.command()
@@ -180,7 +180,7 @@ def gui(
             raise UsageError("the windows need additional packages: pip install 'somrs[gui]'")
         from somrs.gui.server import run_gui
 
-        run_program(run_gui(data, _addresses(data, bus, name), host, port))
+        run_program(run_gui(data, addresses_of(data, bus, name), host, port))
 
     guarded(run)
 
@@ -209,10 +209,10 @@ def devices(
     """The Service Managers of several devices, in one process."""
     from somrs.deployment.device_host import parse_device, run_devices
 
-    guarded(lambda: run_devices(dict(map(parse_device, devices)), _addresses(data, bus, name), data, host))
+    guarded(lambda: run_devices(dict(map(parse_device, devices)), addresses_of(data, bus, name), data, host))
 
 
-def _addresses(data: Path, bus: str | None, name: str | None) -> Addresses:
+def addresses_of(data: Path, bus: str | None, name: str | None) -> Addresses:
     """The addresses of the running system: of its data folder, or of a site on a bus. Raises UsageError when it is not there."""
     from somrs.client.client import Addresses
 

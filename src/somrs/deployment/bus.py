@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import ctypes
 import json
 import shutil
@@ -21,9 +22,13 @@ from somrs.errors import RemoteError, UsageError
 from somrs.runtime.bus import Bus, BusAddress, BusParts
 from somrs.runtime.http import Server
 from somrs.runtime.node import ANSWER_TIME
+from somrs.storage.stream_log import RunningComponent, discard_journals, status_subject
 
 if TYPE_CHECKING:
     from nats.js.kv import KeyValue
+
+ANSWERS_TIME = 1.0
+"""Seconds for which a further answer is waited for when all processes of a site are asked what they run."""
 
 SITES = "somrs-sites"
 """The bucket of the bus's key-value store with the addresses of each site, by its name."""
@@ -148,6 +153,48 @@ async def find_site(servers: str, name: str | None = None) -> Addresses:
     assert addresses.bus is not None, "written by its gateway"
     # This process may reach the servers by other names than the gateway does.
     return msgspec.structs.replace(addresses, bus=msgspec.structs.replace(addresses.bus, servers=servers))
+
+
+async def running_components(bus: BusAddress) -> list[RunningComponent]:
+    """The processes on the bus that run the site's components, leaders first. All that answer within `ANSWERS_TIME` of the last answer."""
+    from nats import errors
+
+    connection = Bus(bus)
+    await connection.start()
+    found: list[RunningComponent] = []
+    try:
+        inbox = connection.client.new_inbox()
+        answers = await connection.client.subscribe(inbox)
+        await connection.client.publish(status_subject(bus.site), reply=inbox)
+        with contextlib.suppress(errors.TimeoutError):
+            while True:
+                answer = await answers.next_msg(timeout=ANSWERS_TIME)
+                if answer.data:  # without, it says that nobody listens
+                    found.append(msgspec.msgpack.decode(answer.data, type=RunningComponent))
+    finally:
+        await connection.close()
+    return sorted(found, key=lambda running: (running.component, not running.leads, running.host, running.process))
+
+
+async def discard_site(servers: str, name: str) -> None:
+    """Delete what the bus keeps of a site. Raises UsageError if its components run."""
+    bus = bus_address(servers, name, "http://127.0.0.1")
+    if running := await running_components(bus):
+        raise UsageError(
+            f"{running[0].component} of the site {name} runs on {running[0].host}; stop it, or select another name with `--name`"
+        )
+    connection = Bus(bus)
+    await connection.start()
+    try:
+        await _sites(connection)  # waits until the servers can be asked
+        await discard_journals(connection.client, name)
+    finally:
+        await connection.close()
+
+
+def site_name(site: Sequence[Path]) -> str:
+    """The name on a bus of a site with these files, if it is given none."""
+    return "".join(letter if letter.isalnum() and letter.isascii() else "-" for letter in site[0].stem)
 
 
 async def list_site(addresses: Addresses) -> None:

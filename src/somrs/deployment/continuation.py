@@ -112,6 +112,7 @@ class Continuation:
             if batch.document:
                 self.journal.follow(journaled, batch.document, batch.version)
             stream.last, number = batch.sequence, batch.number
+            stream.number = journaled.number
             if self.journal.due:
                 self.journal.snapshot(journaled)
         return number

@@ -16,7 +16,7 @@ import msgspec
 from msgspec.structs import replace
 
 from somrs.client.client import SYSTEM_FILE, Addresses, Client, task_manager_path
-from somrs.deployment.bus import bus_address, list_site
+from somrs.deployment.bus import bus_address, list_site, site_name
 from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_windows
@@ -230,7 +230,7 @@ class System:
         """Start the bus, if it is to be the system's own, and the site's gateway. Returns where the bus is, if there is one."""
         if self._bus is None:
             return None
-        name = self._name or "".join(letter if letter.isalnum() and letter.isascii() else "-" for letter in self.site[0].stem)
+        name = self._name or site_name(self.site)
         servers = f"nats://{self.host}:{server_port}" if self._bus == OWN_BUS else self._bus
         bus = bus_address(servers, name, f"http://{self.host}:{gateway_port}")
         if self._bus == OWN_BUS:

@@ -10,16 +10,21 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
+import socket
 import threading
 from collections.abc import Callable, Coroutine
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
+import msgspec
+
 from somrs.errors import UsageError
 
 if TYPE_CHECKING:
     from nats.aio.client import Client
+    from nats.aio.msg import Msg
     from nats.js import JetStreamContext
     from nats.js.kv import KeyValue
     from nats.js.object_store import ObjectStore
@@ -61,11 +66,21 @@ class Batch(NamedTuple):
     document: bytes
 
 
+class RunningComponent(msgspec.Struct, frozen=True, kw_only=True):
+    """A process that runs a component on a bus: on which host, whether it leads, and the number of the last entry that it knows."""
+
+    component: str
+    host: str
+    process: int
+    leads: bool
+    number: int
+
+
 class StreamLog:
     """The entries of one component. `identity`: of this process with its file; its lease is its own again after a restart.
 
     It has a thread with a connection of its own, so that the thread of a disk can wait for it. `last`: the place of the last entry that is
-    known here. `on_lost` is called, in that thread, when another process has become the leader.
+    known here, and `number` its number. `on_lost` is called, in that thread, when another process has become the leader.
     """
 
     def __init__(self, servers: str, site: str, component: str, identity: str) -> None:
@@ -73,7 +88,7 @@ class StreamLog:
         self._key = f"{site}.{component}"
         self._subject, self._stream = f"somrs-journal.{self._key}", f"somrs-journal-{site}-{component}"
         self._resignation = f"somrs-resignation.{self._key}"
-        self.last = 0
+        self.last = self.number = 0
         self.on_lost: Callable[[], object] = lambda: None
         self._revision: int | None = None
         """The revision of the lease while it is this process's."""
@@ -113,6 +128,7 @@ class StreamLog:
         self._objects: ObjectStore = await self._made(lambda copies: self._js.create_object_store(COPIES, replicas=copies))
         await self._client.subscribe(self._subject, cb=self._on_news)
         await self._client.subscribe(self._resignation, cb=self._on_news)
+        await self._client.subscribe(status_subject(self._key.partition(".")[0]), cb=self._on_question)
 
     async def _made(self, make: Callable[[int], Coroutine[Any, Any, T]]) -> T:
         """What `make` makes with as many copies as there are servers for."""
@@ -127,6 +143,16 @@ class StreamLog:
                 if error.err_code not in _NO_SUCH_CLUSTER:
                     raise
         return await _patiently(lambda: make(1))
+
+    async def _on_question(self, question: Msg) -> None:
+        answer = RunningComponent(
+            component=self.component,
+            host=socket.gethostname(),
+            process=os.getpid(),
+            leads=self._revision is not None,
+            number=self.number,
+        )
+        await question.respond(msgspec.msgpack.encode(answer))
 
     async def _on_news(self, message: object) -> None:
         self._news.set()
@@ -160,6 +186,7 @@ class StreamLog:
         from nats import errors
         from nats.js.errors import APIError
 
+        self.number = number
         headers = {_EXPECTED: str(self.last), NUMBER: str(number), VERSION: str(version), WRITER: self._identity}
         pause = _PAUSE
         while True:
@@ -350,6 +377,31 @@ class StreamLog:
                     await self._client.publish(self._resignation)
 
         await self.call(give_up())
+
+
+async def discard_journals(client: Client, site: str) -> None:
+    """Delete everything that the bus keeps of a site's components."""
+    from nats.js.errors import BucketNotFoundError, NoKeysError, NotFoundError
+
+    js = client.jetstream()
+    for stream in await js.streams_info():
+        if any(subject.startswith(f"somrs-journal.{site}.") for subject in stream.config.subjects or ()):
+            await js.delete_stream(str(stream.config.name))
+    with contextlib.suppress(BucketNotFoundError, NotFoundError):
+        objects = await js.object_store(COPIES)
+        for copy in await objects.list():
+            if copy.name.startswith(f"{site}.") and not copy.deleted:
+                await objects.delete(copy.name)
+    with contextlib.suppress(BucketNotFoundError, NoKeysError):
+        leases = await js.key_value(LEASES)
+        for key in await leases.keys():
+            if key.startswith(f"{site}."):
+                await leases.purge(key)
+
+
+def status_subject(site: str) -> str:
+    """The subject on which all processes of a site are asked what they run."""
+    return f"somrs-status.{site}"
 
 
 async def _patiently(make: Callable[[], Coroutine[Any, Any, T]], known: set[int] | frozenset[int] = frozenset()) -> T:

@@ -1,0 +1,53 @@
+"""The implementation of `somrs status`: what runs where, and whether it answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.table import Table
+
+from somrs.api.service import open_api_service
+from somrs.api.system import PartView
+from somrs.client import terminal
+from somrs.client.client import Addresses
+from somrs.deployment.bus import running_components
+from somrs.storage.stream_log import RunningComponent
+
+
+async def status(addresses: Addresses, data: Path, *, json: bool) -> None:
+    """Show the components of a system that is not on a bus; on a bus, the processes that run them, which may be on several hosts."""
+    if addresses.bus is not None:
+        running = await running_components(addresses.bus)
+        if json:
+            terminal.print_json(running)
+        elif running:
+            terminal.console().print(_render_running(running))
+        else:
+            print(f"no component of the site {addresses.bus.site} runs on the bus at {addresses.bus.servers}")
+        return
+    async with open_api_service(addresses, data) as service:
+        parts = (await service.system.read()).parts
+    if json:
+        terminal.print_json(parts)
+    else:
+        terminal.console().print(_render_parts(parts))
+
+
+def _render_running(running: list[RunningComponent]) -> Table:
+    table = Table("component", "host", "process", "state", "inputs", "behind")
+    leading = {process.component: process.number for process in running if process.leads}
+    for process in running:
+        behind = max(0, leading.get(process.component, process.number) - process.number)
+        state = "[green]✔ leads[/]" if process.leads else "standby"
+        table.add_row(process.component, process.host, str(process.process), state, str(process.number), str(behind))
+    for component in sorted({process.component for process in running} - set(leading)):
+        table.add_row(component, "", "", "[red]✘ nobody leads[/]", "", "")
+    return table
+
+
+def _render_parts(parts: tuple[PartView, ...]) -> Table:
+    table = Table("component", "address", "answers")
+    for part in parts:
+        answers = f"[green]✔[/] in {part.milliseconds:g} ms" if part.milliseconds is not None else f"[red]✘[/] {part.problem}"
+        table.add_row(part.name, part.address, answers)
+    return table
