@@ -1,4 +1,7 @@
-"""SO-MRS on one machine with a process for each component, and SOAP over HTTP; five devices share a process, a port and a file."""
+"""SO-MRS on one machine with a process for each component; five devices share a process, an address and a file.
+
+The components exchange SOAP over HTTP, or msgpack over NATS with their journals on the bus as well.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +16,14 @@ from contestants.contest import BIDDERS
 from contestants.programs import Programs, free_port, ready, wait_for_end
 from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, one_step, site
 from somrs.client.client import Addresses
+from somrs.deployment.bus import addresses_on, run_bus
 from somrs.deployment.components import run_registry, run_repository
+from somrs.deployment.continuation import continuing
 from somrs.deployment.device import DeviceRunner, device_journal
 from somrs.deployment.programs import run_program, until_stopped
 from somrs.planner.model.problem import Problem
 from somrs.protocol.messages.envelope import Message
+from somrs.runtime.bus import Bus, BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import Report
 from somrs.runtime.wire import Wire
@@ -62,33 +68,64 @@ class OverHttp:
         return answer
 
 
+class OnBus:
+    """The clients' process, which starts the others, with a bus of one server. Nobody needs a gateway here."""
+
+    async def start(self, data: Path) -> None:
+        self._programs = Programs(data)
+        (data / "site.yaml").write_text(site())
+        port = free_port()
+        bus = BusAddress(servers=f"nats://{HOST}:{port}", site="bench", gateway=f"http://{HOST}:1")
+        addresses = addresses_on(bus)
+        addresses.write(data)
+        for part in ("bus", "repository", "registry", "task-manager"):
+            await self._programs.start("somrs_wire", part, str(port))
+        for first in range(0, BIDDERS, GROUP):
+            await self._programs.start("somrs_wire", "devices", str(first))
+        self._bus = Bus(bus)
+        await self._bus.start()
+        self._lines = Lines(self._ask, addresses.task_manager)
+        await self._lines.until_offered(addresses.registry)
+
+    async def converse(self, line: int) -> None:
+        await self._lines.converse(line)
+
+    async def stop(self) -> None:
+        await self._bus.close()
+        await self._programs.end()
+
+    async def _ask(self, message: Message) -> Message:
+        answer = await self._bus.post(message, timeout=90.0)
+        assert answer is not None, "a request gets an answer"
+        return answer
+
+
 async def _task_manager(data: Path, port: int) -> None:
     """Run the Task Manager as `somrs.deployment.programs` does, except for the plans."""
-    addresses = Addresses.read(data)
-    journal = Journal(data / "task-manager.sqlite", SCHEMA)
-    host = Host(HOST, port)
-    await host.start()
+    addresses, file = Addresses.read(data), data / "task-manager.sqlite"
 
     async def plan(task: object, report: Report) -> object:
         assert isinstance(task, Problem), task
         return one_step(task)
 
-    host.add_journaled(
-        "/task-manager",
-        lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
-        journal,
-        carry_out=plan,
-    )
-    ready()
-    await until_stopped()
-    await host.stop()
-    journal.close()
+    async with (
+        continuing(addresses.bus, "task-manager", file, lambda log: Journal(file, SCHEMA, log=log)) as continuation,
+        Host(HOST, port, bus=addresses.bus) as host,
+    ):
+        await continuation.add(
+            host,
+            "/task-manager",
+            lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
+            carry_out=plan,
+        )
+        ready()
+        await until_stopped()
 
 
 async def _devices(data: Path, first: int) -> None:
     addresses = Addresses.read(data)
     journal = device_journal(data, str(first))
-    host = Host(HOST)
+    host = Host(HOST, bus=addresses.bus)
     await host.start()
     runners = [
         DeviceRunner(Carrier(name), addresses, data, host, journal=journal.for_component(name)) for name in CARRIERS[first : first + GROUP]
@@ -107,7 +144,9 @@ def _part(name: str, number: int) -> Coroutine[None, None, None]:
     data = Path.cwd()
     match name:
         case "repository":
-            return run_repository(folder(data, "repository"), [data / "site.yaml"], HOST, number)
+            return run_repository(folder(data, "repository"), [data / "site.yaml"], HOST, number, Addresses.read(data).bus)
+        case "bus":
+            return run_bus(folder(data, "bus"), HOST, number)
         case "registry":
             return run_registry(folder(data, "registry"), Addresses.read(data), HOST, number)
         case "task-manager":
