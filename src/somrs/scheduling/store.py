@@ -29,7 +29,7 @@ def orders_journal(path: Path, log: Log | None = None) -> Journal:
     Raises:
         UsageError: the file is damaged, is not a Scheduler's, or cannot be written.
     """
-    return Journal(path, SCHEMA, disk=Disk(path, KIND), log=log)
+    return Journal(path, SCHEMA, disk=Disk(path, KIND, syncs=log is None), log=log)
 
 
 def _journaled(db: sqlite3.Connection) -> None:

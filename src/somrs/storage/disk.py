@@ -1,7 +1,7 @@
 """A SQLite file with one writer thread, which commits all writes that were requested since the last commit at once.
 
-The file uses a write-ahead log with `synchronous=FULL`: a write that is `durable` survives a kill and a power failure. One process at a
-time has the file open. The owner, such as a journal with its archive, defines the contents.
+The file uses a write-ahead log: a write that is `durable` survives a kill and, unless it is kept elsewhere, a power failure. One process at
+a time has the file open. The owner, such as a journal with its archive, defines the contents.
 """
 
 from __future__ import annotations
@@ -59,8 +59,10 @@ class Disk:
     `failed` has the reason: the owner is then ahead of its disk and must not continue.
     """
 
-    def __init__(self, path: Path, kind: Kind) -> None:
-        """Open the file, or create it; its folder must exist."""
+    def __init__(self, path: Path, kind: Kind, *, syncs: bool = True) -> None:
+        """Open the file, or create it; its folder must exist. `syncs`: a commit waits until it would survive a power failure. Without, the
+        file survives it, but the last commits may be missing: they have to be elsewhere as well."""
+        self._synchronous = "FULL" if syncs else "NORMAL"
         if not path.parent.is_dir():
             raise UsageError(f"{path}: there is no folder {path.parent}; make it first")
         self.path, self.kind = path, kind
@@ -200,7 +202,7 @@ class Disk:
         else:
             steps = [kind.migrations[step] for step in range(version, kind.version)]
         # Exclusive: two processes that write the same file would corrupt each other's state.
-        for pragma in ("locking_mode=EXCLUSIVE", "journal_mode=WAL", "synchronous=FULL"):
+        for pragma in ("locking_mode=EXCLUSIVE", "journal_mode=WAL", f"synchronous={self._synchronous}"):
             db.execute(f"PRAGMA {pragma}")
         with self.transaction(db):  # takes the lock now, not at the first write
             for step in steps:

@@ -168,7 +168,7 @@ class Journal:
         log: Log | None = None,
     ) -> None:
         self._log = log
-        self.disk = disk if disk is not None else Disk(path, KIND)
+        self.disk = disk if disk is not None else Disk(path, KIND, syncs=log is None)
         self._written, self._archive = JournalCodec(schema), archive
         self._setting, self._component = setting, component
         self._queued: deque[tuple[int, bytes]] = deque()

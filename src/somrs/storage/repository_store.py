@@ -56,7 +56,7 @@ def repository_journal(path: Path, log: Log | None = None) -> Journal:
     Raises:
         UsageError: the file is damaged, of another kind, or not writable.
     """
-    return Journal(path, SCHEMA, disk=Disk(path, KIND), archive=_MapHistory(), log=log)
+    return Journal(path, SCHEMA, disk=Disk(path, KIND, syncs=log is None), archive=_MapHistory(), log=log)
 
 
 class _MapHistory:
