@@ -120,7 +120,7 @@ class TaskManagerContext:
     def discover(self, purpose: ForPlan | ForLook, now: float, *, confirmed: bool = False) -> Effects:
         """Ask for the services on offer; `confirmed`: as they are at the Registry now."""
         if self.directory is not None:
-            yield from self.discovery.request(purpose, now, confirmed=confirmed)
+            self.discovery.request(purpose, now, confirmed=confirmed)
         else:
             yield from self.requests.discover(purpose, now)
 

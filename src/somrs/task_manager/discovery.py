@@ -46,11 +46,21 @@ class Discovery(Struct, kw_only=True):
         """Handle an input; None if it does not concern the copy."""
         return self.directory.handle(event, now) if self.directory is not None else None
 
-    def request(self, purpose: ForPlan | ForLook, now: float, *, confirmed: bool = False) -> Effects:
+    def request(self, purpose: ForPlan | ForLook, now: float, *, confirmed: bool = False) -> None:
         """Ask for the services on offer; `confirmed`: as they are at the Registry now."""
         self.waiting.append(WaitingDiscovery(purpose=purpose, since=now, confirmed=confirmed))
-        if confirmed and self.directory is not None:
-            yield from self.directory.ask_version(now)
+
+    def confirm(self, now: float) -> Effects:
+        """Ask the Registry for its version, if a request depends on it. One question serves all requests before it."""
+        directory = self.directory
+        if directory is None or directory.subscription is not None:
+            return
+        if any(self._is_unconfirmed(request, directory) for request in self.waiting):
+            yield from directory.ask_version(now)
+
+    @staticmethod
+    def _is_unconfirmed(request: WaitingDiscovery, directory: ServiceReplica) -> bool:
+        return request.confirmed and directory.known_since < request.since
 
     def next_answer(self, ontology: Ontology, now: float) -> ServicesKnown | None:
         """Take the next request that can be answered, and return the answer."""
@@ -59,7 +69,7 @@ class Discovery(Struct, kw_only=True):
             return None
         is_settled = directory.settles_at(now) is None and not is_out_of_date(directory.offers, ontology)
         for number, request in enumerate(self.waiting):
-            is_known = directory.is_current and (directory.known_since >= request.since or not request.confirmed)
+            is_known = directory.is_current and not self._is_unconfirmed(request, directory)
             if is_known and (is_settled or now >= request.since + SETTLING_TIME):
                 del self.waiting[number]
                 return ServicesKnown(request.purpose, None)

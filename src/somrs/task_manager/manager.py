@@ -193,6 +193,7 @@ class TaskManager:
         if discovery.waiting:
             while (known := discovery.next_answer(self.state.replica.ontology, now)) is not None:
                 yield from self._request_answered(known, now)
+            yield from discovery.confirm(now)
             yield from discovery.set_timer(now)
 
     # Messages

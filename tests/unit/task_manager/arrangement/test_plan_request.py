@@ -15,7 +15,7 @@ from somrs.kernel.reservations import Reservation
 from somrs.kernel.service_replica import ServiceReplica
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import LostService, Problem
-from somrs.protocol.messages.directory import Offer, SubscribeServices
+from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.reservations import ReservationMode, Reserve
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.waits import Holder
@@ -121,9 +121,12 @@ class PlanRequestHarness:
                 if effect.message.body.mode is not ReservationMode.ASK:
                     self.reservation.answered(answer)
                 return self._reserved(*run_effects(self.requester.reserved(answer, 1.0)))
-            if isinstance(effect, Send) and isinstance(effect.message.body, SubscribeServices):
-                self.registry_requests += 1
-                return self._reserved(*run_effects(self.requester.discovered(None)))
+        discovery = self.context.discovery
+        if discovery.waiting:
+            assert [request.confirmed for request in discovery.waiting] == [True]
+            discovery.waiting.clear()
+            self.registry_requests += 1
+            return self._reserved(*run_effects(self.requester.discovered(None)))
         return effects, result
 
 

@@ -131,7 +131,9 @@ def test_it_is_found_out_who_can_look_at_what_is_next(lost_at: int | None, since
     harness = ObservationHarness()
     harness.member.lost_version = lost_at
     harness.look_queue.unseen += [Unseen("Jar001", 1), Unseen("Jar002", 1)]
-    effects = [*harness.observation.begin(5.0)]
+    assert [*harness.observation.begin(5.0)] == []
+    effects = [*harness.context.discovery.confirm(5.0)]
+    assert [*harness.context.discovery.confirm(5.0)] == [], "it is asked already"
     assert harness.look_queue.current_look is not None
     look = harness.look_queue.current_look
     assert (look.object, look.work, look.since_version, look.serial, look.plans) == ("Jar001", 1, since_version, 1, [])

@@ -166,7 +166,7 @@ def test_a_look_for_which_nobody_was_found_yet_is_begun_anew_too() -> None:
     assert harness.service_says(frp.Failed(description="stuck"), 5.0)
     assert harness.task.phase is Phase.RECOVERING
     event_count = len(harness.task.events)
-    assert bodies(harness.client_says(submission.CancelTask(task=harness.task.id), 6.0)) == ["SubscribeServices", "Cancelling"]
+    assert bodies(harness.client_says(submission.CancelTask(task=harness.task.id), 6.0)) == ["Cancelling"]
     harness.directory.known_since = 7.0
     assert bodies(harness.rings(DiscoveryDue(), 7.0)) == ["UpdateMap", "Compensate"]
     assert kinds(harness, event_count)[:2] == ["Stopping", "NobodyLooks"]
