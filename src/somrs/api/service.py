@@ -75,7 +75,7 @@ async def open_api_service(addresses: Addresses, data: Path, host: str = "127.0.
     listener = Listener(f"{runtime.url}{path}", addresses, hub)
     runtime.add(path, lambda address: listener)
     try:
-        async with Client(addresses) as client:
+        async with Client(addresses, runtime.post) as client:
             await _map_read(listener, addresses.repository)
             yield ApiService(Context(addresses=addresses, data=data, client=client, listener=listener, hub=hub))
     finally:

@@ -6,7 +6,7 @@ import getpass
 import os
 import socket
 import uuid
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from itertools import chain
 from pathlib import Path
 from typing import TypeVar
@@ -32,6 +32,8 @@ PATIENCE = 30.0
 """Seconds for which a client with a task waits for a Task Manager that is being restarted."""
 
 Answer = TypeVar("Answer")
+
+Post = Callable[[Message, float], Awaitable[Message | None]]
 Shown = TypeVar("Shown", task_views.TaskView, task_views.TaskRow)
 
 
@@ -105,11 +107,15 @@ def client_name() -> str:
 
 
 class Client:
-    """Sends requests to the components of a running system, and returns their replies."""
+    """Sends requests to the components of a running system, and returns their replies.
 
-    def __init__(self, addresses: Addresses) -> None:
+    `post`: sends a message within a number of seconds, and returns the answer; by default by HTTP.
+    """
+
+    def __init__(self, addresses: Addresses, post: Post | None = None) -> None:
         self.addresses = addresses
-        self._wire = Wire()
+        self._own_wire = Wire()
+        self._post = post if post is not None else self._own_wire.post
         self._client_name = client_name()
         self.task_managers = TaskManagers(addresses.task_managers, self.ask)
 
@@ -117,7 +123,7 @@ class Client:
         return self
 
     async def __aexit__(self, *exception: object) -> None:
-        await self._wire.close()
+        await self._own_wire.close()
 
     async def ask(
         self,
@@ -142,7 +148,7 @@ class Client:
             sender=client_address(author) if author else self._client_name, recipient=address, message_id=id or uuid.uuid4().urn
         )
         message = Message(header=header, body=body)
-        answer = await retry_unanswered(lambda: self._wire.post(message, timeout=timeout), patience)
+        answer = await retry_unanswered(lambda: self._post(message, timeout), patience)
         if answer is None:
             raise RemoteError(f"{address} took the {type(body).__name__} without an answer")
         if isinstance(answer.body, expected):

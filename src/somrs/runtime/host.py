@@ -190,17 +190,21 @@ class Host:
 
     async def _post(self, message: Message, seconds: float) -> Message | None:
         if (local := self._nodes.get(message.header.recipient)) is None:
-            return await self._route(message.header.recipient).post(message, seconds)
+            return await self.post(message, seconds)
         local.feed(Received(message))
         await local.output.on_disk()
         return None
+
+    async def post(self, message: Message, seconds: float = 30.0) -> Message | None:
+        """Send a message to a component of another process, as `Wire.post`: on the bus, or by HTTP."""
+        return await self._route(message.header.recipient).post(message, seconds)
 
     async def request(self, message: Message, timeout: float = 30.0) -> Message:
         """Send a request and return the answer from the same connection. Raises RemoteError."""
         if (local := self._nodes.get(message.header.recipient)) is not None:
             answer = await local.receive(message)
         else:
-            answer = await self._route(message.header.recipient).post(message, timeout)
+            answer = await self.post(message, timeout)
         if answer is None:
             raise RemoteError(f"{message.header.recipient} did not answer {type(message.body).__name__}")
         return answer
