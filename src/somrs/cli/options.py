@@ -17,7 +17,7 @@ from somrs.errors import InputError, SomrsError
 
 Data = Annotated[Path, typer.Option("--data", envvar="SOMRS_DATA", help="The data folder of the system.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
-HostOption = Annotated[str, typer.Option("--host", help="The address to listen on.")]
+HostOption = Annotated[str, typer.Option("--host", envvar="SOMRS_HOST", help="The address to listen on.")]
 WorldOption = Annotated[
     WorldKind,
     typer.Option("--world", help="What moves the simulated world: `physics`, or `kinematic`, without forces, for hundreds of robots."),
@@ -26,12 +26,17 @@ PortOption = Annotated[int, typer.Option("--port", help="The port to listen on; 
 BusOption = Annotated[
     str | None,
     typer.Option(
-        "--bus", help="Run on the bus with these NATS servers, such as nats://HOST:4222, separated by commas.", show_default=False
+        "--bus",
+        envvar="SOMRS_BUS",
+        help="Run on the bus with these NATS servers, such as nats://HOST:4222, separated by commas.",
+        show_default=False,
     ),
 ]
 SiteName = Annotated[
     str | None,
-    typer.Option("--name", help="The site's name on the bus; not necessary when there is only one.", show_default=False),
+    typer.Option(
+        "--name", envvar="SOMRS_NAME", help="The site's name on the bus; not necessary when there is only one.", show_default=False
+    ),
 ]
 Formula = Annotated[str, typer.Argument(help="An Entish formula, such as 'Jar002 isOn Platform001'.")]
 

@@ -19,7 +19,7 @@ run_app = typer.Typer(help="Run a single component of a system.", no_args_is_hel
 
 @run_app.command()
 def repository(
-    site: Annotated[list[Path], typer.Option(help="Initial map and ontology files.")] = [],  # noqa: B006  # typer requires a list as the default
+    site: Annotated[list[Path], typer.Option(envvar="SOMRS_SITE", help="Initial map and ontology files.")] = [],  # noqa: B006  # typer requires a list as the default
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
@@ -42,7 +42,9 @@ def bus(
     host: HostOption = LOOPBACK,
     port: PortOption = 4222,
     cluster_port: Annotated[int, typer.Option(help="The port for the other servers of the bus, if there are several.")] = 6222,
-    route: Annotated[list[str], typer.Option(help="HOST:PORT of each server of the bus for the others, its own too.")] = [],  # noqa: B006  # as above
+    route: Annotated[
+        list[str], typer.Option(envvar="SOMRS_ROUTES", help="HOST:PORT of each server of the bus for the others, its own too.")
+    ] = [],  # noqa: B006  # as above
 ) -> None:
     """A server of the bus: NATS with JetStream. Several that know each other store everything together."""
     from somrs.deployment.bus import run_bus
@@ -53,12 +55,15 @@ def bus(
 
 @run_app.command()
 def gateway(
-    bus: Annotated[str, typer.Option(help="The NATS servers of the bus, such as nats://HOST:4222, separated by commas.")],
-    name: Annotated[str, typer.Option(help="The site's name on the bus: letters, digits, '-' and '_'.")],
+    bus: Annotated[
+        str, typer.Option(envvar="SOMRS_BUS", help="The NATS servers of the bus, such as nats://HOST:4222, separated by commas.")
+    ],
+    name: Annotated[str, typer.Option(envvar="SOMRS_NAME", help="The site's name on the bus: letters, digits, '-' and '_'.")],
     host: HostOption = LOOPBACK,
     port: PortOption = 8600,
     url: Annotated[
-        str | None, typer.Option(help="The gateway's URL for participants, if it is not http://HOST:PORT.", show_default=False)
+        str | None,
+        typer.Option(envvar="SOMRS_URL", help="The gateway's URL for participants, if it is not http://HOST:PORT.", show_default=False),
     ] = None,
 ) -> None:
     """The gateway of a site on the bus: the address of all its components for SOAP participants that are not on the bus."""

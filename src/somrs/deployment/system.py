@@ -48,6 +48,9 @@ TASK_MANAGER, DEVICES = "task-manager", "devices"
 BUS, GATEWAY = "bus", "gateway"
 """Commands of `somrs run` on which all others rely, if the system is on a bus."""
 
+_SETTINGS = {"SOMRS_BUS", "SOMRS_NAME", "SOMRS_SITE"}
+"""Variables from which `somrs run` would take settings that the system does not have."""
+
 _WITHOUT_BUS = {3, 4, 5}
 """The numbers of the ports that a system has on a bus, too: of the world, the windows and the API."""
 
@@ -283,7 +286,8 @@ class System:
 
     async def _process(self, arguments: list[str], output: Path) -> Process:
         assert self._reservation is not None, "made before the first program is started"
-        return await self._launcher.start(arguments, output, self._reservation.environment)
+        environment = {name: value for name, value in self._reservation.environment.items() if name not in _SETTINGS}
+        return await self._launcher.start(arguments, output, environment)
 
     async def keep_running(self, report: Callable[[str], None]) -> None:
         """Start programs again when they end, until cancelled; they continue from their journals. `report` receives texts for people."""
