@@ -22,7 +22,7 @@ from somrs.errors import RemoteError, UsageError
 from somrs.runtime.bus import Bus, BusAddress, BusParts
 from somrs.runtime.http import Server
 from somrs.runtime.node import ANSWER_TIME
-from somrs.storage.stream_log import RunningComponent, discard_journals, status_subject
+from somrs.storage.stream_log import RunningComponent, discard_journals, made_with_copies, status_subject
 
 if TYPE_CHECKING:
     from nats.js.kv import KeyValue
@@ -36,6 +36,8 @@ SITES = "somrs-sites"
 LOG, CLUSTER = "server.log", "somrs"
 
 _DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
+_LAG = 3.0
+"""Seconds within which a server that has just come back knows what the others have stored."""
 _STORE_TIME = 60.0
 """Seconds for which the store of the bus is asked again: after its start, its servers first elect one that leads."""
 
@@ -141,6 +143,10 @@ async def find_site(servers: str, name: str | None = None) -> Addresses:
     try:
         sites = await _sites(connection)
         names = await _names(sites)
+        end = asyncio.get_running_loop().time() + _LAG
+        while (name or next(iter(names), None)) not in names and asyncio.get_running_loop().time() < end:
+            await asyncio.sleep(0.2)
+            names = await _names(sites)
         if name is None and len(names) == 1:
             [name] = names
         if name is None or name not in names:
@@ -219,21 +225,12 @@ async def _names(sites: KeyValue) -> list[str]:
 
 async def _sites(connection: Bus) -> KeyValue:
     """The bucket of sites, made if there is none. Raises UsageError for a bus without JetStream."""
-    from nats import errors
     from nats.js.api import KeyValueConfig
-    from nats.js.errors import APIError, BucketNotFoundError
 
     store = connection.client.jetstream()
-    pause, deadline = 0.1, asyncio.get_running_loop().time() + _STORE_TIME
-    while True:
-        try:
-            try:
-                return await store.key_value(SITES)
-            except BucketNotFoundError:
-                return await store.create_key_value(KeyValueConfig(bucket=SITES))
-        except (errors.NoRespondersError, errors.TimeoutError, APIError) as error:
-            if asyncio.get_running_loop().time() > deadline:
-                advice = "this bus stores nothing; start its servers with JetStream"
-                raise UsageError(f"{connection.address.servers}: {advice} ({error})") from None
-        await asyncio.sleep(pause)
-        pause = min(pause * 2, 1.0)
+    try:
+        async with asyncio.timeout(_STORE_TIME):
+            return await made_with_copies(lambda copies: store.create_key_value(KeyValueConfig(bucket=SITES, replicas=copies)))
+    except TimeoutError:
+        advice = "start its servers with JetStream, and more than half of them"
+        raise UsageError(f"{connection.address.servers}: this bus stores nothing; {advice}") from None

@@ -47,7 +47,7 @@ NUMBER, VERSION, WRITER = "Somrs-Number", "Somrs-Version", "Somrs-Writer"
 """The headers of a batch of entries: the number of its last entry, the version of their schema, and who wrote it."""
 
 _EXPECTED = "Nats-Expected-Last-Sequence"
-_WRONG_SEQUENCE, _NO_SUCH_CLUSTER = 10071, {10074, 10005}
+_WRONG_SEQUENCE, _OTHER_COPIES, _NO_SUCH_CLUSTER = 10071, 10058, {10074, 10005}
 _WRITE_TIME = 2.0
 """Seconds after which a write without an answer is repeated. If it was done, the repetition is refused and recognised."""
 _PAUSE, _LONGEST_PAUSE = 0.05, 1.0
@@ -121,28 +121,14 @@ class StreamLog:
         )
         self._js: JetStreamContext = self._client.jetstream(timeout=_WRITE_TIME)
         stream = StreamConfig(name=self._stream, subjects=[self._subject])
-        await self._made(lambda copies: self._js.add_stream(stream, num_replicas=copies))
-        self._leases: KeyValue = await self._made(
+        await made_with_copies(lambda copies: self._js.add_stream(stream, num_replicas=copies))
+        self._leases: KeyValue = await made_with_copies(
             lambda copies: self._js.create_key_value(KeyValueConfig(bucket=LEASES, ttl=LEASE_TIME, replicas=copies))
         )
-        self._objects: ObjectStore = await self._made(lambda copies: self._js.create_object_store(COPIES, replicas=copies))
+        self._objects: ObjectStore = await made_with_copies(lambda copies: self._js.create_object_store(COPIES, replicas=copies))
         await self._client.subscribe(self._subject, cb=self._on_news)
         await self._client.subscribe(self._resignation, cb=self._on_news)
         await self._client.subscribe(status_subject(self._key.partition(".")[0]), cb=self._on_question)
-
-    async def _made(self, make: Callable[[int], Coroutine[Any, Any, T]]) -> T:
-        """What `make` makes with as many copies as there are servers for."""
-        from nats.js.errors import APIError
-
-        for copies in range(MOST_COPIES, 1, -1):
-            try:
-                return await _patiently(partial(make, copies), {10058, *_NO_SUCH_CLUSTER})
-            except APIError as error:
-                if error.err_code == 10058:  # it is there with another number of copies
-                    continue
-                if error.err_code not in _NO_SUCH_CLUSTER:
-                    raise
-        return await _patiently(lambda: make(1))
 
     async def _on_question(self, question: Msg) -> None:
         answer = RunningComponent(
@@ -377,6 +363,19 @@ class StreamLog:
                     await self._client.publish(self._resignation)
 
         await self.call(give_up())
+
+
+async def made_with_copies(make: Callable[[int], Coroutine[Any, Any, T]]) -> T:
+    """What `make` makes on the bus, with as many copies as there are servers for, or as it was made with."""
+    from nats.js.errors import APIError
+
+    for copies in range(MOST_COPIES, 1, -1):
+        try:
+            return await _patiently(partial(make, copies), {_OTHER_COPIES, *_NO_SUCH_CLUSTER})
+        except APIError as error:
+            if error.err_code not in (_OTHER_COPIES, *_NO_SUCH_CLUSTER):
+                raise
+    return await _patiently(partial(make, 1))
 
 
 async def discard_journals(client: Client, site: str) -> None:
