@@ -267,6 +267,28 @@ def test_a_gripper_that_sticks_keeps_hold_of_the_jar_and_says_so() -> None:
     run(test())
 
 
+def test_what_a_mended_gripper_still_holds_is_put_down_and_can_be_taken_again() -> None:
+    async def test() -> None:
+        async with device_harness() as harness:
+            await harness.operator.schedule("Robot1", Fault.GRIPPER, carried=1.0)
+            with pytest.raises(ServiceFailed) as failed:
+                await harness.run_work(Perform(order()))
+            harness.device.observed(str(failed.value.situation))
+            map_of = harness.repository.contents
+            async with asyncio.timeout(HANG_TIME):
+                while not map_of.map.has_fact("isHeldBy", ("Jar1", "Robot1")):
+                    await asyncio.sleep(0.02)
+                await harness.operator.repair("Robot1", Fault.GRIPPER)
+                while map_of.map.has_fact("isHeldBy", ("Jar1", "Robot1")):
+                    await asyncio.sleep(0.02)
+            truth = await harness.operator.observe("Jar1")
+            assert truth.held_by is None
+            assert map_of.map.has_fact("isOn", ("Jar1", str(truth.support)))
+            assert (await harness.perform(order())).has_fact("isOn", ("Jar1", "Platform1"))
+
+    run(test())
+
+
 def test_a_link_that_is_lost_fails_with_what_was_known_last() -> None:
     async def test() -> None:
         async with device_harness() as harness:

@@ -10,7 +10,7 @@ from collections.abc import Coroutine, Iterable
 from dataclasses import dataclass
 
 from somrs.devices.simulator.drivers.opening import OpeningRobot
-from somrs.devices.simulator.drivers.simulated import format_number, number_of, weights_of
+from somrs.devices.simulator.drivers.simulated import Pose, format_number, number_of, weights_of
 from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Number, Relation, conjuncts
@@ -107,6 +107,8 @@ class Manipulator(OpeningRobot):
         """The thing that it drives to, and has not touched yet."""
         self._weights: dict[str, float] = {}
         """What the arm has measured of the things that it lifted last, kg."""
+        self._kept: tuple[str, Pose] | None = None
+        """What the idle robot could not put down, and where."""
         await super().open()
         self._weighs = await self.map.service_type("WeighObject") is not None
 
@@ -201,6 +203,22 @@ class Manipulator(OpeningRobot):
             for row in await task.map.query(f"{object} {relation} ?Place", limit=1):
                 return [f"{object} {relation} {row['Place']}"]
         return []
+
+    async def _notice_idle(self, state: RobotState, pose: Pose) -> None:
+        await super()._notice_idle(state, pose)
+        if state.holding is not None and not state.faults and (state.holding, pose) != self._kept:
+            await self._free_gripper(state.holding, pose)
+
+    async def _free_gripper(self, object: str, pose: Pose) -> None:
+        """Put down what the idle robot holds, such as after a gripper that was stuck: no plan takes a thing out of a hand."""
+        try:
+            result = await self.retry_when_link_lost(lambda: self._run_and_record(self._link.put_down_object()))
+        except RobotGaveUp as failure:
+            self._kept = object, pose  # there is no room here
+            if failure.state is not None:
+                self.observed(self._situation(failure.state, object, failure.object_states))
+        else:
+            self.observed(self._situation(result.state, object, result.object_states))
 
     async def _stop_and_lay_down(self) -> CommandDone:
         result = await self._link.stop()
