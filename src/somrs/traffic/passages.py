@@ -60,12 +60,12 @@ class Passages:
 
     def doors_on(self, way: Sequence[int]) -> frozenset[str]:
         """The doors that a robot touches somewhere on its way."""
-        lanes = [*pairwise(way), *((last, last) for last in way[-1:])]
+        lanes = [*pairwise(way), *((place, place) for place in way[-1:])]
         return frozenset[str]().union(*(self.touched(start, end) for start, end in lanes)) if self._doors else frozenset()
 
     def doors_along(self, way: Sequence[Position]) -> frozenset[str]:
         """The same for a robot that was on another roadmap."""
-        points = [*pairwise(way), *((last, last) for last in way[-1:])]
+        points = [*pairwise(way), *((place, place) for place in way[-1:])]
         return frozenset(name for start, end in points for name in _doors_along(self._doors, start, end))
 
     def entered(self, start: int, end: int) -> tuple[str, ...]:

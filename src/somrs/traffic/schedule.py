@@ -56,30 +56,30 @@ class Schedule:
 
     def holder(self, place: int, besides: str | None = None) -> str | None:
         """The robot, other than `besides`, that holds the place, or one that excludes it; None if there is none."""
-        holders = (self._holder.get(other) for other in (place, *self.graph.exclusions[place]))
+        holders = (self._holder.get(close_place) for close_place in (place, *self.graph.exclusions[place]))
         return next((robot for robot in holders if robot not in (None, besides)), None)
 
     def enter(self, robot: str, place: int) -> None:
         """A robot is where it was not known before. Raises UsageError if it is known, or if its place is not free."""
         if robot in self._held:
             raise UsageError(f"{robot} takes part already")
-        if (other := self.holder(place)) is not None:
-            raise UsageError(f"{robot} cannot be there: {other} is too close")
+        if (holder := self.holder(place)) is not None:
+            raise UsageError(f"{robot} cannot be there: {holder} is too close")
         self._held[robot], self._planned[robot] = [place], []
         self.moved.add(robot)
         self._holder[place] = robot
 
     def hold(self, robot: str, place: int) -> None:
         """The robot is on its way to a place that nobody has granted it. Raises UsageError if that is not free."""
-        if (other := self.holder(place, besides=robot)) is not None:
-            raise UsageError(f"{robot} cannot be there: {other} is too close")
+        if (holder := self.holder(place, besides=robot)) is not None:
+            raise UsageError(f"{robot} cannot be there: {holder} is too close")
         self._held[robot].append(place)
         self._holder[place] = robot
         self.moved.add(robot)
 
     def leave(self, robot: str) -> None:
         """The robot takes part no more, and holds nothing."""
-        self.plan({other: (places[-1],) for other, places in self._held.items()})
+        self.plan({name: (places[-1],) for name, places in self._held.items()})
         for place in self._held.pop(robot):
             self._holder.pop(place, None)
         del self._planned[robot]
@@ -119,11 +119,11 @@ class Schedule:
         for place in (next_place, *self.graph.exclusions[next_place]):
             if (holder := self._holder.get(place, robot)) != robot:
                 yield holder
-            for earlier, other in self._waiting.get(place, ()):
+            for earlier, rival in self._waiting.get(place, ()):
                 if earlier >= number:
                     break
-                if other != robot:
-                    yield other
+                if rival != robot:
+                    yield rival
 
     def retreat(self, robot: str, kept: int = 1) -> None:
         """The robot gives back all places but the first ones of its way. What is planned for all robots ends."""

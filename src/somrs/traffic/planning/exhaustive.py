@@ -17,33 +17,33 @@ def search_all(graph: Graph, start: Configuration, goals: Goals, most: int, stay
     robots that cannot move. Raises SearchLimit after `most` configurations.
     """
     bound = [(robot, goal) for robot, goal in enumerate(goals) if goal is not None]
-    before: dict[Configuration, Configuration | None] = {start: None}
+    predecessors: dict[Configuration, Configuration | None] = {start: None}
     waiting = deque([start])
     while waiting:
-        here: Configuration | None = waiting.popleft()
-        assert here is not None
-        if all(here[robot] == goal for robot, goal in bound):
+        configuration: Configuration | None = waiting.popleft()
+        assert configuration is not None
+        if all(configuration[robot] == goal for robot, goal in bound):
             way: list[Configuration] = []
-            while here is not None:
-                way.append(here)
-                here = before[here]
+            while configuration is not None:
+                way.append(configuration)
+                configuration = predecessors[configuration]
             return way[::-1]
-        for following in _moves(graph, here, staying):
-            if following not in before:
-                before[following] = here
+        for following in _moves(graph, configuration, staying):
+            if following not in predecessors:
+                predecessors[following] = configuration
                 waiting.append(following)
-        if len(before) > most:
+        if len(predecessors) > most:
             raise SearchLimit
     return None
 
 
-def _moves(graph: Graph, here: Configuration, staying: Collection[int]) -> Iterator[Configuration]:
-    taken = set(here)
-    for robot, place in enumerate(here):
+def _moves(graph: Graph, configuration: Configuration, staying: Collection[int]) -> Iterator[Configuration]:
+    occupied = set(configuration)
+    for robot, place in enumerate(configuration):
         if robot in staying:
             continue
-        taken.remove(place)
+        occupied.remove(place)
         for following in graph.options(place, robot):
-            if following not in taken and taken.isdisjoint(graph.exclusions[following]):
-                yield (*here[:robot], following, *here[robot + 1 :])
-        taken.add(place)
+            if following not in occupied and occupied.isdisjoint(graph.exclusions[following]):
+                yield (*configuration[:robot], following, *configuration[robot + 1 :])
+        occupied.add(place)
