@@ -14,7 +14,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.knowledge import Definitions, UpdateMap
-from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.protocol.messages.submission import Submit, Submitted, TaskRejected
 from somrs.protocol.messages.task_views import TaskView
 from somrs.registry.component import SCHEMA as REGISTRY
@@ -225,7 +225,15 @@ class VirtualSystem:
 
     def add_manager(self, address: str) -> None:
         """Let another Task Manager join."""
-        self.world.add(address, TaskManager(address, repository="repository", registry="registry"), self._plan, journaled=SCHEMA)
+
+        def carry_out(task: object) -> Work:
+            if not isinstance(task, ReadRecords):
+                yield from self._plan(task)
+                return
+            records = (record for record in self.world.records[address] if isinstance(record, TaskRecord))
+            yield 0.0, Records(records=tuple(record for record in records if task.task in (None, record.task)))
+
+        self.world.add(address, TaskManager(address, repository="repository", registry="registry"), carry_out, journaled=SCHEMA)
 
     @property
     def manager(self) -> TaskManager:

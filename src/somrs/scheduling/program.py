@@ -38,4 +38,4 @@ def add_scheduler(runtime: Host, journal: Journal, addresses: Addresses) -> Node
 
 def _located(addresses: Addresses) -> Located:
     """A notice, because the addresses and the time zone may have changed since the journal was written."""
-    return Located(addresses.repository, addresses.task_manager, local_zone())
+    return Located(addresses.repository, addresses.task_manager, local_zone(), addresses.further_task_managers)

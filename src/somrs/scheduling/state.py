@@ -7,7 +7,7 @@ from msgspec import Struct, field
 from somrs.kernel.replica import Replica, ReplicaDue
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.records import ReadRecords
-from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.submission import Submit, SubmitOnce
 from somrs.protocol.messages.task_news import WatchTask
 from somrs.scheduling.book import Book
 
@@ -27,22 +27,31 @@ Timer = OrdersDue | ReplicaDue | MapDue
 
 class Located(Struct, frozen=True, tag=True):
     """The addresses of the other components, and the machine's time zone by its name in the time zone database; an empty name stands for
-    the machine's local time."""
+    the machine's local time. `further_task_managers`: those besides `task_manager`, in a system with several."""
 
     repository: str
     task_manager: str
     zone: str = ""
+    further_task_managers: tuple[str, ...] = ()
+
+    @property
+    def task_managers(self) -> tuple[str, ...]:
+        return (self.task_manager, *self.further_task_managers)
 
 
 class Question(Struct, frozen=True, kw_only=True):
-    """An open request to the Task Manager, for the run of an order with this due time. `about`: the task of an earlier run, if the request
-    is whether that still runs. `until`: when the request is repeated if there is no reply."""
+    """An open request to a Task Manager, for the run of an order with this due time. `about`: the task of an earlier run, if the request
+    is whether that still runs. `until`: when the request is repeated if there is no reply.
+
+    `task_manager`: the address, in a system with several. `strangers`: those that do not know the task."""
 
     order: str
     due: float
-    body: Submit | WatchTask | ReadRecords
+    body: Submit | SubmitOnce | WatchTask | ReadRecords
     about: str | None = None
     until: float
+    task_manager: str = ""
+    strangers: tuple[str, ...] = ()
 
 
 class SchedulerState(Struct, kw_only=True):

@@ -128,7 +128,8 @@ class RunState(StrEnum):
 
 
 class Run(Struct, frozen=True, kw_only=True):
-    """One time at which an order was due. `times`: the number of missed runs that this entry stands for; `due` is of the last."""
+    """One time at which an order was due. `times`: the number of missed runs that this entry stands for; `due` is of the last.
+    `task_manager`: the address of the Task Manager that has the task, in a system with several."""
 
     due: float
     state: RunState
@@ -138,6 +139,7 @@ class Run(Struct, frozen=True, kw_only=True):
     ended_at: float | None = None
     note: str = ""
     times: int = 1
+    task_manager: str = ""
 
     @property
     def open(self) -> bool:
