@@ -57,7 +57,11 @@ async def wait_for_end(api: LiveApi, *tasks: str) -> list[Outcome | None]:
 
 def owners(system: SmallSystem) -> dict[str, int]:
     """The numbers of the Task Managers that have the tasks."""
-    return {task: number for number in (1, 2) for task in system.manager_at(number).state.tasks}
+    return {task: number for number in (1, 2) for task in tasks_at(system, number)}
+
+
+def tasks_at(system: SmallSystem, number: int) -> list[str]:
+    return [*system.manager_at(number).state.tasks]
 
 
 def test_tasks_stated_at_none_in_particular_are_spread_and_in_one_list(tmp_path: Path) -> None:
@@ -225,3 +229,20 @@ def test_the_command_line_lists_shows_and_cancels_tasks_of_all_also_when_the_sys
     assert printed.count("cancelled") == 2
     assert "TaskManager1" in printed
     assert "TaskManager2" in printed
+
+
+def test_a_device_submits_tasks_to_any_and_asks_for_them_wherever_they_are(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, api: LiveApi) -> None:
+        device = system.porters[0]
+        tasks = [await device.tasks.submit(Submit(effect=effect)) for effect in (FIRST, SECOND)]
+        assert Counter(owners(system).values()) == {1: 1, 2: 1}
+        assert [await device.tasks.is_running(task) for task in tasks] == [True, True]
+        await wait_for_end(api, *tasks)
+        assert [await device.tasks.is_running(task) for task in tasks] == [False, False]
+        assert not await device.tasks.is_running("urn:uuid:nobody-knows")
+        assert (await api.tasks.read(tasks[0])).view.client == f"urn:so-mrs:client:{device.name}"
+        await system.stop_manager(1)
+        await device.tasks.submit(Submit(effect="Tin001 isOn Platform001"))
+        assert len(tasks_at(system, 2)) == 2
+
+    run_scenario(tmp_path, scenario, seconds=1.0)

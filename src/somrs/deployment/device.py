@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 from msgspec import structs
 
 from somrs.client.client import Addresses
+from somrs.deployment.device_tasks import DeviceTasks
 from somrs.deployment.passage import add_passage
 from somrs.deployment.programs import run_program, until_stopped
 from somrs.deployment.shared_map import SharedMap
@@ -29,7 +30,6 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.knowledge import QueryMap, ReadMap, UpdateMap
 from somrs.protocol.messages.observations import Observation, observed_at
-from somrs.protocol.messages.people import client_address
 from somrs.runtime.bus import BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
@@ -125,7 +125,7 @@ class DeviceRunner:
         self.device.profile()  # reports an invalid class before anything is connected
         self._runtime = runtime = await self._listen()
         self.device.map = MapReader(self._ask)
-        self.device.tasks = TaskSubmitter(lambda body: self._request(body, self._addresses.task_manager, client_address(self.device.name)))
+        self.device.tasks = TaskSubmitter(DeviceTasks(self.device.name, self._addresses.task_managers, runtime.request, MAP_TIME).ask)
         self.device.observer = self._observed
         self.device.publisher = self._services_changed
         self._was_opened = True
@@ -238,14 +238,14 @@ class DeviceRunner:
             body = structs.replace(body, observation=observed_at(body.observation, self._runtime.clock.now()))
         return await self._request(body, self._addresses.repository)
 
-    async def _request(self, body: Body, recipient: str, sender: str = ANONYMOUS) -> Body:
+    async def _request(self, body: Body, recipient: str) -> Body:
         assert self._runtime is not None, "devices send requests after they listen"
-        return await request(self._runtime, body, recipient, sender)
+        return await request(self._runtime, body, recipient)
 
 
-async def request(runtime: Host, body: Body, recipient: str, sender: str = ANONYMOUS) -> Body:
+async def request(runtime: Host, body: Body, recipient: str) -> Body:
     """Send a request of a device and return the answer. It is repeated for `MAP_TIME` while there is none. Raises RemoteError."""
-    header = Header(sender=sender, recipient=recipient, message_id=uuid.uuid4().urn)
+    header = Header(sender=ANONYMOUS, recipient=recipient, message_id=uuid.uuid4().urn)
     question = Message(header=header, body=body)
     return (await retry_unanswered(lambda: runtime.request(question), MAP_TIME)).body
 
