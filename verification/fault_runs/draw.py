@@ -54,7 +54,7 @@ class _Draw:
         self.questions = random.Random(f"{seed}: what is asked, and what is not known")
         self.telling_dice = random.Random(f"{seed}: what is weighed, computed and sighted, and what undoing costs")
         self.setting = dice.choice(list(Setting))
-        self.managers = [f"tm{number}" for number in range(1, dice.choice((1, 1, 2, 3)) + 1)]
+        self.managers = [f"tm{number}" for number in range(1, dice.choice((1, 1, 2, 3, 4)) + 1)]
         self.tables = [f"Table{number}" for number in range(1, dice.randint(2, 4) + 1)]
         self.doors = [(f"Door{number}", self.chance(SELDOM)) for number in range(1, dice.randint(1, 2) + 1)]
         self.shelves = [(f"Shelf{number}", dice.choice(self.doors)[0]) for number in range(1, dice.randint(1, 3) + 1)]
