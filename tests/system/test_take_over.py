@@ -67,7 +67,7 @@ class TwoHosts:
     def __init__(self, folder: Path, server: NatsServer) -> None:
         site = folder / "site.yaml"
         site.write_text(SITE)
-        self.servers = server.address.servers
+        self.server, self.servers = server, server.address.servers
         self.hosts = [HostOfPrograms(folder / name, self.servers, site) for name in ("first", "second")]
         self.addresses = Addresses(repository="", registry="", task_manager="")
 
@@ -199,5 +199,24 @@ def test_a_leader_that_stood_still_for_too_long_ends_and_changes_nothing(tmp_pat
                 await asyncio.sleep(0.02)
             assert "another process continues" in (tmp_path / "first" / "task-manager.log").read_text()
             assert [view.task for view in await client.tasks()] == [task]
+
+    asyncio.run(asyncio.wait_for(play(), HANG_TIME))
+
+
+def test_components_end_in_order_when_the_bus_is_away(tmp_path: Path) -> None:
+    async def play() -> None:
+        async with two_hosts(tmp_path) as system:
+            runner = DeviceRunner(porter := WatchedPorter("Robot1"), system.addresses, tmp_path)
+            await runner.start()
+            async with Client(system.addresses) as client:
+                await client.submit(Submit(effect="Jar002 isOn Platform001"))
+            await porter.works.wait()
+            system.server.kill()
+            system.first.kill(COMPONENTS, signal.SIGTERM)
+            for component in COMPONENTS:
+                text = (tmp_path / "first" / f"{component}.log").read_text()
+                assert "Traceback" not in text, text
+            system.server.start()
+            await runner.stop()
 
     asyncio.run(asyncio.wait_for(play(), HANG_TIME))

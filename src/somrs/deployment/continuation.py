@@ -152,6 +152,8 @@ async def continuing(bus: BusAddress | None, component: str, file: Path, open_jo
         try:
             yield Continuation(journal, stream)
         finally:
+            if stream is not None:
+                stream.end()
             journal.close()
             if stream is not None:
                 await stream.resign()

@@ -179,7 +179,7 @@ class Bus:
 
     async def close(self) -> None:
         if self._client is not None:
-            with contextlib.suppress(OSError):  # the connection is lost just now
+            with contextlib.suppress(OSError, RuntimeError):  # the connection is lost just now, or uvloop has closed it
                 await self._client.close()
 
     # Sending

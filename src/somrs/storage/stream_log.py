@@ -90,6 +90,7 @@ class StreamLog:
         self._resignation = f"somrs-resignation.{self._key}"
         self.last = self.number = 0
         self.on_lost: Callable[[], object] = lambda: None
+        self._has_ended = False
         self._revision: int | None = None
         """The revision of the lease while it is this process's."""
         self._renewing: asyncio.Task[None] | None = None
@@ -152,7 +153,7 @@ class StreamLog:
         self._loop.close()
 
     async def _close(self) -> None:
-        with contextlib.suppress(OSError, AttributeError):  # there may be no connection yet
+        with contextlib.suppress(OSError, RuntimeError, AttributeError):  # the connection is lost just now, or not made yet
             await self._client.close()
         unfinished = asyncio.all_tasks() - {asyncio.current_task()}
         for task in unfinished:
@@ -161,10 +162,15 @@ class StreamLog:
 
     # Entries
 
+    def end(self) -> None:
+        """Give up entries that the servers do not take: their senders have not been told that they are stored."""
+        self._has_ended = True
+
     def append(self, number: int, version: int, document: bytes) -> None:
         """Write entries, the last of which has this number, and wait until the servers have stored them.
 
-        Raises Replaced when another process has written, and UsageError when the servers do not accept messages of this size.
+        Raises Replaced when another process has written, and UsageError when the servers do not accept messages of this size, or cannot be
+        reached and it `end`s.
         """
         asyncio.run_coroutine_threadsafe(self._append(number, version, document), self._loop).result()
 
@@ -191,6 +197,8 @@ class StreamLog:
                 pass  # an acknowledgement that is lost is found by the next attempt
             else:
                 return
+            if self._has_ended:
+                raise UsageError(f"the journal of {self._key} on the bus cannot be reached")
             await asyncio.sleep(pause)
             pause = min(pause * 2, _LONGEST_PAUSE)
 
