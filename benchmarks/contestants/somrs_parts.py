@@ -12,7 +12,7 @@ from somrs.entish.formula import Name, Relation, Term, substitute
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import LoadedModel, load_text
 from somrs.ontology.objects import Map
-from somrs.planner.model.plan import Plan, Step
+from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import Problem
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Discover, Discovered
@@ -82,11 +82,13 @@ class Carrier(Device):
         return None
 
 
-def one_step(problem: Problem) -> Plan:
-    """Return the plan that a search would find: to carry the jar to the place in the goal."""
+def one_step(problem: Problem) -> Plan | NoPlan:
+    """Return the plan that a search would find: to carry the jar to the place in the goal, if somebody offers that already."""
     assert isinstance(problem.goal, Relation), problem.goal
     jar, place = problem.goal.arguments
-    service_type = next(available.service_type for available in problem.services if available.service_type.name == "TransferObject")
+    offered = {available.service_type.name: available.service_type for available in problem.services}
+    if (service_type := offered.get("TransferObject")) is None:
+        return NoPlan("nobody offers it")
     inputs: dict[str, Term] = {"Object": jar, "Destination": place}
     source = Name(_other_place(str(place)))
     assert service_type.precondition is not None, "the precondition names the thing's place"
