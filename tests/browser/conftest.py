@@ -345,9 +345,8 @@ def resize(page: Page, size: str) -> None:
     page.set_viewport_size({"width": width, "height": height})
 
 
-def take_screenshot(page: Page, name: str) -> Path:
-    """Save a screenshot of the visible part in `out/screenshots`."""
-    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-    file = SCREENSHOTS / f"{name}.png"
-    page.screenshot(path=str(file), animations="disabled")
-    return file
+def take_screenshot(page: Page, name: str) -> None:
+    """Save a screenshot of the visible part in `out/screenshots`, for people to look at, unless `NO_SCREENSHOTS` is set."""
+    if "NO_SCREENSHOTS" not in os.environ:
+        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+        page.screenshot(path=str(SCREENSHOTS / f"{name}.png"), animations="disabled")

@@ -13,7 +13,7 @@ from .conftest import WORK_TIME, RunningSystem, resize, running_in, take_screens
 from .test_define import field, middle
 from .test_ontology import heading, new_type, row, save
 from .test_scene import open_scene, scene_position
-from .test_tasks import breaks_down, formula_holds, is_ended, jar_at_home, panel, wait_for_task
+from .test_tasks import breaks_down, formula_holds, is_ended, jar_at_home, panel, show_floor_plan, wait_for_task
 
 OpenPage = Callable[..., Page]
 __all__ = ["jar_at_home"]
@@ -48,16 +48,18 @@ def test_a_new_type_a_thing_of_it_and_a_task_with_it(system: RunningSystem, wind
     expect(dialog).to_be_hidden()
     expect(page.locator("[data-name=Vase001]").first).to_be_attached()
     expect(other_page.locator("[data-name=Vase001]").first).to_be_attached()
+    other_page.close()
     assert formula_holds(system, "Vase001 isOn Table002")
 
     page.goto(f"{system.url}/define?effect=Vase001%20isOn%20Platform001")
     page.get_by_role("button", name="Start").click()
     page.wait_for_url("**/tasks/*")
-    resize(page, "640")
+    show_floor_plan(page)
     expect(page.get_by_text("Accomplished").first).to_be_visible(timeout=WORK_TIME)
     assert formula_holds(system, "Vase001 isOn Platform001")
 
 
+@pytest.mark.slow  # `test_define`, `test_tasks` and `test_scene` have a test for each of its steps
 @pytest.mark.usefixtures("jar_at_home")
 def test_a_wish_that_is_dragged_comes_true_though_a_robot_breaks(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/define")
