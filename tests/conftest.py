@@ -93,7 +93,6 @@ def pytest_collection() -> Generator[None, object, object]:
     try:
         return (yield)
     finally:
-        gc.collect()
         gc.freeze()
         gc.enable()
 
@@ -113,6 +112,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         print(f"left running by a fixture, and killed: {line}")
     if remaining:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
+    gc.collect()
+    gc.freeze()  # pytest looks five times for garbage that complains when it is collected: what stays need not be looked at as often
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
