@@ -88,6 +88,14 @@ def slow_network(delay: int) -> str:
     return f"{{{_SLOW_NETWORK.replace('DELAY', str(delay))}}}"
 
 
+WITHOUT_WEBGL = """
+const { getContext } = HTMLCanvasElement.prototype;
+HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+  return /webgl/.test(kind) ? null : getContext.call(this, kind, ...more);
+};
+"""
+"""A script for pages that draw nothing in 3D, and tell of it in words."""
+
 HOLDING_NEWS = """
 const { set } = Object.getOwnPropertyDescriptor(WebSocket.prototype, "onmessage");
 const heldNews = [];
@@ -268,17 +276,20 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 @pytest.fixture
 def window(browser: Browser, profiles: list[BrowserContext], request: pytest.FixtureRequest) -> Iterator[Callable[..., Page]]:
-    """A function that opens a page in a new profile, as of another person: `window(url, size="1280", dark=False)`. The test fails at its
-    end if a page logged an error to the console, such as for a request to another machine, or, unless it `may_reload`, reloaded itself."""
+    """A function that opens a page in a new profile, as of another person: `window(url, size="1280", dark=False)`. Without `webgl`, pages
+    draw nothing in 3D, which takes longer than all else on them. The test fails at its end if a page logged an error to the console, such
+    as for a request to another machine, or, unless it `may_reload`, reloaded itself."""
     pages: list[Page] = []
     errors: list[str] = []
 
-    def open_page(url: str, size: str = "1280", *, dark: bool = False, may_reload: bool = False) -> Page:
+    def open_page(url: str, size: str = "1280", *, dark: bool = False, may_reload: bool = False, webgl: bool = True) -> Page:
         if len(pages) == len(profiles):
             profiles.append(new_profile(browser))
         page = profiles[len(pages)].new_page()
         pages.append(page)
         page.set_default_timeout(1000 * PATIENCE)
+        if not webgl:
+            page.add_init_script(f"{{{WITHOUT_WEBGL}}}")
         resize(page, size)
         page.emulate_media(color_scheme="dark" if dark else "light", reduced_motion="reduce")
 

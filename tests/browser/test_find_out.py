@@ -24,7 +24,7 @@ def watched(tmp_path: Path) -> Iterator[RunningSystem]:
 
 
 def open_define(system: RunningSystem, window: Callable[..., Page]) -> Page:
-    page = window(f"{system.url}/define", "1280")
+    page = window(f"{system.url}/define", "1280", webgl=False)
     page.locator("[data-name=Jar003]").first.wait_for(state="attached")
     return page
 

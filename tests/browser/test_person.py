@@ -65,7 +65,7 @@ def outcome(page: Page, system: RunningSystem, task: str) -> None:
 
 
 def test_a_person_finds_the_page_by_code_and_does_a_step(system: RunningSystem, window: OpenPage) -> None:
-    page = window(f"{system.url}/person", "390")
+    page = window(f"{system.url}/person", "390", webgl=False)
     page.get_by_role("button", name="Open").click()
     expect(page.get_by_role("alert")).to_contain_text("Enter the code first")
     page.get_by_label("Code").last.fill("nobody")
@@ -96,7 +96,7 @@ def test_a_person_finds_the_page_by_code_and_does_a_step(system: RunningSystem, 
 
 
 def test_what_a_person_declines_or_cannot_do_others_do(system: RunningSystem, window: OpenPage) -> None:
-    page = window(f"{system.url}/person/{code(system)}", "390")
+    page = window(f"{system.url}/person/{code(system)}", "390", webgl=False)
     task = submit(system, "Jar002 isOn Platform001")
     assignment(page).get_by_role("button", name="Decline").click(timeout=WORK_TIME)
     expect(assignment(page)).to_have_count(0)
@@ -128,7 +128,7 @@ def choose_place(page: Page, thing: str, place: str) -> None:
 
 
 def test_who_works_on_a_cancelled_task_is_told_to_stop_and_says_what_is_so(system: RunningSystem, window: OpenPage) -> None:
-    page = window(f"{system.url}/person/{code(system)}", "390")
+    page = window(f"{system.url}/person/{code(system)}", "390", webgl=False)
     task = submit(system, "Jar002 isOn Table002")
     assignment(page).get_by_role("button", name="Accept").click(timeout=WORK_TIME)
     expect(assignment(page)).to_contain_text("accepted")
@@ -147,7 +147,7 @@ def test_who_works_on_a_cancelled_task_is_told_to_stop_and_says_what_is_so(syste
 
 
 def test_a_person_who_looks_says_what_is_there(system: RunningSystem, window: OpenPage) -> None:
-    page = window(f"{system.url}/person/{code(system)}", "390")
+    page = window(f"{system.url}/person/{code(system)}", "390", webgl=False)
     task = str(call(system, "/tasks", {"effect": "?It: Jar isOn Cupboard001", "recognise": True})["task"])
     card = assignment(page)
     card.get_by_role("button", name="Accept").click(timeout=WORK_TIME)
@@ -173,14 +173,14 @@ def test_a_person_who_looks_says_what_is_there(system: RunningSystem, window: Op
 
 def test_who_does_not_answer_counts_as_not_available_until_the_page_says_otherwise(system: RunningSystem, window: OpenPage) -> None:
     change_map(system, {"type": "ValueSet", "object": "Anna", "path": "AnswerTime", "value": 1})
-    page = window(f"{system.url}/person/{code(system)}", "390")
+    page = window(f"{system.url}/person/{code(system)}", "390", webgl=False)
     page.get_by_role("button", name="Alerts off").click()
     expect(page.get_by_role("button", name="Alerts on")).to_be_visible()
     task = submit(system, "Carton001 isOn Platform001")
     missed = page.get_by_role("region", name="Missed")
     expect(missed).to_contain_text("You did not answer in time", timeout=WORK_TIME)
     take_screenshot(page, "person-390-missed")
-    outcome(window("about:blank"), system, task)
+    outcome(window("about:blank", webgl=False), system, task)
     change_map(system, {"type": "ValueSet", "object": "Anna", "path": "AnswerTime", "value": 600})
     missed.get_by_role("button", name="I am available again").click()
     expect(missed).to_be_hidden()
@@ -188,10 +188,10 @@ def test_who_does_not_answer_counts_as_not_available_until_the_page_says_otherwi
 
 
 def test_who_is_not_available_is_asked_nothing(system: RunningSystem, window: OpenPage) -> None:
-    page = window(f"{system.url}/person/{code(system)}", "390")
+    page = window(f"{system.url}/person/{code(system)}", "390", webgl=False)
     page.get_by_role("switch", name="Available").click()
     expect(page.get_by_role("status").first).to_contain_text("You are not available")
-    outcome(window("about:blank"), system, submit(system, "Jar003 isOn Table001"))
+    outcome(window("about:blank", webgl=False), system, submit(system, "Jar003 isOn Table001"))
     page.get_by_role("switch", name="Available").click()
     expect(page.get_by_role("status").first).to_contain_text("There is nothing to do")
 
@@ -208,7 +208,7 @@ def test_the_fleet_page_has_the_link_the_code_and_a_picture_of_them(system: Runn
 
 
 def test_a_switch_goes_back_with_the_reason_if_it_is_refused(system: RunningSystem, window: OpenPage) -> None:
-    page = window(f"{system.url}/person/{code(system)}", "390")
+    page = window(f"{system.url}/person/{code(system)}", "390", webgl=False)
     switch = page.get_by_role("switch", name="Available")
     expect(switch).to_be_checked()
     version = call(system, "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Anna"}], "author": "a test"})["version"]

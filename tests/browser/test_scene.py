@@ -287,14 +287,7 @@ def test_what_is_added_and_removed_is_seen_also_when_connections_are_lost(system
 
 
 def test_without_webgl_it_is_told_in_words(system: RunningSystem, window: OpenWindow) -> None:
-    page = window("about:blank")
-    page.add_init_script(
-        """const real = HTMLCanvasElement.prototype.getContext;
-        HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
-            return /webgl/.test(kind) ? null : real.call(this, kind, ...more);
-        };"""
-    )
-    page.goto(f"{system.url}/map")
+    page = window(f"{system.url}/map", webgl=False)
     page.get_by_role("button", name="3D", exact=True).click()
     expect(page.get_by_role("alert")).to_contain_text("WebGL is missing")
     places = page.get_by_role("region", name="Object list")

@@ -270,7 +270,7 @@ def test_a_task_waits_for_robots_to_be_mended_and_is_retried(system: RunningSyst
     task = submit_task(system, goal)
     try:
         wait_for_task(system, task, lambda task_state: task_state["view"]["phase"] == "waiting")
-        page = window(f"{system.url}/tasks/{task}")
+        page = window(f"{system.url}/tasks/{task}", webgl=False)
         head = page.locator("header").filter(has_text=goal)
         for robot in ("Robot1", "Robot2"):
             expect(head).to_contain_text(f"{robot}.TransferObject: {robot} is out of order: its gripper is stuck.")
@@ -279,7 +279,6 @@ def test_a_task_waits_for_robots_to_be_mended_and_is_retried(system: RunningSyst
             resize(page, size)
             assert fits(page)
             take_screenshot(page, f"task-waits-to-retry-{size}-light")
-        show_floor_plan(page)
     finally:
         for robot in ("Robot1", "Robot2"):
             call(system, f"/fleet/{robot}/faults/gripper?repair=true", post=True)
@@ -322,7 +321,7 @@ def test_an_address_that_several_tasks_fit_says_so(system: RunningSystem, window
 def test_the_list_is_found_in_and_folded_panels_stay_so(system: RunningSystem, window: OpenPage) -> None:
     task = submit_task(system, "Shelf001 isOn Table002")
     wait_for_task(system, task, is_ended)
-    page = window(f"{system.url}/tasks", "1920")
+    page = window(f"{system.url}/tasks", "1920", webgl=False)
     page.get_by_role("button", name="Failed").click()
     page.get_by_label("Find").fill("shelf001 table002")
     expect(page.get_by_role("link", name="Shelf001 isOn Table002").first).to_be_visible()
@@ -334,7 +333,6 @@ def test_the_list_is_found_in_and_folded_panels_stay_so(system: RunningSystem, w
     expect(page.get_by_role("link", name="Shelf001 isOn Table002").first).to_be_visible()
     _every_size(page, "tasks")
     page.goto(f"{system.url}/tasks/{task}")
-    show_floor_plan(page)
     end = time.monotonic() + WORK_TIME / 1000
     while panel(page, "Plan").get_attribute("open") is not None:
         assert time.monotonic() < end, "what is folded is there unfolded again"
@@ -375,12 +373,11 @@ def with_anna(tmp_path: Path) -> Iterator[RunningSystem]:
 
 
 def test_a_question_of_a_task_is_answered_on_its_page(with_anna: RunningSystem, window: OpenPage) -> None:
-    page = window(f"{with_anna.url}/tasks")
+    page = window(f"{with_anna.url}/tasks", webgl=False)
     expect(page.get_by_role("region", name="Question")).to_have_count(0)
     breaks_down(with_anna, "Robot1", carried=1.0, fault=Fault.SILENT)
     task = submit_task(with_anna, "Jar002 isOn Platform001")
     page.goto(f"{with_anna.url}/tasks/{task}")
-    show_floor_plan(page)
     question = page.get_by_role("region", name="Question 1")
     expect(question).to_contain_text("Anna is asked", timeout=WORK_TIME)
     expect(question).to_contain_text("Where is Jar002")
@@ -418,7 +415,7 @@ def test_a_task_is_paused_its_robot_stands_still_and_goes_on(system: RunningSyst
     task = submit_task(system, "Jar002 isOn Table001")
     state = wait_for_task(system, task, lambda state: any(work["state"] == "Executing" for work in state["view"]["work"]))
     robot = state["view"]["work"][-1]["service"].partition(".")[0]
-    page = window("about:blank")
+    page = window("about:blank", webgl=False)
     page.add_init_script(f"{{{HOLDING_NEWS}}}")
     with system.paused("simulator"):  # the robot stays on its way
         page.goto(f"{system.url}/tasks/{task}")
