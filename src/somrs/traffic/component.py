@@ -110,10 +110,6 @@ class Traffic:
         """Whether a program may take part as this lift or automatic door."""
         return self._drives.passages.may_be(name)
 
-    def place_name(self, number: int) -> str:
-        """The name of the place or berth of this number."""
-        return self._berths.name(number)
-
     def positions(self, robot: str) -> tuple[Position, ...]:
         """The points of the places that a robot holds, in the order of its way."""
         return tuple(map(self._berths.position, self._schedule.held(robot)))

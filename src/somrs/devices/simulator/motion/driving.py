@@ -6,8 +6,9 @@ import math
 from collections.abc import Collection, Generator
 from functools import partial
 
+from somrs.devices.simulator.motion.passages import AutomaticDoor, Lift
 from somrs.devices.simulator.motion.road_user import ASTRAY
-from somrs.devices.simulator.motion.robot import COMFORTABLE, AutomaticDoor, GivenUp, Lift, Robot, Routine, stand, wait, wrap
+from somrs.devices.simulator.motion.robot import COMFORTABLE, GivenUp, Robot, Routine, stand, wait, wrap
 from somrs.devices.simulator.motion.traffic import GAP
 from somrs.devices.simulator.world.scene import Scene
 from somrs.ontology.modes import why_closed

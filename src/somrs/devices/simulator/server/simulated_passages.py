@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from somrs.devices.simulator.motion.robot import AutomaticDoor, Lift
+from somrs.devices.simulator.motion.passages import AutomaticDoor, Lift
 from somrs.devices.simulator.server.traffic_office import TrafficOffice
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.traffic import CallPassage, PassageEntered, ReleasePassage

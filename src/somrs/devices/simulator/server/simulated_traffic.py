@@ -8,8 +8,9 @@ from functools import partial
 
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.driving import sees, things_on_floor
+from somrs.devices.simulator.motion.passages import Lift
 from somrs.devices.simulator.motion.road_user import RoadUser
-from somrs.devices.simulator.motion.robot import Fleet, Lift, Robot
+from somrs.devices.simulator.motion.robot import Fleet, Robot
 from somrs.devices.simulator.server.simulated_passages import SimulatedPassages
 from somrs.devices.simulator.server.traffic_office import RENEWAL, Deliver, TrafficOffice
 from somrs.devices.simulator.world.scene import Scene
