@@ -14,12 +14,12 @@ from typing import Any
 from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, LinkedDevice, ObjectState, RobotState, Sense, Status
 from somrs.devices.simulator.link.roads import Roadmap, TrafficState
 from somrs.devices.simulator.motion.door_drive import DoorDrive
-from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.lift_drive import LiftDrive
 from somrs.devices.simulator.motion.robot import Fleet, Robot
 from somrs.devices.simulator.server import traffic_office
 from somrs.devices.simulator.server.carrying_robots import put_at, why_no_room
 from somrs.devices.simulator.server.free_spaces import FreeSpaces
+from somrs.devices.simulator.server.moved_leaves import MovedLeaves
 from somrs.devices.simulator.server.robot_work import RobotWork
 from somrs.devices.simulator.server.simulated_traffic import SimulatedTraffic
 from somrs.devices.simulator.server.traffic_view import roadmap_view, traffic_view
@@ -33,7 +33,6 @@ from somrs.errors import UsageError
 from somrs.ontology.objects import FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.space.free_space import FreeSpace
-from somrs.space.leaves import Leaf
 from somrs.space.shafts import LIFT_RELATIONS, shafts_of
 from somrs.space.solids import Role, Solid, role_of, solid_of
 from somrs.space.storeys import span_of
@@ -64,10 +63,7 @@ class Simulation:
         self._traffic = SimulatedTraffic(self.scene, self.robots, self._free_space_at, traffic_address)
         self.out_of_order: frozenset[str] = frozenset()
         """The doors and lifts that no robot uses."""
-        self._pulled: set[str] = set()
-        """The leaves that robots held by their handles in the last period."""
-        self._to_shut: dict[str, tuple[Leaf, ...]] = {}
-        """The leaves of the doors that somebody is to shut as soon as nothing obstructs them."""
+        self._leaves = MovedLeaves(self.scene, self.robots, self._note_leaves)
         self._last_motion = 0.0
         """Simulated time of the last motion that was observed."""
         for solid in [*self.scene.world.solids.values()]:
@@ -127,11 +123,7 @@ class Simulation:
         for lift in self.lifts:
             if lift.name not in self._paused:
                 lift.step()
-        self._shut_doors()
-        pulled = set(self.scene.hands.pulled.values())
-        for owner in {leaf.split("/")[0] for leaf in self._pulled - pulled}:
-            self._note_leaves(owner)
-        self._pulled = pulled
+        self._leaves.advance()
         self.scene.step()
 
     def _note_leaves(self, owner: str) -> None:
@@ -257,7 +249,7 @@ class Simulation:
         self.stationary.pop(name, None)
         self.robots.lifts.pop(name, None)
         self.robots.doors.pop(name, None)
-        self._to_shut.pop(name, None)
+        self._leaves.forget(name)
         if solid is not None:
             self.scene.remove(name)
         if name in self._map.objects:
@@ -307,41 +299,18 @@ class Simulation:
                 self.scene.hands.hold(holder, object.name)
 
     def renew(self, object: Object) -> None:
-        """Open or close a door or container as the map says, if somebody else than a robot did; other objects are ignored.
-
-        Whoever shuts it waits until nothing is in its way.
-        """
-        self._to_shut.pop(object.name, None)
+        """Open or close a door or container as the map says, if somebody else than a robot did; other objects are ignored."""
+        self._leaves.forget(object.name)
         solid, renewed = self.scene.world.solids.get(object.name), solid_of(object, self._ontology)
         if solid is None or renewed is None or not (solid.role is Role.DOOR or solid.container) or solid.open == renewed.open:
             return
-        leaves = self.scene.leaves(object.name)
-        if not leaves:
+        if not self.scene.leaves(object.name):
             self.remove(object.name)
             self.add(object)
-            return
-        if renewed.automatic and isinstance(drive := self.stationary.get(object.name), DoorDrive):
+        elif renewed.automatic and isinstance(drive := self.stationary.get(object.name), DoorDrive):
             drive.stays_open = renewed.open
-            return
-        if not renewed.open and self._obstructs(leaves):
-            self._to_shut[object.name] = leaves
-            return
-        for leaf in leaves:
-            self.scene.set_leaf(leaf, leaf.travel if renewed.open else 0.0)
-        self._note_leaves(object.name)
-
-    def _obstructs(self, leaves: tuple[Leaf, ...]) -> bool:
-        """Whether something is where one of the leaves would move."""
-        return any(obstacle_in_sweep(self.scene, leaf, self.robots.values()) is not None for leaf in leaves)
-
-    def _shut_doors(self) -> None:
-        """Shut the doors that somebody is to shut, and that nothing obstructs any more."""
-        for owner, leaves in [*self._to_shut.items()]:
-            if not self._obstructs(leaves):
-                del self._to_shut[owner]
-                for leaf in leaves:
-                    self.scene.set_leaf(leaf, 0.0)
-                self._note_leaves(owner)
+        else:
+            self._leaves.move(object.name, is_open=bool(renewed.open))
 
     def set_carrying(self, object: Object) -> None:
         """Let things be put on an object that stands still, or not, as its Supporting is on the map; other objects are ignored."""
