@@ -649,6 +649,18 @@ test("a corner that is refused, or given up, goes back", async () => {
   assert.equal(told("shaped").length, 1);
 });
 
+test("Escape in a second drag of a corner leaves the first one on its way", async () => {
+  await zoned();
+  await dragCorner(2, [9, 4], [10, 5]);
+  const place = corner(2).getAttribute("transform");
+  await dragCorner(2, [10, 5], [8, 4], false);
+  await press(pad, "Escape");
+  await pointer("pointerup", view().toScreen(8, 4));
+  await clock.pass(50);
+  assert.equal(corner(2).getAttribute("transform"), place);
+  assert.equal(told("shaped").length, 1);
+});
+
 test("corners are chosen and moved by keys, and saved once, together", async () => {
   await zoned();
   await press(pad, "c");
