@@ -7,7 +7,7 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import cycle, product
 from pathlib import Path
@@ -121,10 +121,13 @@ window.releaseNews = () => {
 class RunningSystem:
     """A system that `somrs up` runs, with its GUI. In a kinematic world, robots do the same in a fraction of the CPU time of physics."""
 
-    def __init__(self, data: Path, site: Path = SCENARIO_1, speed: str = "4", world: WorldKind = WorldKind.KINEMATIC) -> None:
+    def __init__(
+        self, data: Path, site: Path = SCENARIO_1, speed: str = "4", world: WorldKind = WorldKind.KINEMATIC, options: Sequence[str] = ()
+    ) -> None:
         self.data = data
         self.log = data.parent / f"{data.name}.log"
-        self._process = warm.Program(["up", str(site), "--data", str(data), "--speed", speed, "--world", world], self.log)
+        arguments = ["up", str(site), "--data", str(data), "--speed", speed, "--world", world, *options]
+        self._process = warm.Program(arguments, self.log)
         try:
             self.addresses = self._addresses()
         except BaseException:  # also an interrupt: no process may be left

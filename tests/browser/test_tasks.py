@@ -361,6 +361,41 @@ def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: 
 
 
 @pytest.fixture
+def with_two_managers(tmp_path: Path) -> Iterator[RunningSystem]:
+    running = RunningSystem(tmp_path / "data", options=("--task-managers", "2"))
+    yield running
+    running.stop()
+
+
+def test_tasks_of_two_task_managers_are_one_list_and_one_that_does_not_answer_is_named(
+    with_two_managers: RunningSystem, window: OpenPage
+) -> None:
+    page = window(f"{with_two_managers.url}/tasks")
+    tasks = [submit_task(with_two_managers, f"{jar} isOn Platform001", priority=2) for jar in ("Jar002", "Jar003")]
+    owners = {row["task_manager"]: row["effect"] for row in call(with_two_managers, "/tasks")["rows"]}
+    assert {*owners} == {"TaskManager1", "TaskManager2"}
+    rows = {name: page.get_by_role("row").filter(has_text=effect) for name, effect in owners.items()}
+    for name, row in rows.items():
+        expect(row).to_contain_text(name)
+    with with_two_managers.paused("task-manager .*--number 2"):
+        page.reload()
+        expect(page.get_by_text("TaskManager2 does not answer")).to_be_visible()
+        expect(rows["TaskManager1"]).to_be_visible()
+        expect(rows["TaskManager2"]).to_have_count(0)
+        for size in ("1280", "390"):
+            resize(page, size)
+            take_screenshot(page, f"tasks-two-managers-{size}")
+            assert fits(page)
+    expect(rows["TaskManager2"]).to_be_visible()
+    expect(page.get_by_text("does not answer")).to_be_hidden()
+    take_screenshot(page, "tasks-two-managers-both")
+    for task in tasks:
+        wait_for_task(with_two_managers, task, is_ended)
+    rows["TaskManager2"].get_by_role("link", name=owners["TaskManager2"]).click()
+    expect(page.locator("header").filter(has_text=owners["TaskManager2"])).to_contain_text("TaskManager2")
+
+
+@pytest.fixture
 def with_anna(tmp_path: Path) -> Iterator[RunningSystem]:
     """The scenario with somebody who can be asked where things are."""
     robots = "  Robot2:"

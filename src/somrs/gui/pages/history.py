@@ -21,6 +21,7 @@ from somrs.errors import SomrsError
 from somrs.gui.icons import OUTCOMES, format_time
 from somrs.gui.news import follow
 from somrs.gui.shell import guarded, page, page_at
+from somrs.gui.unavailable_banner import UnavailableBanner
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import Records, TaskRecord
 from somrs.protocol.messages.task_views import Phase
@@ -110,6 +111,7 @@ class _History:
                 self._period = ui.select(_TIMES, value=_ANY_VALUE, label="Ended in", on_change=on_change).props("outlined dense")
                 self._device = ui.select([], label="Device", with_input=True, new_value_mode="add-unique", on_change=on_change)
                 self._device.props("outlined dense clearable")
+            UnavailableBanner(self._api, "Task Manager")
             self._table = ui.table(rows=[], columns=_COLUMNS, row_key="task").classes("somrs-history-table")
             self._table.props("flat wrap-cells hide-pagination :rows-per-page-options=[0]")
             self._table.add_slot("body-cell-outcome", _END_CELL)

@@ -56,6 +56,8 @@ class TaskHeader:
                     _link_fact("Retry of", f"task {short_id(view.retry_of)}", task_path(view.retry_of))
                 if view.precondition:
                     _fact("Precondition").set_text(view.precondition)
+                if view.task_manager:
+                    _fact("Task Manager").set_text(view.task_manager)
                 _fact("Id").set_text(short_id(view.task))
             self._reason_status = ui.element("div").props('role="status"')
         self._shown_reasons: tuple[str, ...] | None = None

@@ -1,4 +1,4 @@
-"""All tasks in the Task Manager's memory, newest first."""
+"""All tasks in the Task Managers' memory, newest first."""
 
 from __future__ import annotations
 
@@ -87,20 +87,22 @@ class _Tasks:
     async def _read(self) -> None:
         while True:
             try:
-                self._rows = {row.task: row for row in await self._read_pages()}
-                break
+                self._rows, is_complete = await self._read_pages()
+                self._render()
+                if is_complete:
+                    break
             except SomrsError as error:
                 self._table.set_empty_text(f"{error}; retrying")
-                await asyncio.sleep(RETRY_DELAY)
-        self._render()
+            await asyncio.sleep(RETRY_DELAY)
 
-    async def _read_pages(self) -> list[TaskRow]:
+    async def _read_pages(self) -> tuple[dict[str, TaskRow], bool]:
+        """The tasks, and whether they are those of all Task Managers."""
         page = await self._api.tasks.list(limit=PAGE_SIZE)
-        rows = [*page.rows]
+        rows, is_complete = [*page.rows], not page.silent
         while page.more:
             page = await self._api.tasks.list(limit=PAGE_SIZE, behind=rows[-1].task)
-            rows += page.rows
-        return rows
+            rows, is_complete = [*rows, *page.rows], is_complete and not page.silent
+        return {row.task: row for row in rows}, is_complete
 
     async def _handle_news(self, news: News) -> None:
         if not isinstance(news.value, TasksChanged):
@@ -136,7 +138,7 @@ class _Tasks:
 
     def _matches_filter(self, row: TaskRow) -> bool:
         words = str(self._search_field.value or "").lower().split()
-        text = f"{row.effect} {person_name(row.client)} {' '.join(row.services)} {row.explanation} {row.task}".lower()
+        text = f"{row.effect} {person_name(row.client)} {' '.join(row.services)} {row.task_manager} {row.explanation} {row.task}".lower()
         return self._filter.value in (_ALL_TASKS, _kind(row)) and all(word in text for word in words)
 
 
@@ -172,6 +174,7 @@ def _table_row(row: TaskRow, asked_people: frozenset[str], now: float) -> dict[s
         "at": row.submitted_at,
         "stated": format_time(row.submitted_at),
         "who": person_name(row.client),
+        "manager": row.task_manager,
         "took": format_duration(max(0.0, seconds)) + ("" if row.outcome is not None else " so far"),
         "due": due_text(row.deadline, row.due_at, row.outcome is not None, now) if row.deadline is not None else "–",
         "priority": priority_text(row.priority),

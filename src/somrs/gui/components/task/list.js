@@ -23,7 +23,8 @@ export default {
             <div v-for="wait in props.row.waits" :key="wait.href" class="somrs-soft somrs-waits">Waits for
               <a class="somrs-formula" :href="wait.href">{{ wait.goal }}</a>, which {{ wait.reserved }}.</div>
           </q-td>
-          <q-td class="somrs-task-stated">{{ props.row.stated }}<div class="somrs-soft">{{ props.row.who }}</div></q-td>
+          <q-td class="somrs-task-stated">{{ props.row.stated }}<div class="somrs-soft">{{ props.row.who }}</div>
+            <div v-if="props.row.manager" class="somrs-soft">{{ props.row.manager }}</div></q-td>
           <q-td class="somrs-task-took">{{ props.row.took }}</q-td>
           <q-td class="somrs-task-due">{{ props.row.due }}</q-td>
           <q-td class="somrs-task-priority">{{ props.row.priority }}</q-td>
