@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from somrs.client.client import Addresses, Client
-from somrs.deployment.bus import addresses_on, discard_site, find_site, list_site
+from somrs.deployment.bus import addresses_on, discard_site, find_site, list_site, run_gateway
 from somrs.deployment.device import DeviceRunner
 from somrs.errors import InputError, RemoteError, UsageError
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Notified, Received, Send
@@ -296,5 +296,50 @@ def test_a_site_is_discarded_and_others_on_the_bus_are_not(tmp_path: Path) -> No
             assert await log.copied_number() == number
             assert await log.acquire()
             log.close()
+
+    on_bus(tmp_path, scenario)
+
+
+@pytest.mark.parametrize("servers", ["http://127.0.0.1:4222", "nats://127.0.0.1:port", "nats://", "", "nats://127.0.0.1:4222,"])
+def test_a_wrong_url_of_a_bus_is_refused(servers: str) -> None:
+    async def run() -> None:
+        with pytest.raises(UsageError, match="is not the URL of a NATS server"):
+            await find_site(servers)
+
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
+
+
+def test_a_bus_that_cannot_be_reached_is_reported_once_and_joined_when_it_is_there(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def run() -> None:
+        server = NatsServer(tmp_path)
+        bus = Bus(server.address)
+        starting = asyncio.create_task(bus.start())
+        while not caplog.messages:
+            await asyncio.sleep(0.02)
+        await asyncio.sleep(1.0)
+        [text] = caplog.messages
+        assert f"the bus at {server.address.servers} cannot be reached" in text
+        with server:
+            await starting
+            await bus.close()
+
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
+
+
+def test_a_name_that_another_site_has_is_refused(tmp_path: Path) -> None:
+    async def scenario(server: NatsServer) -> None:
+        servers = server.address.servers
+        await list_site(addresses_on(server.address))
+        rival = BusAddress(servers=servers, site="yard", gateway="http://127.0.0.1:2")
+        log = StreamLog(servers, "yard", "registry", "first")
+        await log.open()
+        assert await log.acquire()
+        with pytest.raises(UsageError, match=re.escape("the site yard there is another one, with the gateway http://127.0.0.1:1")):
+            await run_gateway(rival, "127.0.0.1", 0)
+        assert await find_site(servers) == addresses_on(server.address)
+        await log.resign()
+        log.close()
 
     on_bus(tmp_path, scenario)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from somrs.api.remote import live_api
-from somrs.client.client import Client
+from somrs.client.client import Addresses, Client
 from somrs.deployment.bus import find_site
 from somrs.deployment.system import OWN_BUS, System
 from somrs.devices.simulator.world.kinds import WorldKind
@@ -53,5 +53,21 @@ def test_a_system_on_a_bus_goes_on_when_the_server_of_the_bus_or_the_gateway_is_
             assert system.addresses.api is not None
             async with live_api(system.addresses.api) as api:
                 assert [task.effect for task in (await api.tasks.list()).rows] == ["Jar002 isOn Table001", "Jar002 isOn Platform001"]
+
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
+
+
+def test_a_system_that_changes_to_a_bus_and_back_works_and_has_the_same_address_on_it(tmp_path: Path) -> None:
+    async def addresses(bus: str | None, place: str) -> Addresses:
+        system = System([SCENARIO_1], tmp_path, speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher(), bus=bus, name="lab")
+        async with system, Client(system.addresses) as client:
+            view = await ended(client, await client.submit(Submit(effect=f"Jar002 isOn {place}")))
+            assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+        return system.addresses
+
+    async def run() -> None:
+        on_bus = await addresses(OWN_BUS, "Platform001")
+        assert await addresses(OWN_BUS, "Table001") == on_bus
+        await addresses(None, "Platform001")
 
     asyncio.run(asyncio.wait_for(run(), HANG_TIME))

@@ -133,9 +133,9 @@ async def run_system(
     files = import_sources(site, data)
     if fresh:
         load_site(files)  # so that a mistake in it deletes nothing
-        discard(data, keep=files)
         if bus is not None and bus != OWN_BUS:
             await discard_site(bus, name or site_name(files))
+        discard(data, keep=files)
 
     report = _reporter(data, console)
     system = System(

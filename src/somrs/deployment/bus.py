@@ -117,11 +117,33 @@ async def run_gateway(bus: BusAddress, host: str, port: int) -> None:
     """Run the gateway of a site until this process is asked to stop, and list the site's addresses on the bus."""
     connection = Bus(bus)
     await connection.start()
-    server = Server(host, port, BusParts(connection, ANSWER_TIME))
-    await server.start()
-    await (await _sites(connection)).put(bus.site, msgspec.json.encode(addresses_on(bus)))
-    await until_stopped("gateway", bus.gateway)
-    await server.stop()
+    try:
+        sites = await _sites(connection)
+        if bus.site in await _names(sites):
+            await _check_same_site(bus, msgspec.json.decode((await sites.get(bus.site)).value or b"", type=Addresses))
+        server = Server(host, port, BusParts(connection, ANSWER_TIME))
+        await server.start()
+        await sites.put(bus.site, msgspec.json.encode(addresses_on(bus)))
+        await until_stopped("gateway", bus.gateway)
+        await server.stop()
+    finally:
+        await connection.close()
+
+
+async def _check_same_site(bus: BusAddress, listed: Addresses) -> None:
+    """Raises UsageError when components run that belong to another site of the same name: both would get the messages of each other."""
+    assert listed.bus is not None, "written by its gateway"
+    if listed.bus.gateway != bus.gateway and (running := await running_components(bus)):
+        rival = f"the site {bus.site} there is another one, with the gateway {listed.bus.gateway}"
+        raise UsageError(
+            f"{bus.servers}: {rival}; its {running[0].component} runs on {running[0].host}: stop it, or select another name with `--name`"
+        )
+
+
+async def check_reachable(bus: BusAddress) -> None:
+    """Return when a server of the bus can be reached. Raises UsageError for a wrong URL."""
+    connection = Bus(bus)
+    await connection.start()
     await connection.close()
 
 

@@ -16,7 +16,7 @@ import msgspec
 from msgspec.structs import replace
 
 from somrs.client.client import SYSTEM_FILE, Addresses, Client, task_manager_path
-from somrs.deployment.bus import bus_address, list_site, site_name
+from somrs.deployment.bus import bus_address, check_reachable, list_site, site_name
 from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_windows
@@ -53,6 +53,9 @@ _SETTINGS = {"SOMRS_BUS", "SOMRS_NAME", "SOMRS_SITE"}
 
 _WITHOUT_BUS = {3, 4, 5}
 """The numbers of the ports that a system has on a bus, too: of the world, the windows and the API."""
+
+_BUS_PORT, _GATEWAY_PORT = 8, 9
+"""The numbers of the ports of a bus of its own, and of the gateway."""
 
 OWN_BUS = "own"
 """A bus that is started with the system."""
@@ -173,7 +176,7 @@ class System:
         ports = self._reservation.ports
         origins = [f"http://{self.host}:{port}" for port in ports]
         self._check_site()
-        bus = await self._start_bus(ports[8], ports[9])
+        bus = await self._start_bus(ports[_BUS_PORT], ports[_GATEWAY_PORT])
         if bus is not None:
             origins = [origin if number in _WITHOUT_BUS else bus.gateway for number, origin in enumerate(origins)]
         manager_origins = [origins[2], *origins[10:]]
@@ -240,11 +243,13 @@ class System:
             assert self._reservation is not None, "made before"
             self._reservation.release(server_port)
             await self._start(BUS, "--port", str(server_port))
+        else:
+            await check_reachable(bus)  # here, so that who starts the system reads why it does not go on
         await self._start(GATEWAY, "--bus", servers, "--name", name, "--port", str(gateway_port))
         return bus
 
     def _ports_before(self) -> list[int]:
-        """The ports of the last run; empty if there was none."""
+        """The ports of the last run that this one can have; empty if there was none."""
         try:
             addresses = Addresses.read(self.data, LAST_FILE)
         except UsageError:
@@ -263,7 +268,12 @@ class System:
             addresses.bus.gateway if addresses.bus is not None else "",
             *addresses.further_task_managers,
         )
-        return [urlsplit(place).port or 0 for place in places]
+        ports = [urlsplit(place).port or 0 for place in places]
+        if addresses.bus is None:
+            return ports
+        # All addresses of components had the port of the gateway, and devices without a bus take it if nobody reserves it.
+        kept = _WITHOUT_BUS | ({_GATEWAY_PORT} if self._bus is not None else set()) | ({_BUS_PORT} if self._bus == OWN_BUS else set())
+        return [port if number in kept else 0 for number, port in enumerate(ports)]
 
     async def _start_task_manager(self, number: int, port: int) -> Program:
         if number == 1:

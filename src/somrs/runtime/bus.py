@@ -13,7 +13,7 @@ import contextlib
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote, unquote, urlsplit
 
 import msgspec
@@ -21,7 +21,6 @@ import msgspec
 from somrs.errors import RemoteError, UsageError, WireError
 from somrs.kernel import codec
 from somrs.kernel.codec import Codec
-from somrs.kernel.durability import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.protocol.soap.document import MOST_BYTES, SENDER
@@ -41,6 +40,9 @@ ROOT = "somrs"
 
 BEGINNINGS = "somrs-beginnings"
 """The first token of the subjects on which components say that they listen from now on; the second is the site."""
+
+SCHEMES = ("nats", "tls", "ws", "wss")
+"""How URLs of NATS servers begin."""
 
 RECONNECT_PAUSE = 0.25
 """Seconds between two attempts to reach a server of the bus again."""
@@ -125,30 +127,17 @@ class Bus:
     async def start(self) -> None:
         """Connect; a bus that cannot be reached is tried again. Raises UsageError when the library is not installed, or for a wrong URL."""
         try:
-            import nats
+            from nats import errors
         except ImportError:
             raise UsageError("the bus needs additional packages: pip install 'somrs[bus]'") from None
-        pause, is_logged = FIRST_PAUSE, False
         while True:
+            self._client = await connect(self.address.servers, disconnected_cb=self._on_disconnect)
             try:
-                self._client = await nats.connect(
-                    self.address.servers.split(","),
-                    max_reconnect_attempts=-1,
-                    reconnect_time_wait=RECONNECT_PAUSE,
-                    error_cb=_log_error,
-                    disconnected_cb=self._on_disconnect,
-                )
                 await self._client.subscribe(f"{BEGINNINGS}.{self.address.site}", cb=self._on_begin)
-            except (OSError, nats.errors.Error, TimeoutError) as error:
-                if not is_logged:
-                    log.warning("the bus at %s cannot be reached: %s; it is tried again", self.address.servers, error)
-                    is_logged = True
-            except ValueError as error:
-                raise UsageError(f"{self.address.servers}: this is not the URL of a NATS server: {error}") from None
+            except (errors.Error, OSError):  # the connection is lost just now
+                await self.close()
             else:
                 return
-            await asyncio.sleep(pause)
-            pause = min(pause * 2, LONGEST_PAUSE)
 
     async def listening(self) -> None:
         """Return when the servers know of all components that have been added. Raises Unanswered when they cannot be reached."""
@@ -360,5 +349,29 @@ async def _end(task: asyncio.Task[Subscription]) -> None:
         log.debug("a subscription ends with its connection: %s", error)
 
 
-async def _log_error(error: Exception) -> None:
-    log.debug("the bus: %s", error)
+async def connect(servers: str, **options: Any) -> Client:
+    """Connect to one of the servers, and renew the connection until it is closed. Servers that cannot be reached are tried again, however
+    long; the log says so once. Raises UsageError for a wrong URL."""
+    import nats
+
+    client: Client | None = None
+    is_said = False
+
+    async def explain(error: Exception) -> None:
+        nonlocal is_said
+        if client is None and not is_said:
+            log.warning("the bus at %s cannot be reached: %s; it is tried again", servers, error)
+            is_said = True
+        log.debug("the bus: %s", error)
+
+    urls = servers.split(",")
+    try:
+        for url in urls:
+            if "://" in url and urlsplit(url).scheme not in SCHEMES:
+                raise ValueError(f"it begins with one of {', '.join(f'{scheme}://' for scheme in SCHEMES)}")
+        client = await nats.connect(
+            urls, allow_reconnect=True, max_reconnect_attempts=-1, reconnect_time_wait=RECONNECT_PAUSE, error_cb=explain, **options
+        )
+    except (nats.errors.Error, ValueError) as error:  # nothing else ends the attempts
+        raise UsageError(f"{servers}: this is not the URL of a NATS server: {error}") from None
+    return client
