@@ -171,8 +171,10 @@ class System:
         """Start all programs. Return when all devices offer their services."""
         self.data.mkdir(parents=True, exist_ok=True)
         check_unused(self.data)
-        manager_count = task_manager_count(self.data, self._task_managers)
-        self._reservation = Reservation(self.host, 9 + manager_count, self._ports_before())
+        last_addresses = self._last_addresses()
+        last_count = len(last_addresses.task_managers) if last_addresses is not None else 1
+        manager_count = task_manager_count(self.data, self._task_managers, last_count)
+        self._reservation = Reservation(self.host, 9 + manager_count, self._ports_before(last_addresses))
         ports = self._reservation.ports
         origins = [f"http://{self.host}:{port}" for port in ports]
         self._check_site()
@@ -248,11 +250,16 @@ class System:
         await self._start(GATEWAY, "--bus", servers, "--name", name, "--port", str(gateway_port))
         return bus
 
-    def _ports_before(self) -> list[int]:
-        """The ports of the last run that this one can have; empty if there was none."""
+    def _last_addresses(self) -> Addresses | None:
+        """The addresses of the last run; None if there was none."""
         try:
-            addresses = Addresses.read(self.data, LAST_FILE)
+            return Addresses.read(self.data, LAST_FILE)
         except UsageError:
+            return None
+
+    def _ports_before(self, addresses: Addresses | None) -> list[int]:
+        """The ports of the last run, which had these addresses, that this one can have; empty if there was none."""
+        if addresses is None:
             return []
         world_address = f"//{addresses.simulator or addresses.world}"
         places = (

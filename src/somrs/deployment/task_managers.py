@@ -12,14 +12,15 @@ from somrs.storage.archive import archive_file, archive_files
 log = logging.getLogger(__name__)
 
 
-def task_manager_count(data: Path, count: int | None) -> int:
-    """The number of Task Managers to start: `count`, or by default as many as the data folder has had, at least one.
+def task_manager_count(data: Path, count: int | None, last_count: int = 1) -> int:
+    """The number of Task Managers to start: `count`, or by default as many as the data folder has had. `last_count`: how many there were in
+    the last run, whose journals may be elsewhere.
 
     Raises UsageError if that leaves out a Task Manager with open tasks.
     """
     kept_count = len(archive_files(data))
     if count is None:
-        return max(kept_count, 1)
+        return max(kept_count, last_count)
     for number in range(count + 1, kept_count + 1):
         name, file = task_manager_name(number), archive_file(data, number)
         if open_tasks := _open_tasks(file):

@@ -35,6 +35,11 @@ def test_a_system_goes_on_with_as_many_as_it_had_unless_it_is_to_have_more(tmp_p
     assert task_manager_count(tmp_path, 3) == 3
 
 
+def test_a_system_with_its_journals_elsewhere_goes_on_with_as_many_as_it_had(tmp_path: Path) -> None:
+    assert task_manager_count(tmp_path, None, last_count=2) == 2
+    assert task_manager_count(tmp_path, 3, last_count=2) == 3
+
+
 def test_one_with_open_tasks_is_not_left_out(tmp_path: Path) -> None:
     make_journal(tmp_path, 1)
     make_journal(tmp_path, 2)
