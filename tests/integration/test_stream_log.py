@@ -158,3 +158,17 @@ def test_a_process_that_ends_does_not_wait_for_servers_that_are_away(tmp_path: P
             await writing
 
     with_logs(tmp_path, scenario)
+
+
+def test_who_ends_does_not_wait_for_a_bus_that_is_away(tmp_path: Path) -> None:
+    async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
+        assert await first.begin_writing(0)
+        server.kill()
+        writing = asyncio.create_task(append(first, 1, b"one"))
+        await asyncio.sleep(0.1)
+        assert not writing.done()
+        first.end_writing()
+        with pytest.raises(UsageError, match=r"the last inputs of yard\.registry are not stored, because the bus cannot be reached"):
+            await writing
+
+    with_logs(tmp_path, scenario)

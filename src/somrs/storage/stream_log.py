@@ -94,6 +94,7 @@ class StreamLog:
         self._revision: int | None = None
         """The revision of the lease while it is this process's."""
         self._renewing: asyncio.Task[None] | None = None
+        self._is_ending = False
         self._news = asyncio.Event()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name=f"log {component}", daemon=True)
@@ -194,13 +195,19 @@ class StreamLog:
                 advice = f"raise max_payload of the NATS servers, now {self._client.max_payload}"
                 raise UsageError(f"an input of {self._key} has {len(document)} bytes; {advice}") from None
             except (errors.Error, OSError):
-                pass  # an acknowledgement that is lost is found by the next attempt
+                if self._is_ending:
+                    raise UsageError(f"the last inputs of {self._key} are not stored, because the bus cannot be reached") from None
+                # An acknowledgement that is lost is found by the next attempt.
             else:
                 return
             if self._has_ended:
                 raise UsageError(f"the journal of {self._key} on the bus cannot be reached")
             await asyncio.sleep(pause)
             pause = min(pause * 2, _LONGEST_PAUSE)
+
+    def end_writing(self) -> None:
+        """Let writes try only once from here on: a process that ends must not wait until the bus is back."""
+        self._is_ending = True
 
     async def _is_own(self, sequence: int, document: bytes) -> bool:
         """Whether this process has written the document at this place."""
