@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec import structs
 
 from somrs.client.client import Addresses, Client
 from somrs.deployment.bus import addresses_on, discard_site, find_site, list_site, run_gateway
@@ -17,6 +18,7 @@ from somrs.errors import InputError, RemoteError, UsageError
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Notified, Received, Send
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
+from somrs.ports import bound
 from somrs.protocol.messages import frp, knowledge
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id, reply
@@ -324,6 +326,14 @@ def test_a_bus_that_cannot_be_reached_is_reported_once_and_joined_when_it_is_the
         with server:
             await starting
             await bus.close()
+            caplog.clear()
+            with bound("127.0.0.1", 0) as free:
+                absent = f"nats://127.0.0.1:{free.getsockname()[1]}"
+                for servers in (f"{absent},{server.address.servers}",) * 5:  # in an order that is chosen at random
+                    bus = Bus(structs.replace(server.address, servers=servers))
+                    await bus.start()
+                    await bus.close()
+            assert not caplog.messages
 
     asyncio.run(asyncio.wait_for(run(), HANG_TIME))
 

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import ctypes
 import json
+import logging
 import shutil
 import signal
 import sys
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 ANSWERS_TIME = 1.0
 """Seconds for which a further answer is waited for when all processes of a site are asked what they run."""
+
+log = logging.getLogger(__name__)
 
 SITES = "somrs-sites"
 """The bucket of the bus's key-value store with the addresses of each site, by its name."""

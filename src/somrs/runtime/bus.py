@@ -355,16 +355,15 @@ async def connect(servers: str, **options: Any) -> Client:
     import nats
 
     client: Client | None = None
-    is_said = False
+    urls, failures = servers.split(","), 0
 
     async def explain(error: Exception) -> None:
-        nonlocal is_said
-        if client is None and not is_said:
+        nonlocal failures
+        failures += 1
+        if client is None and failures == len(urls):  # one of several servers may be away
             log.warning("the bus at %s cannot be reached: %s; it is tried again", servers, error)
-            is_said = True
         log.debug("the bus: %s", error)
 
-    urls = servers.split(",")
     try:
         for url in urls:
             if "://" in url and urlsplit(url).scheme not in SCHEMES:
