@@ -284,7 +284,7 @@ def test_a_site_is_discarded_and_others_on_the_bus_are_not(tmp_path: Path) -> No
             assert await log.begin_writing(0)
             await asyncio.to_thread(log.append, 1, 1, b"one")
             (tmp_path / "copy").write_bytes(b"a copy")
-            await log.store_copy(tmp_path / "copy", 0)
+            await log.store_copy(tmp_path / "copy", 0, "http://127.0.0.1:1/registry")
         with pytest.raises(UsageError, match="registry of the site yard runs on"):
             await discard_site(server.address.servers, "yard")
         for log in logs:

@@ -118,6 +118,7 @@ def test_what_is_written_while_the_server_is_killed_is_there_once_and_in_order(t
 def test_a_place_is_found_by_its_number_and_what_a_copy_has_is_forgotten(tmp_path: Path) -> None:
     async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
         assert await second.copied_number() is None
+        assert await second.copied_address() is None
         assert await second.place_after(0) == 1
         assert await first.begin_writing(0)
         for number in (3, 4, 9, 12):
@@ -126,9 +127,10 @@ def test_a_place_is_found_by_its_number_and_what_a_copy_has_is_forgotten(tmp_pat
             assert await second.place_after(number) == place, number
         file = tmp_path / "registry.sqlite"
         file.write_bytes(bytes(range(256)) * 3000)
-        await first.store_copy(file, 9)
+        await first.store_copy(file, 9, "http://127.0.0.1:1/registry")
         await first.forget_before(4)
         assert await second.copied_number() == 9
+        assert await second.copied_address() == "http://127.0.0.1:1/registry"
         await second.fetch_copy(tmp_path / "fetched")
         assert (tmp_path / "fetched").read_bytes() == file.read_bytes()
         assert await second.bounds() == (4, 5)

@@ -13,6 +13,7 @@ from somrs.deployment.bus import find_site
 from somrs.deployment.system import OWN_BUS, System
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.records import ReadRecords
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
 from tests.support import warm
@@ -57,17 +58,23 @@ def test_a_system_on_a_bus_goes_on_when_the_server_of_the_bus_or_the_gateway_is_
     asyncio.run(asyncio.wait_for(run(), HANG_TIME))
 
 
-def test_a_system_that_changes_to_a_bus_and_back_works_and_has_the_same_address_on_it(tmp_path: Path) -> None:
+def test_a_system_that_changes_to_a_bus_and_back_works_and_does_no_task_again(tmp_path: Path) -> None:
+    earlier: dict[str, float] = {}
+
     async def addresses(bus: str | None, place: str) -> Addresses:
         system = System([SCENARIO_1], tmp_path, speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher(), bus=bus, name="lab")
         async with system, Client(system.addresses) as client:
             view = await ended(client, await client.submit(Submit(effect=f"Jar002 isOn {place}")))
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+            submissions = {record.task: record.submitted_at for record in (await client.records(ReadRecords(brief=True))).records}
+            assert {task: submissions.get(task) for task in earlier} == earlier
+            earlier.update(submissions)
         return system.addresses
 
     async def run() -> None:
         on_bus = await addresses(OWN_BUS, "Platform001")
         assert await addresses(OWN_BUS, "Table001") == on_bus
         await addresses(None, "Platform001")
+        await addresses(OWN_BUS, "Table001")
 
     asyncio.run(asyncio.wait_for(run(), HANG_TIME))

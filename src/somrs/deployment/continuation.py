@@ -85,7 +85,9 @@ class Continuation:
         """Follow the journal until this process leads. Returns the component, and whether there was one."""
         parent, is_said = os.getppid(), False
         journaled, is_resumed = self.journal.begin(address, factory)
-        stream.last = await stream.place_after(journaled.number) - 1
+        # What was said to a component at another address cannot be handled again at this one: it would do its tasks once more.
+        begins_anew = not is_resumed and await stream.copied_address() not in (None, address)
+        stream.last = (await stream.bounds())[1] if begins_anew else await stream.place_after(journaled.number) - 1
         while not await stream.acquire():
             await self._follow(stream, journaled)
             if not is_said:
@@ -98,7 +100,7 @@ class Continuation:
         while not has_all:
             number_on_bus = await self._follow(stream, journaled)
             has_all = await stream.begin_writing(journaled.number)
-        if await stream.copied_number() is None or number_on_bus < journaled.number:
+        if begins_anew or await stream.copied_number() is None or number_on_bus < journaled.number:
             await self._copy(stream)
         return journaled, is_resumed or journaled.number > 0
 
@@ -131,7 +133,7 @@ class Continuation:
         file = self.journal.disk.path.with_suffix(".copy")
         file.unlink(missing_ok=True)
         await asyncio.wrap_future(self.journal.disk.read(lambda db: db.execute("VACUUM INTO ?", (str(file),)) and None))
-        await stream.store_copy(file, number)
+        await stream.store_copy(file, number, self.journal.address)
         file.unlink()
         self._copied_to = place
         await stream.forget_before(place)  # the last one stays: it has the number

@@ -46,6 +46,9 @@ LEASES, COPIES = "somrs-leaders", "somrs-journals"
 NUMBER, VERSION, WRITER = "Somrs-Number", "Somrs-Version", "Somrs-Writer"
 """The headers of a batch of entries: the number of its last entry, the version of their schema, and who wrote it."""
 
+ADDRESS = "Somrs-Address"
+"""The header of a copy with the address of the component; those of a copy have the number of its last entry, too."""
+
 _EXPECTED = "Nats-Expected-Last-Sequence"
 _WRONG_SEQUENCE, _OTHER_COPIES, _NO_SUCH_CLUSTER = 10071, 10058, {10074, 10005}
 _WRITE_TIME = 2.0
@@ -280,26 +283,35 @@ class StreamLog:
 
     # Copies of the file
 
-    async def store_copy(self, file: Path, number: int) -> None:
-        """Store a copy of the component's file, which has the entries up to this number."""
+    async def store_copy(self, file: Path, number: int, address: str) -> None:
+        """Store a copy of the file of the component at this address, which has the entries up to this number."""
         from nats.js.api import ObjectMeta
 
         async def store() -> None:
             with file.open("rb") as content:
-                await self._objects.put(self._key, content, ObjectMeta(name=self._key, headers={NUMBER: str(number)}))
+                await self._objects.put(self._key, content, ObjectMeta(name=self._key, headers={NUMBER: str(number), ADDRESS: address}))
 
         await self.call(store())
 
     async def copied_number(self) -> int | None:
         """The number of the last entry in the stored copy; None if there is no copy."""
+        headers = await self._copied_headers()
+        return int(headers.get(NUMBER, 0)) if headers is not None else None
+
+    async def copied_address(self) -> str | None:
+        """The address of the component that the stored copy is of; None if there is no copy."""
+        headers = await self._copied_headers()
+        return headers.get(ADDRESS) if headers is not None else None
+
+    async def _copied_headers(self) -> dict[str, str] | None:
         from nats.js.errors import NotFoundError
 
-        async def read() -> int | None:
+        async def read() -> dict[str, str] | None:
             try:
                 info = await _patiently(lambda: self._objects.get_info(self._key))
             except NotFoundError:
                 return None
-            return int((info.headers or {}).get(NUMBER, 0))
+            return info.headers or {}
 
         return await self.call(read())
 
