@@ -97,6 +97,8 @@ class StreamLog:
         self._revision: int | None = None
         """The revision of the lease while it is this process's."""
         self._renewing: asyncio.Task[None] | None = None
+        self.renews = True
+        """Whether the lease is renewed. A cancelled task may miss it: `asyncio.wait_for` of Python 3.11 prefers a result that is there."""
         self._is_ending = False
         self._news = asyncio.Event()
         self._loop = asyncio.new_event_loop()
@@ -355,8 +357,10 @@ class StreamLog:
         from nats import errors
         from nats.js.errors import APIError, KeyNotFoundError, KeyWrongLastSequenceError
 
-        while True:
+        while self.renews:
             await asyncio.sleep(RENEWAL)
+            if not self.renews:
+                return
             try:
                 self._revision = await self._leases.update(self._key, value, last=self._revision)
             except (KeyWrongLastSequenceError, APIError, errors.Error, OSError):
@@ -379,8 +383,10 @@ class StreamLog:
         """Give up the lease, so that a standby takes over at once."""
 
         async def give_up() -> None:
+            self.renews = False
             if self._renewing is not None:
                 self._renewing.cancel()
+                await asyncio.wait([self._renewing])
             if self._revision is not None:
                 from nats import errors
                 from nats.js.errors import APIError
