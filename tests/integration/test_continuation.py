@@ -39,6 +39,11 @@ class Process:
         self._running = asyncio.create_task(self._run())
 
     async def _run(self) -> None:
+        while not self._end_event.is_set():
+            with contextlib.suppress(UsageError):  # started again, as a supervisor does
+                await self._run_once()
+
+    async def _run_once(self) -> None:
         file = self.folder / "ledger.sqlite"
 
         async def carry_out(task: object, report: Report) -> object:
@@ -79,6 +84,7 @@ def test_what_was_acknowledged_is_there_once_whoever_goes_on(tmp_path: Path, mon
         monkeypatch.setattr(module, "RENEWAL", 0.05)
     monkeypatch.setattr(stream_log, "LEASE_TIME", 0.3)
     monkeypatch.setattr(continuation, "COPY_AFTER", 25)
+    monkeypatch.setattr(continuation, "KEPT", seed)
     chance = random.Random(seed)
 
     async def play(server: NatsServer) -> None:

@@ -32,6 +32,9 @@ log = logging.getLogger(__name__)
 COPY_AFTER = 20_000
 """The number of batches after which the leader stores a copy of its file, and deletes them from the stream."""
 
+KEPT = 1000
+"""The number of batches before a copy that stay in the stream, for standbys that are a little behind."""
+
 OpenJournal = Callable[[Log | None], Journal]
 """Opens the journal of a component, in its file, with this log."""
 
@@ -117,6 +120,10 @@ class Continuation:
             stream.number = journaled.number
             if self.journal.due:
                 self.journal.snapshot(journaled)
+        if (await stream.bounds())[0] > stream.last + 1:
+            raise UsageError(
+                f"{stream.component} ends: it was so far behind that only the copy on the bus has what it missed; start it again"
+            )
         return number
 
     async def _copy_at_times(self, stream: StreamLog) -> None:
@@ -136,7 +143,7 @@ class Continuation:
         await stream.store_copy(file, number, self.journal.address)
         file.unlink()
         self._copied_to = place
-        await stream.forget_before(place)  # the last one stays: it has the number
+        await stream.forget_before(place - KEPT)
 
 
 @asynccontextmanager

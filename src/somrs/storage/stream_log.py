@@ -281,7 +281,8 @@ class StreamLog:
 
     async def forget_before(self, sequence: int) -> None:
         """Delete the entries before a place: a copy of the file has them."""
-        await self.call(_patiently(lambda: self._js.purge_stream(self._stream, seq=sequence)))
+        if sequence > 1:
+            await self.call(_patiently(lambda: self._js.purge_stream(self._stream, seq=sequence)))
 
     # Copies of the file
 
