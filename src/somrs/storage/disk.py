@@ -280,6 +280,8 @@ class _ImmediateJob:
     writes: bool
 
     def carry_out(self, disk: Disk, db: sqlite3.Connection) -> None:
+        if not self.future.set_running_or_notify_cancel():  # from here on, it cannot be cancelled
+            return
         try:
             with disk.transaction(db) if self.writes else disk.explained():
                 value = self.job(db)
