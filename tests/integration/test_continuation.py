@@ -17,7 +17,7 @@ from somrs.runtime.bus import BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import Report
 from somrs.runtime.wire import retry_unanswered
-from somrs.storage import stream_log
+from somrs.storage import lease
 from somrs.storage.journal import Journal
 from somrs.storage.stream_log import StreamLog
 from tests.support.hang import HANG_TIME
@@ -68,7 +68,7 @@ class Process:
     def stand_still(self) -> None:
         """Renew the lease no more, as a process that stands still, until another one leads."""
         assert self._stream is not None
-        self._stream.renews = False
+        self._stream.lease.renews = False
 
     async def end(self) -> None:
         self._end_event.set()
@@ -80,9 +80,9 @@ class Process:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_what_was_acknowledged_is_there_once_whoever_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
-    for module in (stream_log, continuation):
+    for module in (lease, continuation):
         monkeypatch.setattr(module, "RENEWAL", 0.05)
-    monkeypatch.setattr(stream_log, "LEASE_TIME", 0.3)
+    monkeypatch.setattr(lease, "LEASE_TIME", 0.3)
     monkeypatch.setattr(continuation, "COPY_AFTER", 25)
     monkeypatch.setattr(continuation, "KEPT", seed)
     chance = random.Random(seed)

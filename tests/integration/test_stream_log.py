@@ -148,20 +148,6 @@ def test_an_entry_that_the_servers_do_not_accept_is_explained(tmp_path: Path) ->
     with_logs(tmp_path, scenario)
 
 
-def test_a_process_that_ends_does_not_wait_for_servers_that_are_away(tmp_path: Path) -> None:
-    async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
-        await append(first, 1, b"one")
-        server.kill()
-        writing = asyncio.create_task(append(first, 2, b"two"))
-        await asyncio.sleep(0.1)
-        assert not writing.done()
-        first.end()
-        with pytest.raises(UsageError, match=r"the journal of yard\.registry on the bus cannot be reached"):
-            await writing
-
-    with_logs(tmp_path, scenario)
-
-
 def test_who_ends_does_not_wait_for_a_bus_that_is_away(tmp_path: Path) -> None:
     async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
         assert await first.begin_writing(0)

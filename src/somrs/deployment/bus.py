@@ -23,7 +23,8 @@ from somrs.errors import RemoteError, UsageError
 from somrs.runtime.bus import Bus, BusAddress, BusParts
 from somrs.runtime.http import Server
 from somrs.runtime.node import ANSWER_TIME
-from somrs.storage.stream_log import RunningComponent, discard_journals, made_with_copies, status_subject
+from somrs.storage.nats_connection import made_with_copies
+from somrs.storage.stream_log import RunningComponent, discard_journals, status_subject
 
 if TYPE_CHECKING:
     from nats.js.kv import KeyValue

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 import os
 import uuid
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -25,9 +24,8 @@ from somrs.runtime.bus import BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import CarryOut, Node, refuse_work
 from somrs.storage.journal import Journal, Log
-from somrs.storage.stream_log import RENEWAL, StreamLog
-
-log = logging.getLogger(__name__)
+from somrs.storage.lease import RENEWAL
+from somrs.storage.stream_log import StreamLog
 
 COPY_AFTER = 20_000
 """The number of batches after which the leader stores a copy of its file, and deletes them from the stream."""
@@ -162,7 +160,7 @@ async def continuing(bus: BusAddress | None, component: str, file: Path, open_jo
             yield Continuation(journal, stream)
         finally:
             if stream is not None:
-                stream.end()
+                stream.end_writing()
             journal.close()
             if stream is not None:
                 await stream.resign()

@@ -1,9 +1,9 @@
 """The bus of a site: the messages of SO-MRS as msgpack over NATS.
 
 Components have the same addresses on the bus as for everyone else: URLs below that of the site's gateway, which passes messages of foreign
-SOAP participants on to the bus (`Gateway`). A process on the bus does not go through the gateway: the subject of a message is made from the
-path of its recipient's address, `http://robots.example:8600/devices/Robot001` of the site `office` is
-`somrs.office.devices.Robot001`. The request is a batch of messages (`batches.py`), and the reply has the outcome of each.
+SOAP participants on to the bus (`BusParts`). A process on the bus does not go through the gateway: the subject of a message is made from
+the path of its recipient's address, `http://robots.example:8600/devices/Robot001` of the site `office` is `somrs.office.devices.Robot001`.
+The request is a batch of messages (`batches.py`), and the reply has the outcome of each.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import contextlib
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import quote, unquote, urlsplit
 
 import msgspec
 
-from somrs.errors import RemoteError, UsageError, WireError
+from somrs.errors import RemoteError, WireError
 from somrs.kernel import codec
 from somrs.kernel.codec import Codec
 from somrs.protocol.messages import frp
@@ -27,6 +27,7 @@ from somrs.protocol.soap.document import MOST_BYTES, SENDER
 from somrs.runtime import batches
 from somrs.runtime.reception import Format, Handler, NotTaken, Reception
 from somrs.runtime.wire import NONE_ADDRESS, Unanswered, batch_documents, read_outcomes, write_document
+from somrs.storage.nats_connection import connect
 
 if TYPE_CHECKING:
     from nats.aio.client import Client
@@ -40,12 +41,6 @@ ROOT = "somrs"
 
 BEGINNINGS = "somrs-beginnings"
 """The first token of the subjects on which components say that they listen from now on; the second is the site."""
-
-SCHEMES = ("nats", "tls", "ws", "wss")
-"""How URLs of NATS servers begin."""
-
-RECONNECT_PAUSE = 0.25
-"""Seconds between two attempts to reach a server of the bus again."""
 
 _MESSAGES: Codec[Message] = Codec(Message)
 
@@ -125,19 +120,9 @@ class Bus:
         return self._client
 
     async def start(self) -> None:
-        """Connect; a bus that cannot be reached is tried again. Raises UsageError when the library is not installed, or for a wrong URL."""
-        try:
-            from nats import errors
-        except ImportError:
-            raise UsageError("the bus needs additional packages: pip install 'somrs[bus]'") from None
-        while True:
-            self._client = await connect(self.address.servers, disconnected_cb=self._on_disconnect)
-            try:
-                await self._client.subscribe(f"{BEGINNINGS}.{self.address.site}", cb=self._on_begin)
-            except (errors.Error, OSError):  # the connection is lost just now
-                await self.close()
-            else:
-                return
+        """Connect, however long the bus cannot be reached. Raises UsageError as `nats_connection.connect`."""
+        self._client = await connect(self.address.servers, disconnected_cb=self._on_disconnect)
+        await self._client.subscribe(f"{BEGINNINGS}.{self.address.site}", cb=self._on_begin)
 
     async def listening(self) -> None:
         """Return when the servers know of all components that have been added. Raises Unanswered when they cannot be reached."""
@@ -347,30 +332,3 @@ async def _end(task: asyncio.Task[Subscription]) -> None:
         await (await task).drain()  # type: ignore[no-untyped-call]  # nats-py has no annotation there
     except (errors.Error, OSError) as error:  # the server ends it with the connection
         log.debug("a subscription ends with its connection: %s", error)
-
-
-async def connect(servers: str, **options: Any) -> Client:
-    """Connect to one of the servers, and renew the connection until it is closed. Servers that cannot be reached are tried again, however
-    long; the log says so once. Raises UsageError for a wrong URL."""
-    import nats
-
-    client: Client | None = None
-    urls, failures = servers.split(","), 0
-
-    async def explain(error: Exception) -> None:
-        nonlocal failures
-        failures += 1
-        if client is None and failures == len(urls):  # one of several servers may be away
-            log.warning("the bus at %s cannot be reached: %s; it is tried again", servers, error)
-        log.debug("the bus: %s", error)
-
-    try:
-        for url in urls:
-            if "://" in url and urlsplit(url).scheme not in SCHEMES:
-                raise ValueError(f"it begins with one of {', '.join(f'{scheme}://' for scheme in SCHEMES)}")
-        client = await nats.connect(
-            urls, allow_reconnect=True, max_reconnect_attempts=-1, reconnect_time_wait=RECONNECT_PAUSE, error_cb=explain, **options
-        )
-    except (nats.errors.Error, ValueError) as error:  # nothing else ends the attempts
-        raise UsageError(f"{servers}: this is not the URL of a NATS server: {error}") from None
-    return client

@@ -10,38 +10,32 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import os
 import socket
 import threading
 from collections.abc import Callable, Coroutine
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import msgspec
 
 from somrs.errors import UsageError
+from somrs.storage.lease import LEASES, Lease, leases
+from somrs.storage.nats_connection import FIRST_PAUSE, LONGEST_PAUSE, connect, made_with_copies, patiently
 
 if TYPE_CHECKING:
     from nats.aio.client import Client
     from nats.aio.msg import Msg
     from nats.js import JetStreamContext
-    from nats.js.kv import KeyValue
     from nats.js.object_store import ObjectStore
+
+log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-LEASE_TIME = 2.0
-"""Seconds after its last renewal in which a lease ends."""
-
-RENEWAL = 0.5
-"""Seconds between two renewals of a lease, or between two attempts of a standby to get it."""
-
-MOST_COPIES = 3
-"""The number of servers that store each entry, if there are as many."""
-
-LEASES, COPIES = "somrs-leaders", "somrs-journals"
-"""The buckets of the leases, and of the copies of files."""
+COPIES = "somrs-journals"
+"""The bucket of the copies of files."""
 
 NUMBER, VERSION, WRITER = "Somrs-Number", "Somrs-Version", "Somrs-Writer"
 """The headers of a batch of entries: the number of its last entry, the version of their schema, and who wrote it."""
@@ -50,10 +44,9 @@ ADDRESS = "Somrs-Address"
 """The header of a copy with the address of the component; those of a copy have the number of its last entry, too."""
 
 _EXPECTED = "Nats-Expected-Last-Sequence"
-_WRONG_SEQUENCE, _OTHER_COPIES, _NO_SUCH_CLUSTER = 10071, 10058, {10074, 10005}
+_WRONG_SEQUENCE = 10071
 _WRITE_TIME = 2.0
 """Seconds after which a write without an answer is repeated. If it was done, the repetition is refused and recognised."""
-_PAUSE, _LONGEST_PAUSE = 0.05, 1.0
 
 
 class Replaced(UsageError):
@@ -93,12 +86,6 @@ class StreamLog:
         self._resignation = f"somrs-resignation.{self._key}"
         self.last = self.number = 0
         self.on_lost: Callable[[], object] = lambda: None
-        self._has_ended = False
-        self._revision: int | None = None
-        """The revision of the lease while it is this process's."""
-        self._renewing: asyncio.Task[None] | None = None
-        self.renews = True
-        """Whether the lease is renewed. A cancelled task may miss it: `asyncio.wait_for` of Python 3.11 prefers a result that is there."""
         self._is_ending = False
         self._news = asyncio.Event()
         self._loop = asyncio.new_event_loop()
@@ -120,19 +107,14 @@ class StreamLog:
         await self.call(self._open())
 
     async def _open(self) -> None:
-        import nats
-        from nats.js.api import KeyValueConfig, StreamConfig
+        from nats.js.api import StreamConfig
 
-        self._client: Client = await _patiently(
-            lambda: nats.connect(self._servers.split(","), max_reconnect_attempts=-1, reconnect_time_wait=0.25, error_cb=_ignore)
-        )
+        self._client = await connect(self._servers)
         self._js: JetStreamContext = self._client.jetstream(timeout=_WRITE_TIME)
         stream = StreamConfig(name=self._stream, subjects=[self._subject])
         await made_with_copies(lambda copies: self._js.add_stream(stream, num_replicas=copies))
-        self._leases: KeyValue = await made_with_copies(
-            lambda copies: self._js.create_key_value(KeyValueConfig(bucket=LEASES, ttl=LEASE_TIME, replicas=copies))
-        )
         self._objects: ObjectStore = await made_with_copies(lambda copies: self._js.create_object_store(COPIES, replicas=copies))
+        self.lease = Lease(await leases(self._js), self._key, self._identity, lambda: self.on_lost())
         await self._client.subscribe(self._subject, cb=self._on_news)
         await self._client.subscribe(self._resignation, cb=self._on_news)
         await self._client.subscribe(status_subject(self._key.partition(".")[0]), cb=self._on_question)
@@ -142,7 +124,7 @@ class StreamLog:
             component=self.component,
             host=socket.gethostname(),
             process=os.getpid(),
-            leads=self._revision is not None,
+            leads=self.lease.is_held,
             number=self.number,
         )
         await question.respond(msgspec.msgpack.encode(answer))
@@ -168,15 +150,11 @@ class StreamLog:
 
     # Entries
 
-    def end(self) -> None:
-        """Give up entries that the servers do not take: their senders have not been told that they are stored."""
-        self._has_ended = True
-
     def append(self, number: int, version: int, document: bytes) -> None:
         """Write entries, the last of which has this number, and wait until the servers have stored them.
 
         Raises Replaced when another process has written, and UsageError when the servers do not accept messages of this size, or cannot be
-        reached and it `end`s.
+        reached after `end_writing`.
         """
         asyncio.run_coroutine_threadsafe(self._append(number, version, document), self._loop).result()
 
@@ -186,29 +164,28 @@ class StreamLog:
 
         self.number = number
         headers = {_EXPECTED: str(self.last), NUMBER: str(number), VERSION: str(version), WRITER: self._identity}
-        pause = _PAUSE
+        pause = FIRST_PAUSE
         while True:
             try:
                 self.last = (await self._js.publish(self._subject, document, timeout=_WRITE_TIME, headers=headers)).seq
+            except errors.MaxPayloadError:
+                advice = f"raise max_payload of the NATS servers, now {self._client.max_payload}"
+                raise UsageError(f"an input of {self._key} has {len(document)} bytes; {advice}") from None
             except APIError as error:
                 if error.err_code == _WRONG_SEQUENCE:
                     if not await self._is_own(self.last + 1, document):
                         raise Replaced(f"another process continues {self._key}: it has written to its journal on the bus") from None
                     self.last += 1
                     return
-            except errors.MaxPayloadError:
-                advice = f"raise max_payload of the NATS servers, now {self._client.max_payload}"
-                raise UsageError(f"an input of {self._key} has {len(document)} bytes; {advice}") from None
+                log.warning("the bus does not store an input of %s: %s; it is tried again", self._key, error)
             except (errors.Error, OSError):
-                if self._is_ending:
-                    raise UsageError(f"the last inputs of {self._key} are not stored, because the bus cannot be reached") from None
-                # An acknowledgement that is lost is found by the next attempt.
+                pass  # an acknowledgement that is lost is found by the next attempt
             else:
                 return
-            if self._has_ended:
-                raise UsageError(f"the journal of {self._key} on the bus cannot be reached")
+            if self._is_ending:
+                raise UsageError(f"the last inputs of {self._key} are not stored, because the bus cannot be reached")
             await asyncio.sleep(pause)
-            pause = min(pause * 2, _LONGEST_PAUSE)
+            pause = min(pause * 2, LONGEST_PAUSE)
 
     def end_writing(self) -> None:
         """Let writes try only once from here on: a process that ends must not wait until the bus is back."""
@@ -219,7 +196,7 @@ class StreamLog:
         from nats.js.errors import NotFoundError
 
         try:
-            message = await _patiently(lambda: self._js.get_msg(self._stream, sequence))
+            message = await patiently(lambda: self._js.get_msg(self._stream, sequence))
         except NotFoundError:
             return False
         return message.data == document and (message.headers or {}).get(WRITER) == self._identity
@@ -228,7 +205,7 @@ class StreamLog:
         """The places of the first and the last batch in the stream; the last is before the first if it is empty."""
 
         async def read() -> tuple[int, int]:
-            state = (await _patiently(lambda: self._js.stream_info(self._stream))).state
+            state = (await patiently(lambda: self._js.stream_info(self._stream))).state
             return state.first_seq or state.last_seq + 1, state.last_seq
 
         return await self.call(read())
@@ -239,7 +216,7 @@ class StreamLog:
 
         async def read() -> Batch | None:
             try:
-                message = await _patiently(lambda: self._js.get_msg(self._stream, sequence))
+                message = await patiently(lambda: self._js.get_msg(self._stream, sequence))
             except NotFoundError:
                 return None
             headers = message.headers or {}
@@ -282,7 +259,7 @@ class StreamLog:
     async def forget_before(self, sequence: int) -> None:
         """Delete the entries before a place: a copy of the file has them."""
         if sequence > 1:
-            await self.call(_patiently(lambda: self._js.purge_stream(self._stream, seq=sequence)))
+            await self.call(patiently(lambda: self._js.purge_stream(self._stream, seq=sequence)))
 
     # Copies of the file
 
@@ -311,7 +288,7 @@ class StreamLog:
 
         async def read() -> dict[str, str] | None:
             try:
-                info = await _patiently(lambda: self._objects.get_info(self._key))
+                info = await patiently(lambda: self._objects.get_info(self._key))
             except NotFoundError:
                 return None
             return info.headers or {}
@@ -331,85 +308,19 @@ class StreamLog:
 
     async def acquire(self) -> bool:
         """Try to become the leader."""
-        return await self.call(self._acquire())
-
-    async def _acquire(self) -> bool:
-        from nats import errors
-        from nats.js.errors import APIError, KeyNotFoundError, KeyWrongLastSequenceError
-
-        value = self._identity.encode()
-        if self._renewing is not None and not self._renewing.done():
-            return True
-        try:
-            try:
-                entry = await self._leases.get(self._key)
-            except KeyNotFoundError:
-                self._revision = await self._leases.create(self._key, value)
-            else:
-                if entry.value != value:
-                    return False
-                self._revision = await self._leases.update(self._key, value, last=entry.revision)
-        except (KeyWrongLastSequenceError, APIError, errors.Error, OSError):
-            return False
-        self._renewing = asyncio.create_task(self._renew(value))
-        return True
-
-    async def _renew(self, value: bytes) -> None:
-        from nats import errors
-        from nats.js.errors import APIError, KeyNotFoundError, KeyWrongLastSequenceError
-
-        while self.renews:
-            await asyncio.sleep(RENEWAL)
-            if not self.renews:
-                return
-            try:
-                self._revision = await self._leases.update(self._key, value, last=self._revision)
-            except (KeyWrongLastSequenceError, APIError, errors.Error, OSError):
-                # It has ended while this process or the bus stood still, or another process has it, or the bus is away.
-                try:
-                    entry = await self._leases.get(self._key)
-                    if entry.value != value:
-                        self._revision = None
-                        self.on_lost()
-                        return
-                    self._revision = entry.revision
-                except KeyNotFoundError:
-                    self._revision = None  # `update` without a revision makes it anew
-                    with contextlib.suppress(APIError, errors.Error, OSError):
-                        self._revision = await self._leases.create(self._key, value)
-                except (APIError, errors.Error, OSError):
-                    pass
+        return await self.call(self.lease.acquire())
 
     async def resign(self) -> None:
-        """Give up the lease, so that a standby takes over at once."""
+        """Lead no more, so that a standby takes over at once."""
 
         async def give_up() -> None:
-            self.renews = False
-            if self._renewing is not None:
-                self._renewing.cancel()
-                await asyncio.wait([self._renewing])
-            if self._revision is not None:
-                from nats import errors
-                from nats.js.errors import APIError
+            from nats import errors
 
-                with contextlib.suppress(APIError, errors.Error, OSError):  # it ends by itself
-                    await self._leases.delete(self._key, last=self._revision)
+            if await self.lease.resign():
+                with contextlib.suppress(errors.Error, OSError):  # standbys look by themselves
                     await self._client.publish(self._resignation)
 
         await self.call(give_up())
-
-
-async def made_with_copies(make: Callable[[int], Coroutine[Any, Any, T]]) -> T:
-    """What `make` makes on the bus, with as many copies as there are servers for, or as it was made with."""
-    from nats.js.errors import APIError
-
-    for copies in range(MOST_COPIES, 1, -1):
-        try:
-            return await _patiently(partial(make, copies), {_OTHER_COPIES, *_NO_SUCH_CLUSTER})
-        except APIError as error:
-            if error.err_code not in (_OTHER_COPIES, *_NO_SUCH_CLUSTER):
-                raise
-    return await _patiently(partial(make, 1))
 
 
 async def discard_journals(client: Client, site: str) -> None:
@@ -426,36 +337,12 @@ async def discard_journals(client: Client, site: str) -> None:
             if copy.name.startswith(f"{site}.") and not copy.deleted:
                 await objects.delete(copy.name)
     with contextlib.suppress(BucketNotFoundError, NoKeysError):
-        leases = await js.key_value(LEASES)
-        for key in await leases.keys():
+        bucket = await js.key_value(LEASES)
+        for key in await bucket.keys():
             if key.startswith(f"{site}."):
-                await leases.purge(key)
+                await bucket.purge(key)
 
 
 def status_subject(site: str) -> str:
     """The subject on which all processes of a site are asked what they run."""
     return f"somrs-status.{site}"
-
-
-async def _patiently(make: Callable[[], Coroutine[Any, Any, T]], known: set[int] | frozenset[int] = frozenset()) -> T:
-    """The result of `make`, which is repeated while the bus does not answer. Its refusals are raised if they are known, or not for now."""
-    from nats import errors
-    from nats.js.errors import APIError, NotFoundError
-
-    pause = _PAUSE
-    while True:
-        try:
-            return await make()
-        except NotFoundError:
-            raise
-        except APIError as error:
-            if error.err_code in known or error.code not in (None, 503):
-                raise
-        except (errors.Error, OSError):
-            pass
-        await asyncio.sleep(pause)
-        pause = min(pause * 2, _LONGEST_PAUSE)
-
-
-async def _ignore(error: Exception) -> None:
-    """What the library reports while the connection is away; it is made again."""

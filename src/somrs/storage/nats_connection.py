@@ -1,0 +1,108 @@
+"""Connections to the NATS servers of a bus, and what is made in their JetStream with a copy on each of several servers."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Coroutine, Set
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import urlsplit
+
+from somrs.errors import UsageError
+
+if TYPE_CHECKING:
+    from nats.aio.client import Client
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+SCHEMES = ("nats", "tls", "ws", "wss")
+"""How URLs of NATS servers begin."""
+
+RECONNECT_PAUSE = 0.25
+"""Seconds between two attempts to reach a server again."""
+
+MOST_COPIES = 3
+"""The number of servers that store a stream or a bucket, if there are as many."""
+
+FIRST_PAUSE, LONGEST_PAUSE = 0.05, 1.0
+"""Seconds before what was not answered is tried again; each pause is twice as long as the one before."""
+
+_OTHER_COPIES = 10058
+"""The error that a stream is there with another configuration."""
+
+_TOO_MANY_COPIES = frozenset({10074, 10005})
+"""The errors that there are fewer servers than copies."""
+
+
+async def connect(servers: str, **options: Any) -> Client:
+    """Connect to one of the servers, whose URLs are separated by commas, and renew the connection until it is closed.
+
+    Servers that cannot be reached are tried again, however long; the log says so once. `options`: those of `nats.connect`.
+
+    Raises UsageError for a wrong URL, or when the library is not installed.
+    """
+    try:
+        import nats
+    except ImportError:
+        raise UsageError("the bus needs additional packages: pip install 'somrs[bus]'") from None
+
+    client: Client | None = None
+    urls, failures = servers.split(","), 0
+
+    async def explain(error: Exception) -> None:
+        nonlocal failures
+        failures += 1
+        if client is None and failures == len(urls):  # one of several servers may be away
+            log.warning("the bus at %s cannot be reached: %s; it is tried again", servers, error)
+        log.debug("the bus: %s", error)
+
+    try:
+        for url in urls:
+            if "://" in url and urlsplit(url).scheme not in SCHEMES:
+                raise ValueError(f"it begins with one of {', '.join(f'{scheme}://' for scheme in SCHEMES)}")
+        client = await nats.connect(
+            urls, allow_reconnect=True, max_reconnect_attempts=-1, reconnect_time_wait=RECONNECT_PAUSE, error_cb=explain, **options
+        )
+    except (nats.errors.Error, ValueError) as error:  # nothing else ends the attempts
+        raise UsageError(f"{servers}: this is not the URL of a NATS server: {error}") from None
+    return client
+
+
+async def patiently(ask: Callable[[], Coroutine[Any, Any, T]], refusals: Set[int] = frozenset()) -> T:
+    """The result of `ask`, which is called again while the servers do not answer, or cannot for now.
+
+    Raises nats.js.errors.APIError for what they refuse: that something is not there, the errors in `refusals`, and all but those that pass.
+    """
+    from nats import errors
+    from nats.js.errors import APIError, NotFoundError
+
+    pause = FIRST_PAUSE
+    while True:
+        try:
+            return await ask()
+        except NotFoundError:
+            raise
+        except APIError as error:
+            if error.err_code in refusals or error.code not in (None, 503):
+                raise
+        except (errors.Error, OSError):
+            pass
+        await asyncio.sleep(pause)
+        pause = min(pause * 2, LONGEST_PAUSE)
+
+
+async def made_with_copies(make: Callable[[int], Coroutine[Any, Any, T]]) -> T:
+    """What `make` makes with as many copies as there are servers for, or with which it is there already."""
+    from nats.js.errors import APIError
+
+    refusals = {_OTHER_COPIES, *_TOO_MANY_COPIES}
+    for copies in range(MOST_COPIES, 1, -1):
+        try:
+            return await patiently(partial(make, copies), refusals)
+        except APIError as error:
+            if error.err_code not in refusals:
+                raise
+    return await patiently(partial(make, 1))
