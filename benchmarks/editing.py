@@ -15,7 +15,8 @@ from maps import hall
 from msgspec import structs
 from timing import format_time
 
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.kernel.component import Received, Record
 from somrs.kernel.durability import JournaledComponent
 from somrs.ontology.files.loading import upper

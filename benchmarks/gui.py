@@ -25,7 +25,7 @@ from pathlib import Path
 import aiohttp
 import pages
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Answer, Ask, Follow, Mover, Poses, RobotStatus, Welcome, encode_line, read_by_server
 from somrs.devices.simulator.link.link import RobotLink

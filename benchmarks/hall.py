@@ -23,7 +23,8 @@ from pathlib import Path
 
 from start import cpu, descendants, memory
 
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Policy, Submit

@@ -24,7 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from somrs.cli.import_commands import import_site
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.system import System
 from somrs.ontology.files.dump import dump_map
 from somrs.ontology.files.loading import upper

@@ -15,7 +15,7 @@ from pathlib import Path
 from contestants.contest import BIDDERS
 from contestants.programs import Programs, free_port, ready, wait_for_end
 from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, one_step, site
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.bus import addresses_on, run_bus
 from somrs.deployment.components import run_registry, run_repository
 from somrs.deployment.continuation import continuing

@@ -15,7 +15,7 @@ from typing import Literal
 
 import pytest
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
 from tests.conftest import WORKER_GROUPS

@@ -17,7 +17,8 @@ from somrs.api.bodies import Body, scene_of
 from somrs.api.context import Context
 from somrs.api.listener import Listener
 from somrs.api.poses import PoseFeed
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.client.hub import Hub
 from somrs.devices.simulator.link.link import RobotLink
 from somrs.devices.simulator.server.server import Server

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.deployment.bus import addresses_on, discard_site, find_site, list_site, run_gateway
 from somrs.deployment.device import DeviceRunner
 from somrs.errors import InputError, RemoteError, UsageError

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.errors import RemoteError
 from somrs.ports import Reservation
 from somrs.protocol.messages.directory import Discover, Discovered

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.device import DeviceRunner, device_journal, load
 from somrs.errors import DeviceError, UsageError
 from somrs.kernel.component import Effect, Input, Received, Send, Started, TimerFired

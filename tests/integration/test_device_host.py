@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment import device_host
 from somrs.deployment.device import device_journal
 from somrs.deployment.device_host import HostedDevice, Listeners, name_device, parse_device

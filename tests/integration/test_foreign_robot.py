@@ -18,7 +18,8 @@ import zeep.exceptions
 
 from somrs.api.traffic import view_of
 from somrs.api.traffic_reader import TrafficReader
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.deployment.traffic import add_traffic
 from somrs.deployment.traffic_entrance import FOREIGN_FILE, serve_simulated_traffic
 from somrs.deployment.traffic_worker import TrafficWorker

@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import Struct, structs
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.components import run_task_manager
 from somrs.entish import Name
 from somrs.entish.parse import parse

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.device import DeviceRunner
 from somrs.entish.formula import Formula
 from somrs.protocol.messages import frp, knowledge

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.devices.person import assignments
 from somrs.devices.person.device import Person
 from somrs.devices.person.questions import Question, Questions

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.camera import Camera, close_up, opengl, overview, region, storey_view

@@ -18,7 +18,7 @@ from hypothesis import given
 from lxml import etree
 from msgspec import Struct
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.device import DeviceRunner
 from somrs.kernel.component import Effect, Input, Received
 from somrs.planner_service.engines import plan_in_process

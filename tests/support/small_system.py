@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from somrs.api.program import served
 from somrs.api.remote import LiveApi, live_api
 from somrs.api.service import open_api_service
-from somrs.client.client import Addresses, task_manager_name
+from somrs.client.addresses import Addresses, task_manager_name
 from somrs.deployment.device import DeviceRunner
 from somrs.kernel.component import TimerFired
 from somrs.ontology.files.loading import load_text

@@ -13,7 +13,7 @@ import httpx
 import pytest
 
 from somrs.api.remote import api_of, live_api
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from somrs.api.remote import live_api
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.deployment.bus import find_site
 from somrs.deployment.system import OWN_BUS, System
 from somrs.devices.simulator.world.kinds import WorldKind

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.ontology.files.loading import load_definitions, upper
 from tests.support.command import somrs
 from tests.support.paths import SCENARIO_1

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError

@@ -14,7 +14,8 @@ from subprocess import PIPE, Popen
 import pytest
 import zeep.exceptions
 
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.ontology.files.dump import dump_map
 from somrs.ontology.files.loading import upper

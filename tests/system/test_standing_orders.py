@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from somrs.api.remote import Api, api_of
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import RemoteError, UsageError

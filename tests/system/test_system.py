@@ -19,7 +19,8 @@ import pytest
 from rich.console import Console
 
 from somrs.cli.import_commands import importer, write_import
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.client.trace import Line
 from somrs.demo.scenarios import play
 from somrs.deployment.system import System

@@ -11,7 +11,7 @@ import pytest
 
 import somrs
 from somrs import Client
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.errors import UsageError
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.task_views import Phase

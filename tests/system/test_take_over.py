@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.deployment.bus import find_site
 from somrs.deployment.device import DeviceRunner
 from somrs.ports import bound

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from tests.support import warm
 from tests.support.command import somrs
 from tests.support.hang import HANG_TIME

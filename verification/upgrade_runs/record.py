@@ -19,7 +19,8 @@ import tempfile
 from pathlib import Path
 
 from somrs.cli.import_commands import problem_of
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.ontology.files.site import dump_site
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.goal_kinds import GoalKind

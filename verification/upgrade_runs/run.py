@@ -11,7 +11,8 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from somrs.api.listener import Listener
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.client.hub import Hub
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from somrs.api.map_news import MapNews
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.client.hub import Hub
 from somrs.kernel.component import Effect, Input, Received, Send, SetTimer, Started, TimerFired
 from somrs.kernel.replica import Replica

@@ -16,7 +16,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 
 from somrs.api.rest import application
 from somrs.api.service import ApiService, open_api_service
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.programs import until_stopped
 from somrs.ports import bound
 from somrs.runtime.http import KEPT_TIME, QuietServer

@@ -24,8 +24,8 @@ from somrs.api.tasks import TaskService
 from somrs.api.topics import TOPICS
 from somrs.api.traffic import TrafficService
 from somrs.api.zones import ZoneService
+from somrs.client.addresses import Addresses
 from somrs.client.api_client import ApiClient, address_of
-from somrs.client.client import Addresses
 from somrs.client.hub import News
 from somrs.client.live_news import LiveHub
 from somrs.errors import RemoteError

@@ -24,7 +24,8 @@ from somrs.api.system import SystemService
 from somrs.api.tasks import TaskService
 from somrs.api.traffic import TrafficService
 from somrs.api.zones import ZoneService
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.client.hub import Hub
 from somrs.client.operations import Operation, operations
 from somrs.errors import RemoteError

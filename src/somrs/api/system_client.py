@@ -14,8 +14,8 @@ from types import TracebackType
 from somrs.api.remote import Api
 from somrs.api.task_feed import TaskChanged
 from somrs.api.topics import TOPICS, unknown_topics_text
+from somrs.client.addresses import Addresses
 from somrs.client.api_client import ApiClient, address_of
-from somrs.client.client import Addresses
 from somrs.client.hub import News
 from somrs.client.live_news import LiveHub
 from somrs.errors import UsageError

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 from somrs.cli.geometry import geometry_problems, printed
 from somrs.client import terminal
-from somrs.client.client import Addresses, Client
-from somrs.deployment.launcher import Launcher
-from somrs.devices.simulator.world.kinds import WorldKind
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.errors import ModelError, RemoteError, UsageError
 from somrs.ontology.objects import Change, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Value
@@ -107,53 +106,24 @@ def _reporter(data: Path, console: Console) -> Callable[[str], None]:
     return report
 
 
-async def run_system(
-    site: Sequence[Path],
-    data: Path,
-    speed: str,
-    world: WorldKind,
-    simulates: bool,
-    host: str,
-    fresh: bool,
-    launcher: Launcher,
-    devices_per_process: int | None,
-    task_managers: int | None,
-    bus: str | None,
-    name: str | None,
-) -> None:
-    """Run a system until it is asked to stop."""
+async def run_system(site: Sequence[Path], data: Path, make_system: Callable[[Sequence[Path]], System], *, fresh: bool) -> None:
+    """Run the system that `make_system` makes of the site's files, until it is asked to stop. `fresh`: discard what is kept of it."""
     from somrs.cli.import_commands import import_sources
-    from somrs.deployment.bus import discard_site, site_name
     from somrs.deployment.programs import load_site, stop_signal
-    from somrs.deployment.system import OWN_BUS, System, check_unused, discard
+    from somrs.deployment.system import check_unused
 
     console = terminal.console()
     data.mkdir(parents=True, exist_ok=True)
     check_unused(data)
     files = import_sources(site, data)
+    system = make_system(files)
     if fresh:
         load_site(files)  # so that a mistake in it deletes nothing
-        if bus is not None and bus != OWN_BUS:
-            await discard_site(bus, name or site_name(files))
-        discard(data, keep=files)
+        await system.discard()
 
     report = _reporter(data, console)
-    system = System(
-        files,
-        data,
-        speed=speed,
-        world=world,
-        simulates=simulates,
-        host=host,
-        windows=True,
-        launcher=launcher,
-        devices_per_process=devices_per_process,
-        task_managers=task_managers,
-        bus=bus,
-        name=name,
-    )
     try:
-        world_program = "the simulator" if simulates else "traffic"
+        world_program = "the simulator" if system.simulates else "traffic"
         with console.status(f"starting the Repository, the Registry, the Task Manager, {world_program} and the devices ..."):
             await system.start()
             async with Client(system.addresses) as client:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from somrs.client import terminal
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.naming import SINGULAR, DefinitionKey, Renaming, Section, key_of
 from somrs.protocol.messages.knowledge import Alteration, Considered, Define, Event, MergeObject, ReadEvents, RenameObject, Revision, Undo

@@ -12,7 +12,7 @@ from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
 from somrs.api.fleet import BUSY, Devices, DeviceView
 from somrs.api.service import open_api_service
 from somrs.client import terminal
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.client.refusals import ErrorReport
 from somrs.protocol.messages.event_text import short_id
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperCommand
@@ -37,6 +37,9 @@ from somrs.cli.tasks import tasks_app
 from somrs.cli.zones import zones_app
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.version import __version__
+
+if TYPE_CHECKING:
+    from somrs.deployment.system import System
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -160,10 +163,28 @@ def up(
     from somrs.cli.commands import site_to_run
     from somrs.deployment.launcher import Launcher, fork_launcher
 
-    files = guarded(lambda: site_to_run(site or [], data, fresh=fresh))
+    sources = guarded(lambda: site_to_run(site or [], data, fresh=fresh))
     launcher_process = fork_launcher()
-    options = devices_per_process, task_managers, bus, name
-    awaited(run(files, data, speed, world, simulator, host, fresh, Launcher(launcher_process), *options))
+
+    def make_system(files: Sequence[Path]) -> System:
+        from somrs.deployment.system import System
+
+        return System(
+            files,
+            data,
+            speed=speed,
+            world=world,
+            simulates=simulator,
+            host=host,
+            windows=True,
+            launcher=Launcher(launcher_process),
+            devices_per_process=devices_per_process,
+            task_managers=task_managers,
+            bus=bus,
+            name=name,
+        )
+
+    awaited(run(sources, data, make_system, fresh=fresh))
 
 
 @app.command()

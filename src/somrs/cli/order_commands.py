@@ -10,7 +10,8 @@ from pathlib import Path
 from somrs.api.remote import Api, api_of
 from somrs.cli.task_commands import run_task
 from somrs.client import terminal
-from somrs.client.client import Addresses, client_name
+from somrs.client.addresses import Addresses
+from somrs.client.client import client_name
 from somrs.errors import UsageError
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.orders import (

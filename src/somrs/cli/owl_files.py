@@ -7,7 +7,8 @@ from pathlib import Path
 
 from somrs.cli.edit_commands import alter
 from somrs.client import terminal
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.client.owl_change import OwlChange
 from somrs.errors import UsageError
 from somrs.ontology import owl

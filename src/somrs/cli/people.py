@@ -10,7 +10,7 @@ from rich.text import Text
 
 from somrs.api.service import open_api_service
 from somrs.client import terminal
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.client.people import codes, open_assignments, put_reply
 from somrs.devices.person.assignments import Assignment, Reply, ReplyKind
 from somrs.errors import RemoteError, UsageError

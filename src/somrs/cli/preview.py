@@ -9,7 +9,8 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from somrs.client import terminal
-from somrs.client.client import Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
 from somrs.client.outlook_text import outlook_note, outlook_price
 from somrs.client.task_report import reasons
 from somrs.protocol.messages.previews import OtherPlan, Preview, Previewed, Quotation

@@ -12,7 +12,7 @@ from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, BusOption, Data, HostOpt
 from somrs.devices.simulator.world.kinds import WorldKind
 
 if TYPE_CHECKING:
-    from somrs.client.client import Addresses
+    from somrs.client.addresses import Addresses
 
 run_app = typer.Typer(help="Run a single component of a system.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -219,7 +219,7 @@ def devices(
 
 def addresses_of(data: Path, bus: str | None, name: str | None) -> Addresses:
     """The addresses of the running system: of its data folder, or of a site on a bus. Raises UsageError when it is not there."""
-    from somrs.client.client import Addresses
+    from somrs.client.addresses import Addresses
 
     if bus is None:
         return Addresses.read(data)

@@ -9,7 +9,7 @@ from rich.table import Table
 from somrs.api.service import open_api_service
 from somrs.api.system import PartView
 from somrs.client import terminal
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.bus import running_components
 from somrs.storage.stream_log import RunningComponent
 

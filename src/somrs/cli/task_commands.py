@@ -12,7 +12,8 @@ from rich.live import Live
 from somrs.cli import task_report
 from somrs.cli.procedures import handler
 from somrs.client import terminal
-from somrs.client.client import PATIENCE, Addresses, Client
+from somrs.client.addresses import Addresses
+from somrs.client.client import PATIENCE, Client
 from somrs.client.message_chart import chart
 from somrs.client.task_history import TaskHistory, open_task_history
 from somrs.client.task_managers import Listing, silent_text

@@ -14,7 +14,7 @@ import aiohttp
 import msgspec
 from yarl import URL
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.client.operations import Document, Operation, operations
 from somrs.client.refusals import ErrorReport, refusal
 from somrs.errors import RemoteError, UsageError

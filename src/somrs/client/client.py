@@ -8,11 +8,11 @@ import socket
 import uuid
 from collections.abc import AsyncIterator, Awaitable, Callable
 from itertools import chain
-from pathlib import Path
 from typing import TypeVar
 
 import msgspec
 
+from somrs.client.addresses import Addresses
 from somrs.client.task_managers import Answers, Listing, TaskManagers
 from somrs.errors import FormulaError, RemoteError, UsageError
 from somrs.ontology.objects import Fact, Map, Object
@@ -21,10 +21,8 @@ from somrs.protocol.messages import directory, frp, knowledge, previews, records
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.people import client_address
-from somrs.runtime.bus import BusAddress
 from somrs.runtime.wire import Wire, retry_unanswered
 
-SYSTEM_FILE = "system.json"
 PAGE = 50
 """Number of tasks requested at once."""
 
@@ -45,58 +43,6 @@ class Refused(RemoteError):
         super().__init__("\n".join(rejected.problems))
 
 
-class Addresses(msgspec.Struct, frozen=True, kw_only=True):
-    """The addresses of the components of a running system. A system has a `simulator` or a symbolic `world`, at `host:port`."""
-
-    repository: str
-    registry: str
-    task_manager: str
-    simulator: str | None = None
-    world: str | None = None
-    """The symbolic world."""
-    gui: str | None = None
-    """The windows; None for a system without them."""
-    api: str | None = None
-    """The public API: the URL below which its operations are."""
-    scheduler: str | None = None
-    """The Scheduler, which keeps templates and standing orders."""
-    traffic: str | None = None
-    """Traffic, which grants places to robots; None for a symbolic world."""
-    bus: BusAddress | None = None
-    """The bus on which the components are; None for a system without one."""
-    further_task_managers: tuple[str, ...] = ()
-    """The Task Managers besides `task_manager`, in a system with several."""
-
-    @property
-    def task_managers(self) -> dict[str, str]:
-        """The addresses of all Task Managers, by their names."""
-        return {task_manager_name(number): address for number, address in enumerate((self.task_manager, *self.further_task_managers), 1)}
-
-    @classmethod
-    def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:
-        """Read the addresses of the running system from its data folder. Raises UsageError if no system runs there."""
-        file = data / name
-        try:
-            return msgspec.json.decode(file.read_bytes(), type=cls)
-        except FileNotFoundError:
-            raise UsageError(f"no system runs here: there is no {file}. Start one with `somrs up SITE`, or give --data") from None
-        except (msgspec.DecodeError, OSError) as error:
-            raise UsageError(f"{file} cannot be read: {error}") from None
-
-    def write(self, data: Path, name: str = SYSTEM_FILE) -> None:
-        (data / name).write_bytes(msgspec.json.format(msgspec.json.encode(self)))
-
-
-def task_manager_path(number: int) -> str:
-    """The path of a Task Manager's address: on a bus, all addresses have the same origin."""
-    return "/task-manager" if number == 1 else f"/task-manager-{number}"
-
-
-def task_manager_name(number: int) -> str:
-    """The name of the Task Manager with this number, counted from 1."""
-    return f"TaskManager{number}"
-
-
 def client_name() -> str:
     """The name of this client, user@host, which is recorded with a task. It is not an address: replies arrive on the connection."""
     try:
@@ -109,14 +55,15 @@ def client_name() -> str:
 class Client:
     """Sends requests to the components of a running system, and returns their replies.
 
-    `post`: sends a message within a number of seconds, and returns the answer; by default by HTTP.
+    `post`: sends a message within a number of seconds, and returns the answer; by default by HTTP. `name`: that of the client; by default
+    the user's.
     """
 
-    def __init__(self, addresses: Addresses, post: Post | None = None) -> None:
+    def __init__(self, addresses: Addresses, post: Post | None = None, name: str | None = None) -> None:
         self.addresses = addresses
         self._own_wire = Wire()
         self._post = post if post is not None else self._own_wire.post
-        self._client_name = client_name()
+        self._client_name = client_address(name) if name is not None else client_name()
         self.task_managers = TaskManagers(addresses.task_managers, self.ask)
 
     async def __aenter__(self) -> Client:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.client.reply_wait import wait_until_accepted
 from somrs.devices.person.assignments import FILE, Assignment, Assignments, Reply, ReplyKind
 from somrs.errors import UsageError

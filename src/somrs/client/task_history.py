@@ -10,7 +10,8 @@ from pathlib import Path
 import msgspec
 from msgspec import structs
 
-from somrs.client.client import SYSTEM_FILE, Addresses, Client, task_manager_name
+from somrs.client.addresses import SYSTEM_FILE, Addresses, task_manager_name
+from somrs.client.client import Client
 from somrs.client.joined_records import join_records, of_task_manager
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord

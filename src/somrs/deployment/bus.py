@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.programs import until_stopped
 from somrs.errors import RemoteError, UsageError
 from somrs.runtime.bus import Bus, BusAddress, BusParts

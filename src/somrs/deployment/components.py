@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from somrs.client.client import Addresses, task_manager_path
+from somrs.client.addresses import Addresses, task_manager_path
 from somrs.client.trace import Trace, trace_file
 from somrs.deployment.continuation import continuing
 from somrs.deployment.programs import load_site

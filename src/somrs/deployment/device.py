@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 from msgspec import structs
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.device_tasks import DeviceTasks
 from somrs.deployment.passage import add_passage
 from somrs.deployment.programs import run_program, until_stopped
@@ -125,7 +125,7 @@ class DeviceRunner:
         self.device.profile()  # reports an invalid class before anything is connected
         self._runtime = runtime = await self._listen()
         self.device.map = MapReader(self._ask)
-        self.device.tasks = TaskSubmitter(DeviceTasks(self.device.name, self._addresses.task_managers, runtime.request, MAP_TIME).ask)
+        self.device.tasks = TaskSubmitter(DeviceTasks(self.device.name, self._addresses, runtime.request, MAP_TIME).ask)
         self.device.observer = self._observed
         self.device.publisher = self._services_changed
         self._was_opened = True

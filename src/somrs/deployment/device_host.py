@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from contextvars import ContextVar
 from pathlib import Path
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.device import DeviceRunner, device_journal, last_port, listen, load, request
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, run_program, until_stopped
 from somrs.deployment.shared_map import MAPS, SharedMap

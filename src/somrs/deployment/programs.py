@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.errors import RemoteError, UsageError
 from somrs.runtime.host import Host
 

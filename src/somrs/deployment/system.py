@@ -10,15 +10,16 @@ import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import msgspec
 from msgspec.structs import replace
 
-from somrs.client.client import SYSTEM_FILE, Addresses, Client, task_manager_path
-from somrs.deployment.bus import bus_address, check_reachable, list_site, site_name
+from somrs.client.addresses import SYSTEM_FILE, Addresses
+from somrs.client.client import Client
+from somrs.deployment.bus import bus_address, check_reachable, discard_site, list_site, site_name
 from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.launcher import Launcher, Process
+from somrs.deployment.ports_of_programs import Part, Ports, ports_before
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_windows
 from somrs.deployment.task_managers import task_manager_count
 from somrs.devices.simulator.world.kinds import WorldKind
@@ -50,12 +51,6 @@ BUS, GATEWAY = "bus", "gateway"
 
 _SETTINGS = {"SOMRS_BUS", "SOMRS_NAME", "SOMRS_SITE"}
 """Variables from which `somrs run` would take settings that the system does not have."""
-
-_WITHOUT_BUS = {3, 4, 5}
-"""The numbers of the ports that a system has on a bus, too: of the world, the windows and the API."""
-
-_BUS_PORT, _GATEWAY_PORT = 8, 9
-"""The numbers of the ports of a bus of its own, and of the gateway."""
 
 OWN_BUS = "own"
 """A bus that is started with the system."""
@@ -99,8 +94,9 @@ def check_unused(data: Path) -> None:
 
 def discard(data: Path, keep: Sequence[Path] = ()) -> None:
     """Delete what a system has kept in its data folder, but for the files in `keep`."""
+    kept = {file.resolve() for file in keep}
     for entry in data.iterdir() if data.exists() else ():
-        if entry in keep:
+        if entry.resolve() in kept:
             continue
         if entry.is_dir():
             shutil.rmtree(entry)
@@ -140,7 +136,7 @@ class System:
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
         self._bus, self._name = bus, name
-        self.speed, self.world, self._simulates = speed, world, simulates
+        self.speed, self.world, self.simulates = speed, world, simulates
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
         self._task_managers = task_managers
@@ -167,45 +163,33 @@ class System:
     async def __aexit__(self, *exception: object) -> None:
         await self.stop()
 
+    async def discard(self) -> None:
+        """Delete what its data folder and its bus have kept of it. Raises UsageError if it runs."""
+        if self._bus is not None and self._bus != OWN_BUS:
+            await discard_site(self._bus, self._name or site_name(self.site))
+        discard(self.data, keep=self.site)
+
     async def start(self) -> None:
         """Start all programs. Return when all devices offer their services."""
         self.data.mkdir(parents=True, exist_ok=True)
         check_unused(self.data)
-        last_addresses = self._last_addresses()
-        last_count = len(last_addresses.task_managers) if last_addresses is not None else 1
-        manager_count = task_manager_count(self.data, self._task_managers, last_count)
-        self._reservation = Reservation(self.host, 9 + manager_count, self._ports_before(last_addresses))
-        ports = self._reservation.ports
-        origins = [f"http://{self.host}:{port}" for port in ports]
+        ports = self._reserve_ports()
         self._check_site()
-        bus = await self._start_bus(ports[_BUS_PORT], ports[_GATEWAY_PORT])
-        if bus is not None:
-            origins = [origin if number in _WITHOUT_BUS else bus.gateway for number, origin in enumerate(origins)]
-        manager_origins = [origins[2], *origins[10:]]
-        manager_address, *further_managers = (origin + task_manager_path(number) for number, origin in enumerate(manager_origins, start=1))
-        self.addresses = Addresses(
-            repository=f"{origins[0]}/repository",
-            registry=f"{origins[1]}/registry",
-            task_manager=manager_address,
-            further_task_managers=tuple(further_managers),
-            gui=origins[4] if self._windows and has_windows() else None,
-            api=f"{origins[5]}/api",
-            scheduler=f"{origins[6]}/scheduler",
-            bus=bus,
-        )
+        bus = await self._start_bus(ports)
+        self.addresses = ports.addresses(bus, has_windows=self._windows and has_windows())
         site = [argument for path in self.site for argument in ("--site", str(path))]
-        entrance = ["--port", str(ports[0])] if bus is None else ["--bus", bus.servers, "--name", bus.site]
+        entrance = ["--port", str(ports[Part.REPOSITORY])] if bus is None else ["--bus", bus.servers, "--name", bus.site]
         await self._start("repository", *entrance, *site)
         async with Client(self.addresses) as client:
             ontology, map = await client.ontology(), await client.map()
         driven = devices(map, ontology)
         bodiless = symbolic(driven)
-        world_address = self._world_address or f"{self.host}:{ports[3]}"
-        has_world = bodiless or self._simulates
+        world_address = self._world_address or ports.world
+        has_world = bodiless or self.simulates
         if not has_world:
             driven = unsimulated(driven, map, ontology)
         # A simulator that runs already has a traffic of its own.
-        traffic_address = f"{origins[7]}/traffic" if self._world_address is None and not bodiless else None
+        traffic_address = ports.traffic(bus) if self._world_address is None and not bodiless else None
         self.addresses = replace(
             self.addresses,
             world=world_address if bodiless else None,
@@ -216,29 +200,49 @@ class System:
         self.addresses.write(self.data)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
-        first = [self._start("registry", "--port", str(ports[1]))]
-        first += [self._start_task_manager(number, port) for number, port in enumerate([ports[2], *ports[10:]], 1)]
+        first = [self._start("registry", "--port", str(ports[Part.REGISTRY]))]
+        first += [self._start_task_manager(number, port) for number, port in enumerate(ports.task_managers, 1)]
         if not has_world:
-            first.append(self._start("traffic", "--port", str(ports[7])))
+            first.append(self._start("traffic", "--port", str(ports[Part.TRAFFIC])))
         elif self._world_address is None:
-            arguments = ["--port", str(ports[3]), "--speed", self.speed, *([] if bodiless else ["--world", self.world])]
+            arguments = ["--port", str(ports[Part.WORLD]), "--speed", self.speed, *([] if bodiless else ["--world", self.world])]
             first.append(self._start("world" if bodiless else "simulator", *arguments))
         await asyncio.gather(*first)
         last_starts = [self._start_devices(group) for group in group_devices(driven, self._devices_per_process)]
-        last_starts += [self._start("scheduler", "--port", str(ports[6])), self._start("api", "--port", str(ports[5]))]
+        last_starts += [
+            self._start("scheduler", "--port", str(ports[Part.SCHEDULER])),
+            self._start("api", "--port", str(ports[Part.API])),
+        ]
         if self.addresses.gui is not None:
-            last_starts.append(self._start("gui", "--port", str(ports[4])))
+            last_starts.append(self._start("gui", "--port", str(ports[Part.WINDOWS])))
         await asyncio.gather(*last_starts)
         # Not earlier: when a start fails because an address is taken, the next start tries the same address again.
         self.addresses.write(self.data, LAST_FILE)
         if bus is not None:
             await list_site(self.addresses)
 
-    async def _start_bus(self, server_port: int, gateway_port: int) -> BusAddress | None:
+    def _reserve_ports(self) -> Ports:
+        """Reserve the ports of all programs, those of the last run where they are free."""
+        try:
+            last_addresses = Addresses.read(self.data, LAST_FILE)
+        except UsageError:  # there was none
+            last_addresses = None
+        last_count = len(last_addresses.task_managers) if last_addresses is not None else 1
+        count = len(Part) - 1 + task_manager_count(self.data, self._task_managers, last_count)
+        preferred_ports = (
+            ports_before(last_addresses, is_on_bus=self._bus is not None, has_own_bus=self._bus == OWN_BUS)
+            if last_addresses is not None
+            else []
+        )
+        self._reservation = Reservation(self.host, count, preferred_ports)
+        return Ports(self.host, self._reservation.ports)
+
+    async def _start_bus(self, ports: Ports) -> BusAddress | None:
         """Start the bus, if it is to be the system's own, and the site's gateway. Returns where the bus is, if there is one."""
         if self._bus is None:
             return None
         name = self._name or site_name(self.site)
+        server_port, gateway_port = ports[Part.BUS], ports[Part.GATEWAY]
         servers = f"nats://{self.host}:{server_port}" if self._bus == OWN_BUS else self._bus
         bus = bus_address(servers, name, f"http://{self.host}:{gateway_port}")
         if self._bus == OWN_BUS:
@@ -249,38 +253,6 @@ class System:
             await check_reachable(bus)  # here, so that who starts the system reads why it does not go on
         await self._start(GATEWAY, "--bus", servers, "--name", name, "--port", str(gateway_port))
         return bus
-
-    def _last_addresses(self) -> Addresses | None:
-        """The addresses of the last run; None if there was none."""
-        try:
-            return Addresses.read(self.data, LAST_FILE)
-        except UsageError:
-            return None
-
-    def _ports_before(self, addresses: Addresses | None) -> list[int]:
-        """The ports of the last run, which had these addresses, that this one can have; empty if there was none."""
-        if addresses is None:
-            return []
-        world_address = f"//{addresses.simulator or addresses.world}"
-        places = (
-            addresses.repository,
-            addresses.registry,
-            addresses.task_manager,
-            world_address,
-            addresses.gui or "",
-            addresses.api or "",
-            addresses.scheduler or "",
-            addresses.traffic or "",
-            addresses.bus.servers if addresses.bus is not None else "",
-            addresses.bus.gateway if addresses.bus is not None else "",
-            *addresses.further_task_managers,
-        )
-        ports = [urlsplit(place).port or 0 for place in places]
-        if addresses.bus is None:
-            return ports
-        # All addresses of components had the port of the gateway, and devices without a bus take it if nobody reserves it.
-        kept = _WITHOUT_BUS | ({_GATEWAY_PORT} if self._bus is not None else set()) | ({_BUS_PORT} if self._bus == OWN_BUS else set())
-        return [port if number in kept else 0 for number, port in enumerate(ports)]
 
     async def _start_task_manager(self, number: int, port: int) -> Program:
         if number == 1:

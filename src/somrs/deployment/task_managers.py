@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from somrs.client.client import task_manager_name
+from somrs.client.addresses import task_manager_name
 from somrs.errors import UsageError
 from somrs.storage.archive import archive_file, archive_files
 

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from msgspec import structs
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.programs import until_stopped
 from somrs.deployment.traffic_entrance import PATH
 from somrs.errors import UsageError

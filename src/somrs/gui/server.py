@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import uvicorn
 
 from somrs.api.remote import LiveApi, live_api
+from somrs.client.addresses import Addresses
 from somrs.client.api_client import address_of
-from somrs.client.client import Addresses
 from somrs.deployment.programs import until_stopped
 from somrs.gui.cache import Cache
 from somrs.gui.proxy import Proxy

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from somrs.client.client import Addresses
+from somrs.client.addresses import Addresses
 from somrs.deployment.continuation import continuing
 from somrs.runtime.clock import TimeOfDay, local_zone
 from somrs.runtime.host import Host

@@ -1,0 +1,65 @@
+"""The addresses of a running system, which its data folder has, or its bus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from somrs.errors import UsageError
+from somrs.runtime.bus import BusAddress
+
+SYSTEM_FILE = "system.json"
+"""The file in the data folder with the addresses of the running system."""
+
+
+class Addresses(msgspec.Struct, frozen=True, kw_only=True):
+    """The addresses of the components of a running system. A system has a `simulator` or a symbolic `world`, at `host:port`."""
+
+    repository: str
+    registry: str
+    task_manager: str
+    simulator: str | None = None
+    world: str | None = None
+    """The symbolic world."""
+    gui: str | None = None
+    """The windows; None for a system without them."""
+    api: str | None = None
+    """The public API: the URL below which its operations are."""
+    scheduler: str | None = None
+    """The Scheduler, which keeps templates and standing orders."""
+    traffic: str | None = None
+    """Traffic, which grants places to robots; None for a symbolic world."""
+    bus: BusAddress | None = None
+    """The bus on which the components are; None for a system without one."""
+    further_task_managers: tuple[str, ...] = ()
+    """The Task Managers besides `task_manager`, in a system with several."""
+
+    @property
+    def task_managers(self) -> dict[str, str]:
+        """The addresses of all Task Managers, by their names."""
+        return {task_manager_name(number): address for number, address in enumerate((self.task_manager, *self.further_task_managers), 1)}
+
+    @classmethod
+    def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:
+        """Read the addresses of the running system from its data folder. Raises UsageError if no system runs there."""
+        file = data / name
+        try:
+            return msgspec.json.decode(file.read_bytes(), type=cls)
+        except FileNotFoundError:
+            raise UsageError(f"no system runs here: there is no {file}. Start one with `somrs up SITE`, or give --data") from None
+        except (msgspec.DecodeError, OSError) as error:
+            raise UsageError(f"{file} cannot be read: {error}") from None
+
+    def write(self, data: Path, name: str = SYSTEM_FILE) -> None:
+        (data / name).write_bytes(msgspec.json.format(msgspec.json.encode(self)))
+
+
+def task_manager_path(number: int) -> str:
+    """The path of a Task Manager's address: on a bus, all addresses have the same origin."""
+    return "/task-manager" if number == 1 else f"/task-manager-{number}"
+
+
+def task_manager_name(number: int) -> str:
+    """The name of the Task Manager with this number, counted from 1."""
+    return f"TaskManager{number}"

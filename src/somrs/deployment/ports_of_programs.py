@@ -1,0 +1,92 @@
+"""The ports of a system's programs on one machine, and the addresses of its components there or on a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+from urllib.parse import urlsplit
+
+from somrs.client.addresses import Addresses, task_manager_path
+from somrs.runtime.bus import BusAddress
+
+
+class Part(IntEnum):
+    """The parts of a system that have a port, in the order of the ports. Those of further Task Managers come behind them."""
+
+    REPOSITORY = 0
+    REGISTRY = 1
+    TASK_MANAGER = 2
+    WORLD = 3
+    WINDOWS = 4
+    API = 5
+    SCHEDULER = 6
+    TRAFFIC = 7
+    BUS = 8
+    GATEWAY = 9
+
+
+_WITHOUT_BUS = {Part.WORLD, Part.WINDOWS, Part.API}
+"""Those that have ports of their own also in a system on a bus; the others have addresses below the gateway's."""
+
+
+class Ports:
+    """The ports of a system's programs at this host, by the numbers of `Part`."""
+
+    def __init__(self, host: str, ports: Sequence[int]) -> None:
+        self._host, self._ports = host, ports
+
+    def __getitem__(self, part: Part) -> int:
+        return self._ports[part]
+
+    @property
+    def task_managers(self) -> list[int]:
+        """The ports of all Task Managers."""
+        return [self[Part.TASK_MANAGER], *self._ports[len(Part) :]]
+
+    @property
+    def world(self) -> str:
+        """HOST:PORT of the world."""
+        return f"{self._host}:{self[Part.WORLD]}"
+
+    def traffic(self, bus: BusAddress | None) -> str:
+        """The address of traffic."""
+        return f"{self._origin(self[Part.TRAFFIC], bus)}/traffic"
+
+    def addresses(self, bus: BusAddress | None, *, has_windows: bool) -> Addresses:
+        """The addresses of the components, but for the world's and traffic's, which depend on the map."""
+        first, *further = (self._origin(port, bus) + task_manager_path(number) for number, port in enumerate(self.task_managers, start=1))
+        return Addresses(
+            repository=f"{self._origin(self[Part.REPOSITORY], bus)}/repository",
+            registry=f"{self._origin(self[Part.REGISTRY], bus)}/registry",
+            task_manager=first,
+            further_task_managers=tuple(further),
+            gui=self._origin(self[Part.WINDOWS]) if has_windows else None,
+            api=f"{self._origin(self[Part.API])}/api",
+            scheduler=f"{self._origin(self[Part.SCHEDULER], bus)}/scheduler",
+            bus=bus,
+        )
+
+    def _origin(self, port: int, bus: BusAddress | None = None) -> str:
+        return bus.gateway if bus is not None else f"http://{self._host}:{port}"
+
+
+def ports_before(addresses: Addresses, *, is_on_bus: bool, has_own_bus: bool) -> list[int]:
+    """The ports of an earlier run that had these addresses, as far as this run can have them; 0 for the others."""
+    places = {
+        Part.REPOSITORY: addresses.repository,
+        Part.REGISTRY: addresses.registry,
+        Part.TASK_MANAGER: addresses.task_manager,
+        Part.WORLD: f"//{addresses.simulator or addresses.world}",
+        Part.WINDOWS: addresses.gui or "",
+        Part.API: addresses.api or "",
+        Part.SCHEDULER: addresses.scheduler or "",
+        Part.TRAFFIC: addresses.traffic or "",
+        Part.BUS: addresses.bus.servers if addresses.bus is not None else "",
+        Part.GATEWAY: addresses.bus.gateway if addresses.bus is not None else "",
+    }
+    ports = {part: urlsplit(place).port or 0 for part, place in places.items()}
+    if addresses.bus is None:
+        return [*ports.values(), *(urlsplit(address).port or 0 for address in addresses.further_task_managers)]
+    # The components had the port of the gateway, and devices without a bus take it if nobody reserves it.
+    kept = _WITHOUT_BUS | ({Part.GATEWAY} if is_on_bus else set()) | ({Part.BUS} if has_own_bus else set())
+    return [port if part in kept else 0 for part, port in ports.items()]
