@@ -27,7 +27,7 @@ from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.storage import archive
 from somrs.storage.disk import Disk
-from somrs.storage.journal import KIND
+from somrs.storage.journal_file import KIND
 from tests.integration.test_recovery import GOAL, holding, restore_object
 from tests.support.virtual_system import Robot, VirtualSystem
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from somrs.storage.disk import Disk
-from somrs.storage.journal import KIND
+from somrs.storage.journal_file import KIND
 from tests.support.hang import HANG_TIME
 
 

@@ -28,7 +28,8 @@ from somrs.kernel.durability import Entry, JournalCodec, JournaledComponent, Pen
 from somrs.kernel.replica import ReplicaDue
 from somrs.planner.model.plan import Link, NoPlan, Plan, Step
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
-from somrs.storage.journal import KIND, Journal
+from somrs.storage.journal import Journal
+from somrs.storage.journal_file import KIND
 from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
 from somrs.task_manager.timers import AnswerDue, BidsDue, PlanWanted, SilenceDue
 from tests.support.bodies import KINDS, messages

@@ -15,7 +15,7 @@ from somrs.protocol.messages.task_news import WatchTask
 from somrs.scheduling.book import Book
 from somrs.scheduling.component import SCHEMA, Scheduler
 from somrs.scheduling.state import Located, Question, SchedulerState
-from somrs.storage import journal
+from somrs.storage import journal_file
 from somrs.storage.disk import Disk, execute
 from somrs.storage.journal import Journal, Log
 
@@ -35,8 +35,8 @@ def orders_journal(path: Path, log: Log | None = None) -> Journal:
 def _journaled(db: sqlite3.Connection) -> None:
     """Migrate a file whose data is in tables to a journal that begins with a snapshot."""
     state = _state(db)
-    execute(db, "DROP TABLE templates; DROP TABLE orders; DROP TABLE runs;" + journal.KIND.tables)
-    journal.begin_with(db, JournaledComponent(Scheduler.restored(state), SCHEMA), JournalCodec(SCHEMA))
+    execute(db, "DROP TABLE templates; DROP TABLE orders; DROP TABLE runs;" + journal_file.KIND.tables)
+    journal_file.begin_with(db, JournaledComponent(Scheduler.restored(state), SCHEMA), JournalCodec(SCHEMA))
 
 
 def _state(db: sqlite3.Connection) -> SchedulerState:
@@ -67,7 +67,7 @@ def _state(db: sqlite3.Connection) -> SchedulerState:
 
 
 KIND = replace(
-    journal.KIND,
+    journal_file.KIND,
     owner="a Scheduler's",
     content="template or order",
     replaces={0x534F4D4F: _journaled},  # `SOMO` in ASCII

@@ -11,88 +11,35 @@ import sqlite3
 import time
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 import msgspec
-from msgspec import Struct
 
 from somrs.errors import UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Stateful
 from somrs.kernel.durability import Entry, JournalCodec, JournaledComponent
-from somrs.kernel.parts import CHUNK, PartChanges, Parts, PartsReader, PartsWriter, chunk_document, part_changes
-from somrs.storage import archive
+from somrs.kernel.parts import Parts, PartsReader, PartsWriter, part_changes
 from somrs.storage.archive import TaskArchive
-from somrs.storage.disk import Disk, Kind
-from somrs.version import __version__
-
-_PROGRAM = f"SO-MRS {__version__}"
+from somrs.storage.disk import Disk
+from somrs.storage.journal_file import (
+    KIND,
+    PROGRAM,
+    StoredJournal,
+    begin_with,
+    read_stored_journal,
+    write_batch,
+    write_open,
+    write_snapshot,
+)
 
 SNAPSHOT_SHARE = 0.02
 """The maximal share of the event loop's time for snapshots."""
 
 MOST_BATCH = 500_000
 """The most bytes of several entries that are written as one batch: messages on a bus have a limit."""
-
-WITH_PARTS = """
-    CREATE TABLE IF NOT EXISTS parts (component TEXT NOT NULL, part TEXT NOT NULL, key BLOB NOT NULL, value BLOB NOT NULL,
-      PRIMARY KEY (component, part, key)) WITHOUT ROWID;
-"""
-"""The large parts of the snapshots (`kernel.parts`)."""
-
-TABLES = (
-    """
-    CREATE TABLE life (component TEXT PRIMARY KEY, program TEXT NOT NULL, setting TEXT NOT NULL, address TEXT NOT NULL, open TEXT NOT NULL,
-      schema INTEGER NOT NULL);
-    CREATE TABLE snapshot (component TEXT PRIMARY KEY, number INTEGER NOT NULL, at REAL NOT NULL, sum INTEGER NOT NULL,
-      state BLOB NOT NULL);
-    CREATE TABLE entries (component TEXT NOT NULL, last INTEGER NOT NULL, batch BLOB NOT NULL);
-"""
-    + WITH_PARTS
-)
-"""Entries have no index.
-
-Every commit adds entries, and with an index would write a page for each component; entries are looked up only when a component starts and
-after a snapshot.
-"""
-
-WITHOUT_INDEX = """
-    ALTER TABLE entries RENAME TO old_entries;
-    CREATE TABLE entries (component TEXT NOT NULL, last INTEGER NOT NULL, batch BLOB NOT NULL);
-    INSERT INTO entries SELECT component, last, batch FROM old_entries ORDER BY component, last;
-    DROP TABLE old_entries;
-"""
-
-KIND = Kind(
-    owner="a journal's",
-    content="input, record or state",
-    rival="another process",
-    application=0x534F4D4A,  # `SOMJ` in ASCII
-    version=5,
-    tables=TABLES + archive.TABLES,
-    # Devices and Registries had files of other kinds. Their earlier contracts are not known then, and are reported as unknown.
-    replaces={
-        0x534F4D44: "DROP TABLE kept;" + TABLES + archive.TABLES,
-        0x534F4D53: "DROP TABLE listed;" + TABLES + archive.TABLES,
-    },
-    migrations={
-        # Only the program that wrote it can read the state in a file of the first format: version 0. The records stay.
-        1: "ALTER TABLE life ADD COLUMN schema INTEGER NOT NULL DEFAULT 0;",
-        # The second format had one component in each file.
-        2: "ALTER TABLE life RENAME TO old_life; ALTER TABLE snapshot RENAME TO old_snapshot; ALTER TABLE entries RENAME TO old_entries;"
-        + TABLES
-        + """
-        INSERT INTO life SELECT '', program, setting, address, open, schema FROM old_life;
-        INSERT INTO snapshot SELECT '', number, at, sum, state FROM old_snapshot;
-        INSERT INTO entries SELECT '', last, batch FROM old_entries;
-        DROP TABLE old_life; DROP TABLE old_snapshot; DROP TABLE old_entries;
-        """,
-        3: WITHOUT_INDEX,
-        4: WITH_PARTS,
-    },
-)
 
 
 class Contradiction(UsageError):
@@ -125,22 +72,6 @@ class Log(Protocol):
     def append(self, number: int, version: int, document: bytes) -> None:
         """Write a batch of entries, the last of which has this number. Called in the thread of the disk. Raises UsageError."""
         ...
-
-
-class _StoredJournal(Struct):
-    """The contents of a file: who wrote it, for which address, what was open, the number of the last entry, the snapshot with its parts,
-    and the entries after it."""
-
-    program: str
-    setting: str
-    address: str
-    open: list[str]
-    schema: int
-    number: int
-    state: bytes
-    sum: int
-    parts: dict[str, list[bytes]]
-    entries: list[bytes]
 
 
 _TASKS = TaskArchive()
@@ -177,7 +108,7 @@ class Journal:
         self._stored_parts: Parts = {}
         """The parts of the last snapshot: the next one writes only what is different."""
         try:
-            self._stored_journal = self.disk.write_and_wait(lambda db: _read_stored_journal(db, component))
+            self._stored_journal = self.disk.write_and_wait(lambda db: read_stored_journal(db, component))
         except UsageError:
             self.disk.close()
             raise
@@ -214,22 +145,22 @@ class Journal:
             raise
         except Exception as error:  # data that do not fit may raise any exception
             raise UsageError(self._stuck(stored_journal, f"cannot be read ({type(error).__name__}: {error})")) from error
-        if (stored_journal.schema, stored_journal.program) != (self._written.schema.version, _PROGRAM):
+        if (stored_journal.schema, stored_journal.program) != (self._written.schema.version, PROGRAM):
             self._begin_anew(address, journaled)
             self._entry_count = 0
         return journaled, True
 
-    def _changed(self, stored_journal: _StoredJournal, address: str) -> str | None:
+    def _changed(self, stored_journal: StoredJournal, address: str) -> str | None:
         """Return why the journal cannot be continued; None if it can."""
         if not self._written.schema.can_read(stored_journal.schema):
-            return f"was written by {stored_journal.program}, whose state {_PROGRAM} cannot read"
+            return f"was written by {stored_journal.program}, whose state {PROGRAM} cannot read"
         if stored_journal.setting != self._setting:
             return f"was written for {stored_journal.setting}, and this is for {self._setting}"
         if stored_journal.address != address and not self._written.schema.relocatable:
             return f"belongs to {stored_journal.address}, where other components expect its owner, and this is {address}"
         return None
 
-    def _stuck(self, stored_journal: _StoredJournal, change: str) -> str:
+    def _stuck(self, stored_journal: StoredJournal, change: str) -> str:
         problem = f"{self.disk.path}: {change}"
         if self._written.schema.irreplaceable:
             return f"{problem}; use the earlier program and settings, restore a backup, or move the file away, which loses its contents"
@@ -239,7 +170,7 @@ class Journal:
         tasks = f"{len(stored_journal.open)} task{'s are' if len(stored_journal.open) > 1 else ' is'} open ({named})"
         return f"{problem}; {tasks}: use the earlier program and settings until they are over, or move the file away, which loses them"
 
-    def _replayed(self, stored_journal: _StoredJournal) -> JournaledComponent:
+    def _replayed(self, stored_journal: StoredJournal) -> JournaledComponent:
         if zlib.crc32(stored_journal.state) != stored_journal.sum:
             raise UsageError(self._stuck(stored_journal, "is damaged: its state is not the one that was written"))
         parts = PartsReader(stored_journal.parts)
@@ -256,7 +187,7 @@ class Journal:
         try:
             self.disk.write_and_wait(lambda db: self._archive.store_replayed(archive_records, state, db))
         except Contradiction as error:
-            advice = f"it was written by {stored_journal.program}: start that once more and stop it normally, then continue with {_PROGRAM}"
+            advice = f"it was written by {stored_journal.program}: start that once more and stop it normally, then continue with {PROGRAM}"
             raise UsageError(f"{self.disk.path}: {error}; {advice}") from None
         return journaled
 
@@ -278,8 +209,7 @@ class Journal:
         now_open = tuple(component.open)
         if now_open != self.open:
             self.open = now_open
-            document = msgspec.json.encode(now_open).decode()
-            self.disk.write(lambda db: _execute(db, "UPDATE life SET open = ? WHERE component = ?", (document, self._component)))
+            self.disk.write(lambda db: write_open(db, self._component, now_open))
 
     @property
     def due(self) -> bool:
@@ -300,7 +230,7 @@ class Journal:
         self._entry_count, self._stored_parts = 0, parts.parts
         self._next_snapshot_time = time.monotonic() + (time.monotonic() - start_time) / SNAPSHOT_SHARE
         number, timestamp = journaled.number, journaled.time
-        self.disk.write(lambda db: _snapshot(db, self._component, number, timestamp, state, changes))
+        self.disk.write(lambda db: write_snapshot(db, self._component, number, timestamp, state, changes))
 
     def close(self) -> None:
         """Complete the requested writes, and close the file."""
@@ -318,10 +248,7 @@ class Journal:
             document = JournalCodec.encode_batch(entries)
             if self._log is not None:
                 self._log.append(last_number, self._written.schema.version, document)
-            self._insert(last_number, document, db)
-
-    def _insert(self, last_number: int, document: bytes, db: sqlite3.Connection) -> None:
-        db.execute("INSERT INTO entries VALUES (?, ?, ?)", (self._component, last_number, document))
+            write_batch(db, self._component, last_number, document)
 
     def follow(self, journaled: JournaledComponent, document: bytes, version: int) -> None:
         """Handle a batch of entries that another process has written, and request that they are written to disk here.
@@ -336,7 +263,7 @@ class Journal:
         if not entries:
             return
         own_document = JournalCodec.encode_batch([self._written.encode_entry(entry) for entry in entries])
-        self.disk.write(functools.partial(self._insert, entries[-1].number, own_document))
+        self.disk.write(lambda db: write_batch(db, self._component, entries[-1].number, own_document))
         for record in records:
             self.store_record(record.entry)
         self.note(journaled.component)
@@ -351,63 +278,3 @@ class Journal:
     async def carry_out(self, task: object, report: object = None) -> object:
         """Perform a task of the component on its archive, without blocking the event loop. There are no partial answers."""
         return await self._archive.answer(task, self.disk)
-
-
-def begin_with(
-    db: sqlite3.Connection, journaled: JournaledComponent, written: JournalCodec, component: str = "", setting: str = "", address: str = ""
-) -> Parts:
-    """Begin a journal with the present component, and delete its earlier contents. Return the parts of the snapshot."""
-    db.execute("DELETE FROM entries WHERE component = ?", (component,))
-    db.execute("DELETE FROM parts WHERE component = ?", (component,))
-    is_open = msgspec.json.encode(tuple(journaled.component.open)).decode()
-    life = (component, _PROGRAM, setting, address, is_open, written.schema.version)
-    db.execute("INSERT OR REPLACE INTO life VALUES (?, ?, ?, ?, ?, ?)", life)
-    parts = PartsWriter()
-    state = written.encode_snapshot(journaled, parts)
-    _snapshot(db, component, journaled.number, journaled.time, state, part_changes({}, parts.parts))
-    return parts.parts
-
-
-def _read_stored_journal(db: sqlite3.Connection, component: str) -> _StoredJournal | None:
-    life = db.execute("SELECT program, setting, address, open, schema FROM life WHERE component = ?", (component,)).fetchone()
-    if life is None:
-        return None
-    program, setting, address, open, schema = life
-    snapshot = db.execute("SELECT state, sum, number FROM snapshot WHERE component = ?", (component,)).fetchone()
-    if snapshot is None:
-        raise KeyError("there is no state")
-    (last_number,) = db.execute("SELECT coalesce(max(last), 0) FROM entries WHERE component = ?", (component,)).fetchone()
-    return _StoredJournal(
-        program=program,
-        setting=setting,
-        address=address,
-        open=msgspec.json.decode(open, type=list[str]),
-        schema=schema,
-        number=max(snapshot[2], last_number),
-        state=snapshot[0],
-        sum=snapshot[1],
-        parts={part: [*_read_part(db, component, part)] for part in _part_names(db, component)},
-        entries=[batch for (batch,) in db.execute("SELECT batch FROM entries WHERE component = ? ORDER BY last", (component,))],
-    )
-
-
-def _part_names(db: sqlite3.Connection, component: str) -> list[str]:
-    return [part for (part,) in db.execute("SELECT DISTINCT part FROM parts WHERE component = ?", (component,))]
-
-
-def _read_part(db: sqlite3.Connection, component: str, part: str) -> Iterator[bytes]:
-    """Read the documents of a part, each with some entries."""
-    rows = db.execute("SELECT iif(length(value), value, key) FROM parts WHERE component = ? AND part = ? ORDER BY key", (component, part))
-    while chunk := rows.fetchmany(CHUNK):
-        yield chunk_document([entry for (entry,) in chunk])
-
-
-def _snapshot(db: sqlite3.Connection, component: str, number: int, timestamp: float, state: bytes, changes: PartChanges) -> None:
-    db.executemany("DELETE FROM parts WHERE component = ? AND part = ? AND key = ?", ((component, *entry) for entry in changes.removed))
-    db.executemany("INSERT OR REPLACE INTO parts VALUES (?, ?, ?, ?)", ((component, *entry) for entry in changes.written))
-    db.execute("INSERT OR REPLACE INTO snapshot VALUES (?, ?, ?, ?, ?)", (component, number, timestamp, zlib.crc32(state), state))
-    db.execute("DELETE FROM entries WHERE component = ? AND last <= ?", (component, number))
-
-
-def _execute(db: sqlite3.Connection, statement: str, values: tuple[object, ...]) -> None:
-    db.execute(statement, values)

@@ -19,7 +19,7 @@ from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, Ontology, RelationType
 from somrs.repository.component import SCHEMA, Repository
 from somrs.repository.state import Answer, Contents, DefinitionChange
-from somrs.storage import journal
+from somrs.storage import journal_file
 from somrs.storage.disk import Step, execute
 
 DRIVERS = ("fixed_camera", "manipulator", "patrol")
@@ -38,10 +38,10 @@ def _journaled(db: sqlite3.Connection) -> None:
     execute(
         db,
         "DROP TABLE definitions; DROP TABLE objects; DROP TABLE facts; DROP TABLE answered; DROP TABLE subscriptions; DROP TABLE revised;"
-        + journal.TABLES,
+        + journal_file.TABLES,
     )
     if contents is not None:
-        journal.begin_with(db, JournaledComponent(Repository.restored(contents), SCHEMA), JournalCodec(SCHEMA))
+        journal_file.begin_with(db, JournaledComponent(Repository.restored(contents), SCHEMA), JournalCodec(SCHEMA))
 
 
 def _contents(db: sqlite3.Connection) -> Contents | None:
@@ -100,7 +100,7 @@ MIGRATIONS: Mapping[int, Step] = {
         )
     ),
     3: _journaled,
-    4: journal.WITHOUT_INDEX,
+    4: journal_file.WITHOUT_INDEX,
     # What became of the reports that events come from.
     5: "ALTER TABLE events ADD COLUMN reception TEXT;",
     # Objects that turned out to be others.
@@ -109,6 +109,6 @@ MIGRATIONS: Mapping[int, Step] = {
     CREATE TABLE merged (name TEXT NOT NULL, version INTEGER NOT NULL, before TEXT NOT NULL, PRIMARY KEY (name, version, before))
       WITHOUT ROWID;
     """,
-    7: journal.WITH_PARTS,
+    7: journal_file.WITH_PARTS,
 }
 """The migration to the next format, by the format of the file."""

@@ -20,7 +20,7 @@ from somrs.repository.component import SCHEMA
 from somrs.repository.pages import map_page, ontology_page
 from somrs.repository.rollback import PastState
 from somrs.repository.state import ArchivedEvents, Contents, EventsOf, HistoryOf, PageOf
-from somrs.storage import journal
+from somrs.storage import journal_file
 from somrs.storage.disk import Disk, Kind
 from somrs.storage.journal import Contradiction, Journal, Log
 from somrs.storage.repository_formats import MIGRATIONS
@@ -45,7 +45,7 @@ KIND = Kind(
     rival="another process",
     application=0x534F4D52,  # `SOMR` in ASCII
     version=8,
-    tables=journal.TABLES + _TABLES,
+    tables=journal_file.TABLES + _TABLES,
     migrations=MIGRATIONS,
 )
 

@@ -17,7 +17,7 @@ from somrs.protocol.messages.task_news import WatchTask
 from somrs.scheduling.component import Scheduler
 from somrs.scheduling.state import Located, OrdersDue
 from somrs.scheduling.store import KIND, orders_journal
-from somrs.storage import journal
+from somrs.storage import journal_file
 from tests.support.paths import ROOT
 
 FIRST = (ROOT / "tests/data/orders-format-1.sql").read_text()
@@ -81,7 +81,7 @@ def test_an_old_file_is_a_journal_from_then_on(path: Path, tmp_path: Path) -> No
     assert second.component.state.questions == first.component.state.questions
     orders_journal(new := tmp_path / "new.sqlite").close()
     assert shape(path) == shape(new)
-    assert shape(path)[1:] == (KIND.application, KIND.version) == (journal.KIND.application, journal.KIND.version)
+    assert shape(path)[1:] == (KIND.application, KIND.version) == (journal_file.KIND.application, journal_file.KIND.version)
 
 
 def shape(path: Path) -> tuple[set[str], int, int]:
@@ -122,7 +122,7 @@ def test_an_interrupted_change_leaves_the_file_as_it_was(path: Path, monkeypatch
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(journal, "begin_with", interrupted)
+        patched.setattr(journal_file, "begin_with", interrupted)
         with pytest.raises(KeyboardInterrupt):
             orders_journal(path)
     assert dump(path) == dump_before
