@@ -6,6 +6,7 @@ import asyncio
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from somrs.ontology.objects import ValueSet
@@ -18,7 +19,7 @@ from verification.kill_runs.checks import LoggedMessage
 from verification.kill_runs.draw import CELLS, MAX_ATTEMPTS, MESSAGES, Victim, draw_case
 from verification.kill_runs.run import Run
 from verification.kill_runs.running_system import RunningSystem
-from verification.kill_runs.scenarios import scenarios_of
+from verification.kill_runs.scenarios import ROBOTS, scenarios_of
 
 pytestmark = pytest.mark.long
 
@@ -35,8 +36,13 @@ def test_a_killed_task_manager_and_a_killed_repository_find_their_places(tmp_pat
                 assert result.struck == victim
                 assert result.outcome == "accomplished"
                 assert result.acknowledged > 5
+            await stage.save_world(tmp_path)
 
     asyncio.run(play())
+    world = msgspec.json.decode((tmp_path / "world.json").read_bytes())
+    assert world["things"]["Jar002"]["on"] == "Platform001"
+    assert {*ROBOTS} <= {*world["traffic"]["robots"]}
+    assert world["roadmap"]["places"]
 
 
 def test_every_message_is_brought_about_with_every_victim() -> None:

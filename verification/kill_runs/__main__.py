@@ -77,7 +77,7 @@ class Series:
                 result_line(result), style="" if result.recovered else "yellow" if result.missed else "bold red", highlight=False
             )
             if result.problems or result.lost:
-                self._save_logs(running_system, run, result)
+                await self._save_logs(running_system, run, result)
                 self._bar.advance(self._progress_task)
                 return False
             if not result.missed:
@@ -89,14 +89,15 @@ class Series:
         with (self._out_folder / "runs.jsonl").open("ab") as file:
             file.write(msgspec.json.encode(result) + b"\n")
 
-    def _save_logs(self, running_system: RunningSystem, run: Run, result: Result) -> None:
-        """Save the logs, the messages and the task of a failed run."""
+    async def _save_logs(self, running_system: RunningSystem, run: Run, result: Result) -> None:
+        """Save the logs, the messages, the task and the simulated world of a failed run."""
         folder = self._out_folder / str(result.seed)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "result.json").write_bytes(msgspec.json.format(msgspec.json.encode(result)))
         (folder / "task.jsonl").write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in run.lines))
         if run.view is not None:
             (folder / "task.json").write_bytes(msgspec.json.format(msgspec.json.encode(run.view)))
+        await running_system.save_world(folder)
         running_system.save_logs(folder)
 
 

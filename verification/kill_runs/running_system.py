@@ -13,6 +13,8 @@ from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
 
+import msgspec
+
 from somrs.client.client import Client
 from somrs.deployment.launcher import Launcher
 from somrs.deployment.system import System, discard
@@ -34,6 +36,8 @@ from verification.kill_runs.scenarios import DEVICES, PATROL, ROBOTS, THINGS
 
 FREE_TIME = 30.0
 """Seconds after the repair within which a device has to be able to begin a contract at once."""
+ANSWERED = 10.0
+"""Seconds within which the simulator has to say how the world is, for the record of a failed run."""
 START_TOLERANCE = 2.0
 """The tolerance for a contract that begins at once, in seconds."""
 
@@ -216,6 +220,21 @@ class RunningSystem:
                 return reason if device in (*ROBOTS, PATROL) else ""  # a camera refuses what it does not see
             case _:
                 return f"it answered {type(answer.body).__name__ if answer else 'nothing'}"
+
+    async def save_world(self, folder: Path) -> None:
+        """Save what the simulator says of the world and of its traffic now: who waits for whom, on which ways, and what is closed."""
+        operator = self.operator
+        world: dict[str, object] = {}
+        try:
+            async with asyncio.timeout(ANSWERED):
+                world["clock"] = await operator.clock()
+                world["devices"] = await operator.devices()
+                world["traffic"] = await operator.traffic()
+                world["roadmap"] = await operator.roadmap()
+                world["things"] = {thing: await operator.observe(thing) for thing in THINGS}
+        except (SomrsError, TimeoutError) as error:
+            world["unanswered"] = repr(error)
+        (folder / "world.json").write_bytes(msgspec.json.format(msgspec.json.encode(world)))
 
     def save_logs(self, folder: Path, files: Iterable[str] = ("logs", "messages.jsonl")) -> None:
         """Copy the logs of the run to the folder."""
