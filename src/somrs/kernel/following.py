@@ -55,10 +55,9 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
 
     `confirmed`: whether the publisher has stated its version since the owner started, so that it is known how much the copy lacks.
 
-    The owner passes every input to the copy first, and carries out the effects. The copy uses one timer, `TIMER`.
+    The owner passes every input to the copy first, and carries out the effects. The copy uses one timer, `timer`.
     """
 
-    TIMER: ClassVar[Any]
     SUBSCRIBED: ClassVar[Any]
     """The answer to a subscription. It has the publisher's version. Unasked, it says that news may be missing."""
     QUESTIONS: ClassVar[tuple[type, ...]]
@@ -111,13 +110,18 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
                 effects = self._received(message, now)
             case DeliveryFailed(message):
                 effects = self._delivery_failed(message, now)
-            case TimerFired(timer) if timer == self.TIMER:
+            case TimerFired(timer) if timer == self.timer:
                 effects = self._check_deadlines(now)
             case _:
                 effects = None
         return None if effects is None else self._catch_up(effects, now)
 
     # What is followed
+
+    @property
+    def timer(self) -> Any:
+        """The timer of this copy. Each copy of a component has its own."""
+        raise NotImplementedError
 
     @property
     def publisher(self) -> str:
@@ -285,4 +289,4 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
             self.gap_until = now + GAP_TIME
 
     def _next_timer(self) -> SetTimer:
-        return SetTimer(self.TIMER, min(time for time in (self.renew_at, self.answer_by, self.gap_until) if time is not None))
+        return SetTimer(self.timer, min(time for time in (self.renew_at, self.answer_by, self.gap_until) if time is not None))

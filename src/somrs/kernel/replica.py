@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from msgspec import Struct, field
 
@@ -69,7 +69,6 @@ class ReplicaDue(Struct, frozen=True, tag=True):
 class Replica(Following[MapChanged | OntologyChanged, _Reading]):
     """`ontology` and `map` are the Repository's as far as received. The owner passes every input to `handle` first."""
 
-    TIMER: ClassVar[Any] = ReplicaDue()
     SUBSCRIBED = MapSubscribed
     QUESTIONS = (SubscribeMap, ReadMap, ReadOntology)
     PAGES = (OntologyPage, MapPage)
@@ -84,6 +83,10 @@ class Replica(Following[MapChanged | OntologyChanged, _Reading]):
         """Handle an input; None if it does not concern the replica."""
         followed = self.follow(event, now)
         return self._update(followed.effects, followed.events, followed.reloaded) if followed is not None else None
+
+    @property
+    def timer(self) -> Any:
+        return ReplicaDue()
 
     @property
     def publisher(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from msgspec import Struct, field
 
@@ -49,7 +49,6 @@ class ServicesDue(Struct, frozen=True, tag=True):
 class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
     """`offers` are the Registry's as far as received. The owner passes every input to `handle` first."""
 
-    TIMER: ClassVar[Any] = ServicesDue()
     SUBSCRIBED = ServicesSubscribed
     QUESTIONS = (SubscribeServices, Discover)
     PAGES = (Discovered,)
@@ -76,6 +75,10 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
         """When no provider is expected to publish again any more; None if none is."""
         self.expected = {provider: time for provider, time in self.expected.items() if time > now}
         return max(self.expected.values(), default=None)
+
+    @property
+    def timer(self) -> Any:
+        return ServicesDue()
 
     @property
     def publisher(self) -> str:

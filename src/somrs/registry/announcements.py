@@ -12,6 +12,7 @@ from somrs.kernel.component import Effect, Send
 from somrs.protocol.messages.directory import (
     OUTDATED,
     REPUBLISHING_TIME,
+    WITHHELD,
     Offer,
     PresenceChange,
     ServicesJoined,
@@ -21,7 +22,7 @@ from somrs.protocol.messages.directory import (
 )
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.paging import pages
-from somrs.registry.listing import ListedOffers, Listing
+from somrs.registry.listing import OWN, Listing, OffersByService, ProviderKey, Views
 from somrs.registry.state import RegistryState
 
 LOG_LENGTH = 200
@@ -36,31 +37,49 @@ class Announcements:
 
     def announce(
         self,
-        before: ListedOffers,
+        old_views: Views,
         reason: str,
         now: float,
+        *,
+        reasons: Mapping[str, str] = MappingProxyType({}),
         expiries: Mapping[str, float] = MappingProxyType({}),
         requester: str | None = None,
     ) -> list[Effect]:
         """Announce which offers are listed now and were not before, or not as they are now, and which services are not listed any more.
 
-        `reason`: why services left that their provider does not offer now; `expiries`: when their leases expired, if that is earlier than
-        `now`. A provider whose services are withheld is told so, unless it is the requester, which learns it from the answer.
+        `reason`: why services left that nobody offers now, unless `reasons` has another one for the service; `expiries`: when the leases
+        of providers expired, if that is earlier than `now`. A provider whose services are withheld is told so, unless it is the requester,
+        which learns it from the answer.
         """
         effects: list[Effect] = []
-        for name, offers in self._listing.listed(before).items():
-            old, provider = before[name], self._state.providers.get(name)
-            published = provider.offers if provider is not None else {}
-            removed = [service for service in old if service not in offers]
-            outdated = [service for service in removed if service in published]
-            gone = [service for service in removed if service not in published]
-            changed = [offer for service, offer in offers.items() if old.get(service) != offer]
-            effects += self._announce_left(name, gone, reason, now, expiries.get(name))
-            effects += self._announce_left(name, outdated, OUTDATED, now)
-            effects += self._announce_joined(name, [service for service in offers if service not in old], changed, now)
-            if outdated and name != requester:
-                effects += self._tell_provider(name, [published[service] for service in outdated], now)
+        views = self._listing.views(old_views.providers).audiences
+        for audience, offers in views.items():
+            old_offers = old_views.audiences.get(audience, offers)  # a new neighbour has not read anything
+            added_offers = _by_provider(offer for service, offer in offers.items() if service not in old_offers)
+            changed_offers = _by_provider(offer for service, offer in offers.items() if old_offers.get(service) != offer)
+            left_offers = _by_provider(offer for service, offer in old_offers.items() if service not in offers)
+            # First those that left: of two services with one name, one may take the place of the other.
+            for key in left_offers:
+                for why, removed in self._by_reason(left_offers[key], views[OWN], reason, reasons).items():
+                    effects += self._announce_left(audience, key, removed, why, now, expiries.get(key[1]))
+                    if why == OUTDATED and audience == key[0] == OWN and key[1] != requester:
+                        effects += self._tell_provider(key[1], removed, now)
+            for key in changed_offers:
+                effects += self._announce_joined(audience, key, added_offers.get(key, ()), changed_offers[key], now)
         return effects
+
+    def _by_reason(
+        self, offers: Iterable[Offer], listed: OffersByService, reason: str, reasons: Mapping[str, str]
+    ) -> dict[str, list[Offer]]:
+        """The offers that an audience does not see any more, by the reasons. `listed`: what this system sees; a neighbour may see less."""
+        grouped: dict[str, list[Offer]] = {}
+        for offer in offers:
+            if offer.service not in listed and self._listing.publishes(offer):
+                why = OUTDATED if offer.registry == OWN else WITHHELD
+            else:
+                why = reasons.get(offer.service, reason)
+            grouped.setdefault(why, []).append(offer)
+        return grouped
 
     def _tell_provider(self, provider: str, offers: list[Offer], now: float) -> list[Effect]:
         self._state.providers[provider].expected_by = now + REPUBLISHING_TIME
@@ -68,42 +87,51 @@ class Announcements:
         addresses = dict.fromkeys(offer.address for offer in offers)
         return self._notify(addresses, ServiceTypesChanged(provider=provider, service_types=types), now)
 
-    def _announce_joined(self, provider: str, added_services: list[str], offers: list[Offer], now: float) -> list[Effect]:
-        """Announce offers that are new or have changed; the services of the new ones are `added_services`."""
-        self._log(PresenceChange(at=now, device=provider, services=tuple(added_services), joined=True))
+    def _announce_joined(
+        self, audience: str, key: ProviderKey, added_offers: Iterable[Offer], offers: list[Offer], now: float
+    ) -> list[Effect]:
+        """Announce offers that are new or have changed; the new ones are `added_offers`."""
+        self._log(audience, PresenceChange(at=now, device=key[1], services=_services(added_offers), joined=True, registry=key[0]))
         return [
             effect
             for page in pages(offers)
-            for effect in self._notify_subscribers(ServicesJoined(offers=tuple(page), version=self._next_version()), now)
+            for effect in self._notify_subscribers(audience, ServicesJoined(offers=tuple(page), version=self._next_version(audience)), now)
         ]
 
-    def _announce_left(self, provider: str, services: list[str], reason: str, now: float, left_at: float | None = None) -> list[Effect]:
+    def _announce_left(
+        self, audience: str, key: ProviderKey, offers: list[Offer], reason: str, now: float, left_at: float | None = None
+    ) -> list[Effect]:
         """Announce services that left now or, if the Registry was not running then, at an earlier time."""
-        at = left_at if left_at is not None else now
-        self._log(PresenceChange(at=at, device=provider, services=tuple(services), joined=False, reason=reason))
-        if not services:
-            return []
-        left = ServicesLeft(services=tuple(services), provider=provider, reason=reason, version=self._next_version())
-        return self._notify_subscribers(left, now)
+        at, (registry, provider), services = left_at if left_at is not None else now, key, _services(offers)
+        change = PresenceChange(at=at, device=provider, services=services, joined=False, reason=reason, registry=registry)
+        self._log(audience, change)
+        left = ServicesLeft(services=services, provider=provider, reason=reason, version=self._next_version(audience))
+        return self._notify_subscribers(audience, left, now)
 
     def announce_restart(self, now: float) -> list[Effect]:
         """Tell subscribers the version, because earlier news may not have reached them."""
         effects: list[Effect] = []
         for address, subscription in self._state.subscribers.items():
-            effects += self._notify([address], ServicesSubscribed(until=subscription.until, version=self._state.version), now)
+            version = self._state.version_for(self._state.audience(address))
+            effects += self._notify([address], ServicesSubscribed(until=subscription.until, version=version), now)
         return effects
 
-    def _next_version(self) -> int:
-        self._state.version += 1
-        return self._state.version
+    def _next_version(self, audience: str) -> int:
+        if audience == OWN:
+            self._state.version += 1
+        else:
+            self._state.neighbours[audience].version += 1
+        return self._state.version_for(audience)
 
-    def _log(self, change: PresenceChange) -> None:
-        if change.services:
+    def _log(self, audience: str, change: PresenceChange) -> None:
+        if change.services and audience == OWN:
             self._state.presence_log.append(change)
             del self._state.presence_log[:-LOG_LENGTH]
 
-    def _notify_subscribers(self, news: ServicesJoined | ServicesLeft, now: float) -> list[Effect]:
-        return self._notify([address for address, subscription in self._state.subscribers.items() if subscription.until > now], news, now)
+    def _notify_subscribers(self, audience: str, news: ServicesJoined | ServicesLeft, now: float) -> list[Effect]:
+        subscribers = self._state.subscribers.items()
+        recipients = [address for address, entry in subscribers if entry.until > now and self._state.audience(address) == audience]
+        return self._notify(recipients, news, now)
 
     def _notify(
         self, recipients: Iterable[str], news: ServicesJoined | ServicesLeft | ServicesSubscribed | ServiceTypesChanged, now: float
@@ -113,3 +141,14 @@ class Announcements:
         ids = {recipient: message_id(self._state.address, recipient, "news", self._state.news_count, now) for recipient in recipients}
         headers = [Header(sender=self._state.address, recipient=recipient, message_id=id) for recipient, id in ids.items()]
         return [Send(Message(header=header, body=news)) for header in headers]
+
+
+def _by_provider(offers: Iterable[Offer]) -> dict[ProviderKey, list[Offer]]:
+    grouped: dict[ProviderKey, list[Offer]] = {}
+    for offer in offers:
+        grouped.setdefault((offer.registry, offer.provider), []).append(offer)
+    return grouped
+
+
+def _services(offers: Iterable[Offer]) -> tuple[str, ...]:
+    return tuple(offer.service for offer in offers)

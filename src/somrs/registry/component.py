@@ -4,31 +4,31 @@ Paper, "Service Registry": information about the services currently available. A
 lease, so that silent providers drop out. The list survives a restart, and so do the latest arrivals and departures. The Registry answers
 the renewal of an unknown provider with a Fault; the provider then publishes its services again. It lists only offers that agree about the
 definitions of service types (`listing.py`). `announcements.py` tells subscribers what changed, and a provider when a definition changes.
+
+A Registry may have neighbours, other Registries (`neighbours.py`): it follows them like any client, lists what it takes of their offers,
+and gives them what they may see of its own.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from itertools import chain
 from typing import Any, Self
 
-from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, InputError, UsageError
 from somrs.kernel.codec import Migration, Schema
-from somrs.kernel.component import DeliveryFailed, Effect, Effects, Input, Received, Send, SetTimer, Started
+from somrs.kernel.component import DeliveryFailed, Effect, Effects, Input, Notified, Received, Send, SetTimer, Started
 from somrs.kernel.replica import Replica
 from somrs.kernel.subscription import Subscription
-from somrs.ontology.matching import can_achieve
 from somrs.ontology.objects import Map
-from somrs.ontology.services import ServiceType
-from somrs.ontology.types import Ontology, Value
+from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import (
-    OUTDATED,
+    AWAY,
+    RETRACTED,
     Discover,
-    Discovered,
     Offer,
     PresenceLog,
     Publish,
@@ -41,7 +41,6 @@ from somrs.protocol.messages.directory import (
     ServicesLeft,
     ServicesSubscribed,
     SubscribeServices,
-    Withheld,
 )
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
@@ -49,7 +48,10 @@ from somrs.protocol.messages.knowledge import MapChanged, OntologyChanged
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.paging import fit_page
 from somrs.registry.announcements import Announcements
-from somrs.registry.listing import ListedOffers, Listing
+from somrs.registry.discovery import Finder
+from somrs.registry.listing import OWN, Listing, Views
+from somrs.registry.neighbourhood import check_given, configure
+from somrs.registry.neighbours import Configured, Neighbour
 from somrs.registry.state import LeasesDue, Provider, RegistryState, Timer
 
 REMEMBERED = 10_000
@@ -61,9 +63,12 @@ Answer = Published | Retracted | Fault
 class Registry:
     """Lists the available services. Uses the given ontology until it has read that of the Repository at `repository`, if there is one."""
 
-    def __init__(self, address: str, ontology: Ontology | None = None, repository: str | None = None) -> None:
+    def __init__(
+        self, address: str, ontology: Ontology | None = None, repository: str | None = None, neighbours: Iterable[Neighbour] = ()
+    ) -> None:
         replica = Replica(address, repository) if repository is not None else None
         self.state = RegistryState(address=address, initial_ontology=ontology if ontology is not None else Ontology(), replica=replica)
+        configure(self.state, neighbours)
 
     @classmethod
     def restored(cls, state: RegistryState) -> Self:
@@ -92,8 +97,9 @@ class Registry:
         return [*self._effects(event, now)]
 
     def _listing(self) -> Listing:
-        replica = self.state.replica
-        return Listing(self.state.providers, self.ontology, replica.version if replica is not None else math.inf)
+        state, replica = self.state, self.state.replica
+        version = replica.version if replica is not None else math.inf
+        return Listing(state.providers, self.ontology, version, self._map, state.neighbours.values())
 
     @property
     def _announcements(self) -> Announcements:
@@ -110,16 +116,22 @@ class Registry:
             if self._listing().differs(listing):
                 yield from self._ontology_changed(listing, now)
             return
+        followed = self._follow_neighbours(event, now)
+        if followed is not None:
+            yield from followed
         yield from self._expire(now)
         match event:
             case Started():
                 yield from self._start(now)
-            case Received(message):
+            case Notified(Configured(neighbours)):
+                yield from self._configure(neighbours, now)
+            case Received(message) if followed is None:
                 yield from self._received(message, now)
             case DeliveryFailed(Message(body=ServicesJoined(version=version) | ServicesLeft(version=version)) as message):
                 self._undelivered(message.header.recipient, version)
         subscription_ends = (subscription.until for subscription in state.subscribers.values())
-        times = chain((provider.expires_at for provider in state.providers.values()), subscription_ends)
+        absences = (neighbour.away_at for neighbour in state.neighbours.values() if neighbour.away_at is not None)
+        times = chain((provider.expires_at for provider in state.providers.values()), subscription_ends, absences)
         yield SetTimer(LeasesDue(), min(times, default=None))
 
     def _start(self, now: float) -> Effects:
@@ -127,6 +139,8 @@ class Registry:
         state.version = state.version or int(now * 1000)
         if state.replica is not None:
             yield from state.replica.start(now)
+        for neighbour in state.neighbours.values():
+            yield from neighbour.start(now)
         yield from self._announcements.announce_restart(now)
 
     def _undelivered(self, subscriber: str, version: int) -> None:
@@ -150,15 +164,12 @@ class Registry:
             case Retract() as retract:
                 yield from self._answer_once(message, lambda: self._retract(retract, now))
             case Discover() as discover:
-                yield self._answer(message, self._discover(discover, now))
+                finder = Finder(self.state, self._listing(), self.ontology, self._map, now)
+                yield self._answer(message, finder.discover(discover, self.state.audience(message.header.sender)))
             case ReadPresence():
                 yield self._answer(message, PresenceLog(changes=tuple(fit_page(reversed(self.state.presence_log)))))
-            case SubscribeServices(lease=lease):
-                if message.header.sender == ANONYMOUS:
-                    raise UsageError("a subscription needs a sender address: set the sender to an address that can be reached")
-                subscription = Subscription(until=now + grant_lease(lease), version=self.state.version)
-                self.state.subscribers[message.header.sender] = subscription
-                yield self._answer(message, ServicesSubscribed(until=subscription.until, version=subscription.version))
+            case SubscribeServices() as subscribe:
+                yield self._answer(message, self._subscribe(message.header.sender, subscribe, now))
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
             case MapChanged() | OntologyChanged():
@@ -189,15 +200,15 @@ class Registry:
         lease, providers = grant_lease(publish.lease), self.state.providers
         offers = self._check_offers(publish)
         old_provider = providers.get(publish.provider)
-        old = old_provider.offers.values() if old_provider is not None else ()
-        listed = self._listed_with_rivals([publish.provider], [*old, *offers.values()])
+        old_offers = old_provider.offers.values() if old_provider is not None else ()
+        old_views = self._views_with_rivals([publish.provider], [*old_offers, *offers.values()])
         if offers:
             # A provider that publishes again keeps its place: of a type that only providers define, the first one's definition counts.
             version = max(publish.ontology_version, 0)
             providers[publish.provider] = Provider(offers=offers, expires_at=now + lease, ontology_version=version)
         else:
             providers.pop(publish.provider, None)
-        effects = self._announcements.announce(listed, "retracted", now, requester=publish.provider)
+        effects = self._announcements.announce(old_views, RETRACTED, now, requester=publish.provider)
         return self._published(publish.provider, lease, now), effects
 
     def _check_offers(self, publish: Publish) -> dict[str, Offer]:
@@ -234,7 +245,7 @@ class Registry:
         return self._published(renew.provider, lease, now), []
 
     def _published(self, provider: str, lease: float, now: float) -> Published:
-        withheld = tuple(reason for _, reason in self._listing().withheld_of(provider))
+        withheld = tuple(reason for _, reason in self._listing().withheld_of((OWN, provider)))
         # Two of three renewals may be lost.
         return Published(until=now + lease, renew_within=lease / 3, withheld=withheld)
 
@@ -243,79 +254,75 @@ class Registry:
         if provider is None:
             return Retracted(services=()), []
         removed_services = [service for service in provider.offers if not retract.services or service in retract.services]
-        listed = self._listed_with_rivals([retract.provider], (provider.offers[service] for service in removed_services))
+        old_views = self._views_with_rivals([retract.provider], [provider.offers[service] for service in removed_services])
         for service in removed_services:
             del provider.offers[service]
         if not provider.offers:
             del self.state.providers[retract.provider]
-        return Retracted(services=tuple(removed_services)), self._announcements.announce(listed, "retracted", now)
+        return Retracted(services=tuple(removed_services)), self._announcements.announce(old_views, RETRACTED, now)
 
-    def _expire(self, now: float) -> list[Effect]:
+    def _expire(self, now: float) -> Effects:
         subscribers, providers = self.state.subscribers, self.state.providers
         self.state.subscribers = {address: subscription for address, subscription in subscribers.items() if subscription.until > now}
         silent = sorted((provider.expires_at, name) for name, provider in providers.items() if provider.expires_at <= now)
         names = [name for _, name in silent]
-        listed = self._listed_with_rivals(names, [offer for name in names for offer in providers[name].offers.values()])
+        old_views = self._views_with_rivals(names, [offer for name in names for offer in providers[name].offers.values()])
         expiries = {name: providers.pop(name).expires_at for name in names}
-        return self._announcements.announce(listed, "expired", now, expiries)
+        yield from self._announcements.announce(old_views, "expired", now, expiries=expiries)
+        for neighbour in self.state.neighbours.values():
+            if not neighbour.is_away and neighbour.is_silent(now):
+                old_views = self._views_with_rivals([], neighbour.offers)
+                neighbour.is_away = True
+                yield from self._announcements.announce(old_views, AWAY, now)
 
-    def _ontology_changed(self, before: Listing, now: float) -> Effects:
-        listed = before.listed(self.state.providers)
-        if self._listing().version < before.version:  # the Repository's store begins anew: its versions say nothing about earlier ones
+    def _ontology_changed(self, listing: Listing, now: float) -> Effects:
+        old_views = listing.views(listing.keys)
+        if self._listing().version < listing.version:  # the Repository's store begins anew: its versions say nothing about earlier ones
             for provider in self.state.providers.values():
                 provider.ontology_version = 0
-        yield from self._announcements.announce(listed, OUTDATED, now)
+        yield from self._announcements.announce(old_views, RETRACTED, now)
 
-    def _listed_with_rivals(self, names: Iterable[str], offers: Iterable[Offer]) -> ListedOffers:
-        """The listed offers of these providers, and of those that the arrival or departure of `offers` concerns."""
+    def _views_with_rivals(self, names: Iterable[str], offers: Iterable[Offer]) -> Views:
+        """What is listed of these providers, and of those that the arrival or departure of `offers` concerns."""
         listing = self._listing()
-        return listing.listed(dict.fromkeys((*names, *listing.rivals(offers))))
+        return listing.views((*((OWN, name) for name in names), *sorted(listing.rivals(offers))))
+
+    # Neighbours
+
+    def _configure(self, neighbours: Iterable[Neighbour], now: float) -> Effects:
+        listing = self._listing()
+        old_views = listing.views(listing.keys)
+        yield from configure(self.state, neighbours)
+        yield from self._announcements.announce(old_views, RETRACTED, now)
+
+    def _follow_neighbours(self, event: Input, now: float) -> list[Effect] | None:
+        """The effects of an input that concerns the copy of a neighbour's offers; None if it does not."""
+        for neighbour in self.state.neighbours.values():
+            listing, old_offers = self._listing(), neighbour.offers
+            update = neighbour.copy.handle(event, now) if neighbour.copy is not None else None
+            if update is None:
+                continue
+            neighbour.is_away = neighbour.is_away and neighbour.is_silent(now)
+            if neighbour.offers is old_offers:
+                return update.effects
+            concerned = [offer for offers in (old_offers, neighbour.offers) for offer in offers]
+            old_views = listing.views(sorted(listing.rivals(concerned) | self._listing().rivals(concerned)))
+            reasons = {service: news.reason for news in update.news if isinstance(news, ServicesLeft) for service in news.services}
+            return [*update.effects, *self._announcements.announce(old_views, RETRACTED, now, reasons=reasons)]
+        return None
 
     # Clients
 
-    def _discover(self, discover: Discover, now: float) -> Discovered:
-        effect = parse(discover.effect) if discover.effect is not None else None
-        listing, reasons = self._listing(), dict[str, Withheld]()
-        present = [name for name, provider in self.state.providers.items() if provider.expires_at > now]
-        if discover.withheld:
-            withheld = [entry for name in present for entry in listing.withheld_of(name)]
-            offers, reasons = [offer for offer, _ in withheld], {reason.service: reason for _, reason in withheld}
-        else:
-            offers = [offer for name in present for offer in listing.offers_of(name)]
-        fitting = [offer for offer in offers if self._fits(offer, discover, effect)]
-        later_offers = sorted((offer for offer in fitting if offer.service > discover.after), key=lambda offer: offer.service)
-        page = [*fit_page(later_offers, len(later_offers))]
-        return Discovered(
-            offers=tuple(page),
-            more=len(page) < len(later_offers),
-            withheld=tuple(reasons[offer.service] for offer in page if offer.service in reasons),
-            unsettled=any(now < (self.state.providers[name].expected_by or 0.0) for name in present),
-            version=self.state.version,
-        )
-
-    def _fits(self, offer: Offer, query: Discover, effect: Formula | None) -> bool:
-        return (
-            (query.provider is None or offer.provider == query.provider)
-            and (query.service_type is None or query.service_type in self._types(offer.service_type))
-            and all(_equal_values(offer.attributes.get(name), value) for name, value in query.attributes.items())
-            and (effect is None or can_achieve(offer.service_type, effect, self.ontology, self._map))
-        )
-
-    def _types(self, service_type: ServiceType) -> Iterator[str]:
-        """The name of a service type, and the names of its ancestors."""
-        visited: set[str] = set()
-        current: ServiceType | None = service_type
-        while current is not None and current.name not in visited:
-            yield current.name
-            visited.add(current.name)
-            if current.parent is not None:
-                yield current.parent
-            current = self.ontology.services.get(current.parent) if current.parent is not None else None
-
-
-def _equal_values(value: Value | None, other_value: Value) -> bool:
-    """Whether two values are equal; TRUE is not 1."""
-    return value == other_value and isinstance(value, bool) == isinstance(other_value, bool)
+    def _subscribe(self, sender: str, subscribe: SubscribeServices, now: float) -> ServicesSubscribed:
+        state = self.state
+        if sender == ANONYMOUS:
+            raise UsageError("a subscription needs a sender address: set the sender to an address that can be reached")
+        audience = state.audience(sender)
+        if audience or subscribe.neighbour:
+            check_given(state, sender)
+        subscription = Subscription(until=now + grant_lease(subscribe.lease), version=state.version_for(audience))
+        state.subscribers[sender] = subscription
+        return ServicesSubscribed(until=subscription.until, version=subscription.version)
 
 
 def only_reads(event: Input) -> bool:
@@ -337,14 +344,16 @@ def _with_subscriptions(snapshot: Any) -> Any:
 
 SCHEMA = Schema(
     component="registry",
-    version=3,
+    version=4,
     state=RegistryState,
     timers=Timer,
     questions=None,
     tasks=None,
     answers=None,
+    notices=Configured,
     restore=Registry.restored,
     is_read_only=only_reads,
-    migrations={1: Migration(), 2: Migration(snapshot=_with_subscriptions)},  # version 2 adds the log of arrivals and departures
+    # Version 2 adds the log of arrivals and departures, version 4 neighbours.
+    migrations={1: Migration(), 2: Migration(snapshot=_with_subscriptions), 3: Migration()},
 )
 """The types in the journal of a Registry."""

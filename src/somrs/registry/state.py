@@ -9,13 +9,14 @@ from somrs.kernel.subscription import Subscription
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.directory import Offer, PresenceChange, Published, Retracted
 from somrs.protocol.messages.frp import Fault
+from somrs.registry.neighbours import NeighbourDue, NeighbourState
 
 
 class LeasesDue(Struct, frozen=True, tag=True):
     """The next lease expires."""
 
 
-Timer = LeasesDue | ReplicaDue
+Timer = LeasesDue | ReplicaDue | NeighbourDue
 
 
 class Provider(Struct, kw_only=True):
@@ -37,7 +38,7 @@ class RegistryState(Struct, kw_only=True):
     `initial_ontology` is used until the Repository's ontology has been read, if the Registry follows a Repository. `version`: that of the
     offers listed; the first one is the time of the first start, so that a Registry that lost its state does not repeat versions.
     `subscribers`: by address. `answers`: by message id, oldest first. `news_count`: notifications so far. `presence_log`: the latest
-    arrivals and departures, oldest first.
+    arrivals and departures, oldest first. `neighbours`: by name, in order of precedence.
     """
 
     address: str
@@ -49,3 +50,12 @@ class RegistryState(Struct, kw_only=True):
     answers: dict[str, Published | Retracted | Fault] = field(default_factory=dict, name="answered")
     news_count: int = field(default=0, name="told")
     presence_log: list[PresenceChange] = field(default_factory=list)
+    neighbours: dict[str, NeighbourState] = field(default_factory=dict)
+
+    def audience(self, address: str) -> str:
+        """The name of the neighbour that has this address; empty for those of this system, who see everything that is listed."""
+        return next((name for name, neighbour in self.neighbours.items() if neighbour.settings.address == address), "")
+
+    def version_for(self, audience: str) -> int:
+        """The version of what such a subscriber sees."""
+        return self.neighbours[audience].version if audience else self.version

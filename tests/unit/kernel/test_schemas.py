@@ -15,7 +15,7 @@ def test_what_is_kept_and_how() -> None:
         for schema in (REPOSITORY, REGISTRY, SERVICE_MANAGER)
     ] == [
         ("repository", 1, (), True, True, 500),
-        ("registry", 3, (), False, False, 5000),
+        ("registry", 4, (), False, False, 5000),
         ("service-manager", 1, (Perform, Undo, Report), True, False, 5000),
     ]
     assert REPOSITORY.is_read_only is only_reads

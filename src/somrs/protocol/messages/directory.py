@@ -16,15 +16,22 @@ UNOCCUPIED = 0
 REPUBLISHING_TIME = 3.0
 """Seconds within which a provider is expected to publish again when service types are defined anew."""
 
+RETRACTED = "retracted"
+"""The reason why services left that are not offered any more."""
 OUTDATED = "outdated"
 """The reason why services left whose types are defined anew."""
+AWAY = "away"
+"""The reason why services of a neighbour left that has not answered for too long."""
+WITHHELD = "withheld"
+"""The reason why services of a neighbour left that are withheld: others here have their names, or their types are defined otherwise."""
 
 
 class Offer(Struct, frozen=True, kw_only=True):
     """One service of one device.
 
     `service` is its name in the whole system (`Robot1.TransferObject`), `provider` the device's object on the map, `address` that of its
-    Service Manager. `attributes` are such as the operation range and the price.
+    Service Manager. `attributes` are such as the operation range and the price. `registry`: the neighbour whose Registry lists it, by the
+    name that it has at the Registry that answers; empty: that Registry itself.
     """
 
     service: str
@@ -33,6 +40,7 @@ class Offer(Struct, frozen=True, kw_only=True):
     address: str
     service_type: ServiceType
     attributes: dict[str, Value] = {}
+    registry: str = ""
 
     @property
     def capacity(self) -> float:
@@ -59,10 +67,28 @@ class Publish(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Withheld(Struct, frozen=True, kw_only=True):
-    """A service that is published and not listed, because the definition of its type disagrees with the one in use."""
+    """A service that is published and not listed: the definition of its type disagrees with the one in use, or another has its name.
+
+    `registry`: as in Offer.
+    """
 
     service: str
     reason: str
+    registry: str = ""
+
+
+class NeighbourView(Struct, frozen=True, kw_only=True):
+    """A neighbour whose offers a Registry lists with its own. `services`: how many of its services are listed now.
+
+    `away_since`: when it last answered, in seconds since 1970, if that is so long ago that its services are left out; None if it is there.
+    `problem`: why it gives nothing, in its own words.
+    """
+
+    name: str
+    address: str
+    services: int
+    away_since: float | None = None
+    problem: str = ""
 
 
 class Published(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -121,7 +147,7 @@ class Discovered(MessageBody, frozen=True, kw_only=True, tag=True):
     """The offers, by the names of the services. `more`: another page follows. `withheld`: why these offers are not listed.
 
     `unsettled`: service types are defined anew, and their providers are about to publish again: ask again in a moment. `version`: that of
-    the offers listed.
+    the offers listed. `neighbours`: whose offers are listed as well.
     """
 
     offers: tuple[Offer, ...]
@@ -129,12 +155,17 @@ class Discovered(MessageBody, frozen=True, kw_only=True, tag=True):
     withheld: tuple[Withheld, ...] = ()
     unsettled: bool = False
     version: int = 0
+    neighbours: tuple[NeighbourView, ...] = ()
 
 
 class SubscribeServices(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Report to the sender, for `lease` seconds, which services join and leave."""
+    """Report to the sender, for `lease` seconds, which services join and leave.
+
+    `neighbour`: the sender is the Registry of a neighbour, which is told what it is given. The answer is a Fault if it is given nothing.
+    """
 
     lease: float
+    neighbour: bool = False
 
 
 class ServicesSubscribed(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -156,7 +187,8 @@ class ServicesJoined(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class ServicesLeft(MessageBody, frozen=True, kw_only=True, tag=True):
-    """To subscribers: services left. `reason`: retracted, expired (the lease was not renewed), or outdated (their types are defined anew).
+    """To subscribers: services left. `reason`: retracted, expired (the lease was not renewed), outdated (their types are defined anew),
+    away or withheld (services of a neighbour).
 
     `version`: as in ServicesJoined.
     """
@@ -168,13 +200,15 @@ class ServicesLeft(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class PresenceChange(Struct, frozen=True, kw_only=True):
-    """The arrival (`joined`) or departure of services of a device. `at`: seconds since 1970; `reason`: as in ServicesLeft."""
+    """The arrival (`joined`) or departure of services of a device. `at`: seconds since 1970; `reason`: as in ServicesLeft;
+    `registry`: as in Offer."""
 
     at: float
     device: str
     services: tuple[str, ...]
     joined: bool
     reason: str = ""
+    registry: str = ""
 
 
 class ReadPresence(MessageBody, frozen=True, kw_only=True, tag=True):
