@@ -12,11 +12,12 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -31,6 +32,9 @@ START_TIME = 60.0
 
 STALL_TIME = 30.0
 """Seconds after a round for a contestant to finish its last conversations."""
+
+CLIENTS = "clients, and what starts the parts"
+"""The part of a contestant that runs the conversations, in its first process."""
 
 END_TIME = 15.0
 """Seconds for a contestant to end by itself."""
@@ -66,13 +70,14 @@ class Figures:
     rates: list[float] = field(default_factory=list)
     """Conversations per second, one figure for each round."""
     latencies: list[float] = field(default_factory=list)
-    cpu: float | None = 0.0
-    """CPU seconds of all its processes; None if the operating system does not report them."""
+    cpu: dict[str, float] = field(default_factory=dict)
+    """CPU seconds of its processes, by part; empty if the operating system does not report them."""
 
-    def add(self, measured: Measured, cpu: float | None) -> None:
+    def add(self, measured: Measured, cpu: Mapping[str, float]) -> None:
         self.rates.append(len(measured.latencies) / measured.elapsed)
         self.latencies += measured.latencies
-        self.cpu = self.cpu + cpu if self.cpu is not None and cpu is not None else None
+        for part, seconds in cpu.items():
+            self.cpu[part] = self.cpu.get(part, 0.0) + seconds
 
     @property
     def rate(self) -> float:
@@ -99,15 +104,15 @@ class Child:
     def ready(self) -> None:
         msgspec.json.decode(self._read_line(START_TIME), type=Ready)
 
-    def measure(self, round: Round) -> tuple[Measured, float | None]:
-        """Return the measurement, and the CPU seconds that it took."""
+    def measure(self, round: Round) -> tuple[Measured, dict[str, float]]:
+        """Return the measurement, and the CPU seconds that it took, by part."""
         cpu_before = cpu_seconds(self._process.pid)
         assert self._process.stdin is not None
         self._process.stdin.write(msgspec.json.encode(round) + b"\n")
         self._process.stdin.flush()
         measured = msgspec.json.decode(self._read_line(round.seconds + STALL_TIME), type=Measured)
         cpu_after = cpu_seconds(self._process.pid)
-        return measured, cpu_after - cpu_before if cpu_before is not None and cpu_after is not None else None
+        return measured, {part: seconds - cpu_before.get(part, 0.0) for part, seconds in cpu_after.items()}
 
     def end(self) -> None:
         assert self._process.stdin is not None
@@ -132,22 +137,38 @@ class Child:
         raise Failed(f"{ENTRIES[self.name].title}: it ended, or did not answer within {seconds:g} s; its log:\n{log_text}")
 
 
-def cpu_seconds(root: int) -> float | None:
-    """Return the CPU seconds of a process and its descendants, including ended ones that were waited for."""
+def cpu_seconds(root: int) -> dict[str, float]:
+    """Return the CPU seconds of a process and its descendants, including ended ones that were waited for, by part."""
     if not Path("/proc").is_dir():
-        return None
+        return {}
     tick = os.sysconf("SC_CLK_TCK")
     times: dict[int, float] = {}
     parents: dict[int, int] = {}
+    parts: dict[int, str] = {}
     for entry in Path("/proc").iterdir():
         if entry.name.isdecimal():
             try:
                 fields = (entry / "stat").read_text().rpartition(")")[2].split()
+                command_line = (entry / "cmdline").read_text().split("\0")
             except OSError:  # the process has just ended
                 continue
             parents[int(entry.name)] = int(fields[1])
             times[int(entry.name)] = sum(map(int, fields[11:15])) / tick
-    return sum(seconds for pid, seconds in times.items() if root in _ancestors(pid, parents))
+            parts[int(entry.name)] = part_of(command_line)
+    seconds_by_part: dict[str, float] = {}
+    for pid, seconds in times.items():
+        if root in _ancestors(pid, parents):
+            part = parts[pid] if pid != root else CLIENTS
+            seconds_by_part[part] = seconds_by_part.get(part, 0.0) + seconds
+    return seconds_by_part
+
+
+def part_of(command_line: Sequence[str]) -> str:
+    """Return the part of a contestant that a process with this command line is: what its module is asked for, or the program's name."""
+    for module, part in pairwise(command_line):
+        if module.startswith("contestants."):
+            return part
+    return Path(command_line[0]).name
 
 
 def _ancestors(pid: int, parents: dict[int, int]) -> Iterator[int]:
@@ -188,11 +209,24 @@ def table(concurrency: int, figures: dict[str, Figures]) -> None:
     print(f"\n{_conversations(concurrency):40} {'per second':>11} {'p50':>9} {'p99':>9} {'CPU each':>10} {'ratio':>8}")
     for name, entry_figures in figures.items():
         latencies = sorted(entry_figures.latencies)
-        cpu = f"{entry_figures.cpu / len(latencies) * 1000:.3g} ms" if entry_figures.cpu is not None else "-"
+        cpu = _cpu_each(entry_figures, sum(entry_figures.cpu.values())) if entry_figures.cpu else "-"
         print(
             f"  {ENTRIES[name].title:38} {entry_figures.rate:11.1f} {_ms(latencies, 0.5):>9} {_ms(latencies, 0.99):>9} {cpu:>10}"
             f" {entry_figures.rate / first.rate:8.3f}"
         )
+
+
+def table_of_parts(figures: dict[str, Figures]) -> None:
+    """Print the CPU of each part, of the contestants with several."""
+    for name, entry_figures in figures.items():
+        if len(entry_figures.cpu) > 1:
+            print(f"\n  {ENTRIES[name].title + ', CPU each':60} {_cpu_each(entry_figures, sum(entry_figures.cpu.values())):>10}")
+            for part, seconds in sorted(entry_figures.cpu.items(), key=lambda part: -part[1]):
+                print(f"    {part:58} {_cpu_each(entry_figures, seconds):>10}")
+
+
+def _cpu_each(figures: Figures, seconds: float) -> str:
+    return f"{seconds / len(figures.latencies) * 1000:.3g} ms"
 
 
 def _conversations(concurrency: int) -> str:
@@ -243,6 +277,7 @@ def main() -> None:
         sys.exit(str(error))
     for concurrency, figures in results.items():
         table(concurrency, figures)
+        table_of_parts(figures)
 
 
 if __name__ == "__main__":
