@@ -115,7 +115,7 @@ class StreamLog:
         await made_with_copies(lambda copies: self._js.add_stream(stream, num_replicas=copies))
         self._objects: ObjectStore = await made_with_copies(lambda copies: self._js.create_object_store(COPIES, replicas=copies))
         self.lease = Lease(await leases(self._js), self._key, self._identity, lambda: self.on_lost())
-        await self._client.subscribe(self._subject, cb=self._on_news)
+        self._followed = await self._client.subscribe(self._subject, cb=self._on_news)
         await self._client.subscribe(self._resignation, cb=self._on_news)
         await self._client.subscribe(status_subject(self._key.partition(".")[0]), cb=self._on_question)
 
@@ -239,8 +239,13 @@ class StreamLog:
 
     async def begin_writing(self, number: int) -> bool:
         """Write that this process leads from here on, with the entries up to this number. False if there are others, not read yet."""
+
+        async def begin() -> None:
+            await self._append(number, 0, b"")
+            await self._followed.unsubscribe()  # a leader knows what it writes
+
         try:
-            await self.call(self._append(number, 0, b""))
+            await self.call(begin())
         except Replaced:
             return False
         return True
