@@ -27,7 +27,8 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.runtime.bus import Bus, BusAddress, BusParts
+from somrs.runtime.bus import Bus, BusAddress
+from somrs.runtime.bus_gateway import BusParts
 from somrs.runtime.host import Host
 from somrs.runtime.http import Server
 from somrs.runtime.node import Report

@@ -20,7 +20,8 @@ import msgspec
 from somrs.client.addresses import Addresses
 from somrs.deployment.programs import until_stopped
 from somrs.errors import RemoteError, UsageError
-from somrs.runtime.bus import Bus, BusAddress, BusParts
+from somrs.runtime.bus import Bus, BusAddress
+from somrs.runtime.bus_gateway import BusParts
 from somrs.runtime.http import Server
 from somrs.runtime.node import ANSWER_TIME
 from somrs.storage.nats_connection import made_with_copies

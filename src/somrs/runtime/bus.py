@@ -1,9 +1,12 @@
 """The bus of a site: the messages of SO-MRS as msgpack over NATS.
 
 Components have the same addresses on the bus as for everyone else: URLs below that of the site's gateway, which passes messages of foreign
-SOAP participants on to the bus (`BusParts`). A process on the bus does not go through the gateway: the subject of a message is made from
-the path of its recipient's address, `http://robots.example:8600/devices/Robot001` of the site `office` is `somrs.office.devices.Robot001`.
-The request is a batch of messages (`batches.py`), and the reply has the outcome of each.
+SOAP participants on to the bus (`bus_gateway.py`). A process on the bus does not go through the gateway: the subject of a message is made
+from the path of its recipient's address, `http://robots.example:8600/devices/Robot001` of the site `office` is
+`somrs.office.devices.Robot001`. The request is a batch of messages (`batches.py`), and the reply has the outcome of each.
+
+Each process has an inbox as well, a subject of its own that its replies name. Later messages to any component of this process go to the
+inbox, together (`bus_processes.py`).
 """
 
 from __future__ import annotations
@@ -11,8 +14,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from itertools import takewhile
 from typing import TYPE_CHECKING
 from urllib.parse import quote, unquote, urlsplit
 
@@ -25,7 +29,9 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.protocol.soap.document import MOST_BYTES, SENDER
 from somrs.runtime import batches
-from somrs.runtime.reception import Format, Handler, NotTaken, Reception
+from somrs.runtime.bus_processes import BusProcesses
+from somrs.runtime.outbox import Dispersed
+from somrs.runtime.reception import Format, Handler, Reception
 from somrs.runtime.wire import NONE_ADDRESS, Unanswered, batch_documents, read_outcomes, write_document
 from somrs.storage.nats_connection import connect
 
@@ -99,6 +105,8 @@ class Bus:
         self.parts: dict[str, Handler] = _Parts(self._listen, self._silence)
         self._reception = Reception(MSGPACK, self.parts)
         self._client: Client | None = None
+        self._processes = BusProcesses()
+        self._inbox = ""
         self._subscriptions: dict[str, asyncio.Task[Subscription]] = {}
         self._handling: set[asyncio.Task[None]] = set()
         self._waiting: dict[asyncio.Task[object], str] = {}
@@ -123,6 +131,8 @@ class Bus:
         """Connect, however long the bus cannot be reached. Raises UsageError as `nats_connection.connect`."""
         self._client = await connect(self.address.servers, disconnected_cb=self._on_disconnect)
         await self._client.subscribe(f"{BEGINNINGS}.{self.address.site}", cb=self._on_begin)
+        self._inbox = self._client.new_inbox()
+        self._together = await self._client.subscribe(self._inbox, cb=self._receive)
 
     async def listening(self) -> None:
         """Return when the servers know of all components that have been added. Raises Unanswered when they cannot be reached."""
@@ -144,7 +154,7 @@ class Bus:
         from nats import errors
 
         if self._client is not None and self._client.is_connected:
-            await asyncio.gather(*map(_end, self._subscriptions.values()))
+            await asyncio.gather(_drain(self._together), *map(_end, self._subscriptions.values()))
             with contextlib.suppress(errors.Error, OSError):  # the connection is lost just now
                 await self._flush()
         self._reception.stop()
@@ -158,16 +168,22 @@ class Bus:
 
     # Sending
 
+    def covers(self, address: str) -> bool:
+        """Whether the address is one of this site."""
+        return address.startswith(f"{self.address.gateway}/")
+
     def destination(self, address: str) -> str | None:
-        """The subject of an address, if it is one of this site."""
-        gateway = self.address.gateway
-        return self.address.subject(urlsplit(address).path) if address.startswith(f"{gateway}/") else None
+        """The inbox of the process with this component, if one of its replies has named it."""
+        return self._processes.inbox_of(self._subject(address))
+
+    def _subject(self, address: str) -> str:
+        return _subject(self.address, address)
 
     async def post(self, message: Message, timeout: float = 30.0) -> Message | None:
         """Send the message, as `Wire.post`."""
         if message.header.recipient == NONE_ADDRESS:
             return None
-        return await self.post_to(self._subject(message), message, timeout)
+        return await self.post_to(self._subject(message.header.recipient), message, timeout)
 
     async def post_to(self, subject: str, message: Message, timeout: float) -> Message | None:
         """Send the message to who listens to the subject."""
@@ -176,22 +192,57 @@ class Bus:
             raise outcome
         return outcome
 
+    async def post_separately(self, messages: Sequence[Message], timeout: float) -> list[Message | None]:
+        """Send the first messages to their recipient, up to the first that is rejected, as `Transport.post_separately`."""
+        first = messages[0]
+        together = takewhile(
+            lambda message: message is first or ANONYMOUS not in (message.header.reply_to, first.header.reply_to), messages
+        )
+        documents = batch_documents([*together], encode)
+        outcomes = await self._post(self._subject(first.header.recipient), messages[: len(documents)], documents, timeout)
+        if isinstance(outcomes[0], RemoteError):
+            raise outcomes[0]
+        accepted: list[Message | None] = []
+        for outcome in outcomes:
+            if isinstance(outcome, RemoteError):
+                break
+            accepted.append(outcome)
+        return accepted
+
     async def post_batch(self, messages: Sequence[Message], timeout: float) -> list[Message | RemoteError | None]:
-        """Send the first messages, all to the same recipient, as `Wire.post_batch`."""
+        """Send the first messages, all to components of one process, as `Wire.post_batch`."""
         try:
             documents = batch_documents(messages, encode)
         except RemoteError as error:
             return [error]
-        return await self._post(self._subject(messages[0]), messages[: len(documents)], documents, timeout)
+        sent_messages = messages[: len(documents)]
+        inbox = self.destination(messages[0].header.recipient)
+        assert inbox is not None, "the sender has asked for the destination"
+        reply = await self._ask_process(inbox, batches.batch(documents), timeout)
+        outcomes = _read_reply(reply, sent_messages)
+        for message, outcome in zip(sent_messages, outcomes, strict=True):
+            if isinstance(outcome, RemoteError):
+                self._processes.forget_component(self._subject(message.header.recipient))
+        return outcomes
 
-    def _subject(self, message: Message) -> str:
-        subject = self.destination(message.header.recipient)
-        assert subject is not None, "the sender has asked for the destination"
-        return subject
+    async def _ask_process(self, inbox: str, payload: bytes, timeout: float) -> Msg:
+        """Send a request to a process. Raises Dispersed when it does not answer: its components may be elsewhere."""
+        from nats import errors
+
+        failure = "one of its components has begun anew"
+        if not self._processes.has_ended(inbox):
+            try:
+                if (reply := await self._request(inbox, payload, asyncio.get_running_loop().time() + timeout)) is not None:
+                    return reply
+            except (errors.Error, OSError, Unanswered) as error:
+                failure = str(error)
+        self._processes.forget(inbox)
+        raise Dispersed(f"a process on the bus did not answer: {failure}")
 
     async def _post(
         self, subject: str, messages: Sequence[Message], documents: list[bytes], timeout: float
     ) -> list[Message | RemoteError | None]:
+        """Send messages for one component to its subject."""
         from nats import errors
 
         recipient = messages[0].header.recipient
@@ -205,13 +256,10 @@ class Bus:
             raise Unanswered(f"{recipient} did not answer within {timeout:g} s") from None
         except (errors.Error, OSError) as error:
             raise Unanswered(f"{recipient} cannot be reached on the bus: {error}") from None
-        try:
-            outcomes = batches.outcomes_of(reply.data)
-            if len(outcomes) != len(messages):
-                raise ValueError(f"{len(outcomes)} outcomes for {len(messages)} messages")
-        except ValueError as error:
-            return [RemoteError(f"{recipient} sent an answer that cannot be read: {error}")] * len(messages)
-        return read_outcomes(outcomes, messages, decode)
+        outcomes = _read_reply(reply, messages)
+        if reply.reply and not isinstance(outcomes[0], RemoteError):
+            self._processes.learn(subject, reply.reply)
+        return outcomes
 
     async def _request(self, subject: str, payload: bytes, deadline: float) -> Msg | None:
         """Send a request, and return the reply; None when nothing will answer it, because the recipient has begun anew meanwhile.
@@ -224,9 +272,8 @@ class Bus:
         try:
             return await self.client.request(subject, payload, timeout=max(deadline - asyncio.get_running_loop().time(), 0.0))
         except asyncio.CancelledError:
-            if task in self._waiting:
+            if task in self._waiting or task.uncancel():  # somebody else cancels it, perhaps besides `_give_up`
                 raise
-            task.uncancel()
             if not self.client.is_connected:
                 raise Unanswered("the connection to the bus is lost") from None
             return None
@@ -244,7 +291,10 @@ class Bus:
         self._give_up()
 
     async def _on_begin(self, notice: Msg) -> None:
-        self._give_up(notice.data.decode(errors="replace"))
+        subject = notice.data.decode(errors="replace")
+        self._give_up(subject)
+        if (inbox := self._processes.begin(subject)) is not None:
+            self._give_up(inbox)
 
     # Receiving
 
@@ -278,7 +328,7 @@ class Bus:
         except ValueError as error:
             outcomes = [(404, f"this is not a batch of messages: {error}\n".encode())]
         try:
-            await request.respond(batches.answer(outcomes))
+            await self.client.publish(request.reply, batches.answer(outcomes), reply=self._inbox)
         except (errors.Error, OSError) as error:  # the sender sends its messages again
             log.debug("an answer on %s is lost: %s", request.subject, error)
 
@@ -300,35 +350,39 @@ class _Parts(dict[str, Handler]):
         self._silence(path)
 
 
-class BusParts(Mapping[str, Handler]):
-    """The components of a site on the bus, as the `parts` of a gateway: each path has a handler, which passes messages on."""
+@lru_cache(maxsize=10_000)
+def _subject(bus: BusAddress, address: str) -> str:
+    return bus.subject(urlsplit(address).path)
 
-    def __init__(self, bus: Bus, answer_time: float) -> None:
-        self._bus, self._answer_time = bus, answer_time
 
-    def __getitem__(self, path: str) -> Handler:
-        if not path.strip("/"):
-            raise KeyError(path)
-        return partial(self._pass_on, self._bus.address.subject(path))
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(())
-
-    def __len__(self) -> int:
-        return 1
-
-    async def _pass_on(self, subject: str, message: Message) -> Message | None:
-        try:
-            return await self._bus.post_to(subject, message, self._answer_time)
-        except Unanswered as error:
-            raise NotTaken(str(error)) from None
+def _read_reply(reply: Msg, messages: Sequence[Message]) -> list[Message | RemoteError | None]:
+    """The outcomes of messages: for each the answer, None, or the error for which it was rejected."""
+    try:
+        outcomes = batches.outcomes_of(reply.data)
+        if len(outcomes) != len(messages):
+            raise ValueError(f"{len(outcomes)} outcomes for {len(messages)} messages")
+    except ValueError as error:
+        return [RemoteError(f"{messages[0].header.recipient} sent an answer that cannot be read: {error}")] * len(messages)
+    return read_outcomes(outcomes, messages, decode)
 
 
 async def _end(task: asyncio.Task[Subscription]) -> None:
-    """End a subscription that may still be under way, when what has come is handled: its senders would wait."""
+    """End a subscription that may still be under way."""
     from nats import errors
 
     try:
-        await (await task).drain()  # type: ignore[no-untyped-call]  # nats-py has no annotation there
+        subscription = await task
+    except (errors.Error, OSError) as error:
+        log.debug("a subscription ends before it has begun: %s", error)
+    else:
+        await _drain(subscription)
+
+
+async def _drain(subscription: Subscription) -> None:
+    """End a subscription when what has come is handled: its senders would wait."""
+    from nats import errors
+
+    try:
+        await subscription.drain()  # type: ignore[no-untyped-call]  # nats-py has no annotation there
     except (errors.Error, OSError) as error:  # the server ends it with the connection
         log.debug("a subscription ends with its connection: %s", error)

@@ -48,7 +48,7 @@ class Host:
         self._server = self._bus or Server(host, port, self._parts)
         self._watch = watch
         self._local: deque[tuple[Node, OutgoingMessage]] = deque()
-        self._outboxes = Outboxes(self._route, self._post, self.clock.now)
+        self._outboxes = Outboxes(self._route, self._post_separately, self.clock.now)
 
     @property
     def url(self) -> str:
@@ -146,7 +146,7 @@ class Host:
 
     def _route(self, address: str) -> Transport:
         """What reaches the address: the bus within the site, HTTP outside."""
-        return self._bus if self._bus is not None and self._bus.destination(address) is not None else self._wire
+        return self._bus if self._bus is not None and self._bus.covers(address) else self._wire
 
     def send(self, outgoing: OutgoingMessage) -> None:
         """Deliver the message to its recipient, in this process or another, after the messages to it that wait already."""
@@ -188,12 +188,13 @@ class Host:
             await asyncio.sleep(0)
         await self._outboxes.flush(seconds)
 
-    async def _post(self, message: Message, seconds: float) -> Message | None:
-        if (local := self._nodes.get(message.header.recipient)) is None:
-            return await self.post(message, seconds)
-        local.feed(Received(message))
+    async def _post_separately(self, messages: Sequence[Message], seconds: float) -> Sequence[Message | None]:
+        recipient = messages[0].header.recipient
+        if (local := self._nodes.get(recipient)) is None:
+            return await self._route(recipient).post_separately(messages, seconds)
+        local.feed(Received(messages[0]))
         await local.output.on_disk()
-        return None
+        return [None]
 
     async def post(self, message: Message, seconds: float = 30.0) -> Message | None:
         """Send a message to a component of another process, as `Wire.post`: on the bus, or by HTTP."""

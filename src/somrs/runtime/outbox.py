@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence, Set
 from dataclasses import dataclass
 from itertools import islice
 from typing import Protocol
@@ -16,6 +16,10 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.runtime.batches import MAX_BATCH_SIZE
 
 log = logging.getLogger(__name__)
+
+
+class Dispersed(RemoteError):
+    """A destination is none any more: its messages go to their recipients separately."""
 
 
 class Sender(Protocol):
@@ -44,7 +48,7 @@ Post = Callable[[Sequence[Message], float], Awaitable[Sequence[Message | RemoteE
 """Posts the first messages, as many as go together, within this number of seconds.
 
 Returns for each the answer, or the error for which it was rejected. Raises RemoteError when none was accepted, for a reason that concerns
-all, or when there is only one.
+all, or when there is only one; Dispersed when they have to be sent separately.
 """
 
 
@@ -57,6 +61,10 @@ class Transport(Protocol):
 
     async def post(self, message: Message, timeout: float) -> Message | None:
         """Send a message. Return the answer, or None when the message was accepted without one. Raises RemoteError."""
+        ...
+
+    async def post_separately(self, messages: Sequence[Message], timeout: float) -> Sequence[Message | None]:
+        """Send the first of these messages to one address, or more of them, as `Post` says. Raises RemoteError if the first is rejected."""
         ...
 
     async def post_batch(self, messages: Sequence[Message], timeout: float) -> Sequence[Message | RemoteError | None]:
@@ -90,6 +98,8 @@ class _Outbox:
             messages = [outgoing.message for outgoing in islice(self._waiting, MAX_BATCH_SIZE)]
             try:
                 outcomes = await self._post(messages, min(max(first.deadline - self._now(), 1.0), 10.0))
+            except Dispersed:
+                self._reject({outgoing.message.header.recipient for outgoing in self._waiting})
             except RemoteError as error:
                 await asyncio.sleep(pause)
                 pause = min(pause * 2, LONGEST_PAUSE)
@@ -100,13 +110,26 @@ class _Outbox:
                 first.sender.handle_delivery_failure(first, f"{type(error).__name__}: {error}")
             else:
                 pause = FIRST_PAUSE
+                rejecting: set[str] = set()
                 for outcome in outcomes:
                     outgoing = self._waiting.popleft()
                     if isinstance(outcome, RemoteError):
+                        rejecting.add(outgoing.message.header.recipient)
                         self._on_rejected(outgoing)
                     else:
                         outgoing.sender.handle_acknowledgement(outgoing, outcome)
+                if rejecting:
+                    self._reject(rejecting)
         self._task = None
+
+    def _reject(self, recipients: Set[str]) -> None:
+        """Hand on the waiting messages to these recipients, which must not overtake those before them."""
+        waiting, self._waiting = self._waiting, deque()
+        for outgoing in waiting:
+            if outgoing.message.header.recipient in recipients:
+                self._on_rejected(outgoing)
+            else:
+                self._waiting.append(outgoing)
 
     def _give_up_late(self, reason: str) -> None:
         now = self._now()
@@ -120,16 +143,16 @@ class Outboxes:
     """The outboxes of a process: one for each address, and one for each destination that accepts batches.
 
     The messages to such a destination are collected while a request is under way. `route`: what carries messages to an address;
-    `post_alone` posts a single message.
+    `post_separately` sends the first of several messages to one address, or more of them.
     """
 
     def __init__(
         self,
         route: Callable[[str], Transport],
-        post_alone: Callable[[Message, float], Awaitable[Message | None]],
+        post_separately: Post,
         now: Callable[[], float],
     ) -> None:
-        self._route, self._post_alone, self._now = route, post_alone, now
+        self._route, self._post_separately, self._now = route, post_separately, now
         self._by_address: dict[str, _Outbox] = {}
         self._by_destination: dict[str, _Outbox] = {}
 
@@ -160,11 +183,8 @@ class Outboxes:
         recipient = outgoing.message.header.recipient
         box = self._by_address.get(recipient)
         if box is None:
-            box = self._by_address[recipient] = _Outbox(self._post_first, self._now, self.enqueue_separately)
+            box = self._by_address[recipient] = _Outbox(self._post_separately, self._now, self.enqueue_separately)
         box.enqueue(outgoing)
-
-    async def _post_first(self, messages: Sequence[Message], seconds: float) -> Sequence[Message | None]:
-        return [await self._post_alone(messages[0], seconds)]
 
     async def flush(self, seconds: float) -> None:
         """Wait until all messages are delivered, for at most `seconds`."""

@@ -89,6 +89,10 @@ class Wire:
             return None
         return _read(await self._send_alone(message, write_document(message, soap.encode), timeout), message, soap.decode)
 
+    async def post_separately(self, messages: Sequence[Message], timeout: float) -> list[Message | None]:
+        """Send the first message: the process may not accept batches."""
+        return [await self.post(messages[0], timeout)]
+
     async def post_batch(self, messages: Sequence[Message], timeout: float) -> list[Message | RemoteError | None]:
         """Send the first messages to the process of their recipients, as many as fit in one request.
 
