@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Self
 
-from msgspec import structs
-
 from somrs.errors import InputError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import (
@@ -25,16 +23,13 @@ from somrs.kernel.component import (
     ErrorAnswer,
     Input,
     Received,
-    Record,
     Send,
-    SetTimer,
     Started,
     TimerFired,
 )
-from somrs.kernel.subscription import Subscription
 from somrs.ontology.conformance import Violation
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
+from somrs.protocol.messages.envelope import ANONYMOUS, Message, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import (
     Alteration,
@@ -42,11 +37,8 @@ from somrs.protocol.messages.knowledge import (
     Define,
     Defined,
     Event,
-    MapChanged,
     MapPage,
-    MapSubscribed,
     MergeObject,
-    OntologyChanged,
     OntologyPage,
     QueryMap,
     ReadEvents,
@@ -60,25 +52,23 @@ from somrs.protocol.messages.knowledge import (
     Updated,
     UpdateMap,
 )
-from somrs.protocol.messages.leases import grant_lease
-from somrs.protocol.messages.paging import PAGE_BYTES, size
 from somrs.protocol.messages.reservations import AssignTask, ClaimReservations, Release, ReservationMode, Reserve, TaskAssigned
 from somrs.repository.brought_definitions import brought_outcome
+from somrs.repository.committing import Committing
 from somrs.repository.definition import define_outcome, rename_outcome
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
 from somrs.repository.map_answers import MapAnswers
 from somrs.repository.merging import merge_outcome
-from somrs.repository.outcome import VERSION, Outcome, considered, note_provenance, rejected
+from somrs.repository.outcome import VERSION, Outcome, considered, rejected
 from somrs.repository.pages import ontology_page
+from somrs.repository.publishing import Publishing
 from somrs.repository.reserving import Reserving, lost_reservation
-from somrs.repository.rollback import inverse
 from somrs.repository.state import (
     REMEMBERED,
     Answer,
     ArchivedEvents,
     ArchiveWanted,
     Contents,
-    DefinitionChange,
     LeasesDue,
     ReservationsDue,
     Task,
@@ -97,7 +87,8 @@ class Repository:
     def __init__(self, address: str, contents: Contents) -> None:
         contents.address = address
         self.contents = contents
-        self._answers, self._reserving = MapAnswers(), Reserving(contents)
+        self._answers, self._reserving, self._publishing = MapAnswers(), Reserving(contents), Publishing(contents)
+        self._committing = Committing(contents)
 
     @classmethod
     def restored(cls, contents: Contents) -> Self:
@@ -121,26 +112,20 @@ class Repository:
         match event:
             case Started(address):
                 self.contents.address = address
-                # After a restart, each subscriber receives the current version and reads the changes that it missed.
-                yield from [
-                    self._notify_subscriber(subscriber, self._subscribed(subscriber), now) for subscriber in self.contents.subscriptions
-                ]
-                yield self._next_expiry()
+                yield from self._publishing.start(now)
             case Received(message):
                 try:
                     yield from self._received(message, now)
                 except InputError as error:
                     yield self._answer(message, Fault(code="Sender", text=str(error)))
             case TimerFired(LeasesDue()):
-                yield from self._drop(
-                    [address for address, subscription in self.contents.subscriptions.items() if subscription.until <= now]
-                )
+                yield from self._publishing.expire(now)
             case TimerFired(ReservationsDue()):
                 self.contents.reservations.lapse()
             case Answered(ArchiveWanted(message), value):
                 yield from self._answered(message, value, now)
             case DeliveryFailed(message):
-                yield from self._undelivered(message)
+                yield from self._publishing.undelivered(message)
 
     def _received(self, message: Message, now: float) -> Effects:
         match message.body:
@@ -171,7 +156,7 @@ class Repository:
                 yield from self._reserving.claim(claims, message.header.sender, now)
             case SubscribeMap(lease=lease):
                 self._reserving.heard_of(message.header.sender, now)
-                yield from self._subscribe(message, lease, now)
+                yield from self._publishing.subscribe(message, lease, now)
             case Fault():
                 pass  # a Fault gets no reply
             case body:
@@ -262,38 +247,15 @@ class Repository:
         if outcome.broken:
             yield self._remember_answer(message, rejected(outcome.broken, contents.version))
             return
-        author = alteration.author or message.header.sender
-        note_provenance(contents.provenance, outcome, contents.map, author, now)
-        if not outcome.changes and outcome.revision is None:
-            yield self._remember_answer(message, _answer_to(alteration, outcome, contents.version))
-            return
-        event = Event(
-            version=contents.version + 1,
-            at=now,
-            author=author,
-            changes=outcome.changes,
-            revision=outcome.revision,
-            renamed=outcome.renamed,
+        news = yield from self._committing.commit(
+            outcome,
+            alteration.author or message.header.sender,
+            now,
+            task=alteration.reservation.task if isinstance(alteration, UpdateMap) and alteration.reservation is not None else None,
             undoes=alteration.version if isinstance(alteration, Undo) else None,
-            before=inverse(contents.map, outcome.changes),
-            reception=outcome.reception,
-            merged=outcome.merged,
         )
-        contents.version = event.version
-        if isinstance(alteration, UpdateMap) and alteration.reservation is not None:
-            contents.reservations.note_changes(alteration.reservation.task, outcome.subjects)
-        if new_names := event.new_names:
-            contents.reservations.rename(new_names)
-        contents.map, contents.ontology = outcome.map, outcome.ontology
-        contents.changed_at.update(dict.fromkeys(outcome.objects, event.version))
-        for definition_key in outcome.definitions:
-            contents.defined_at.setdefault(definition_key.section, {})[definition_key.name] = DefinitionChange(
-                version=event.version, author=event.author
-            )
-        yield Record(event)
-        yield self._remember_answer(message, _answer_to(alteration, outcome, event.version))
-        news = outcome.change_notice(event.version) if event.revision is not None else MapChanged(event=structs.replace(event, before=()))
-        yield from self._publish(news, now)
+        yield self._remember_answer(message, _answer_to(alteration, outcome, contents.version))
+        yield from self._publishing.publish(news, now)
 
     def _remember_answer(self, message: Message, answer: Answer) -> Send:
         """Send the answer and store it, for the case that the request arrives again."""
@@ -302,52 +264,6 @@ class Repository:
         while len(answered) > REMEMBERED:
             del answered[next(iter(answered))]
         return self._answer(message, answer)
-
-    # Subscriptions
-
-    def _subscribe(self, message: Message, lease: float, now: float) -> Effects:
-        subscriber = message.header.sender
-        if subscriber == ANONYMOUS:
-            raise InputError("changes can only be sent to a client that has an address: set the sender to one that can be reached")
-        self.contents.subscriptions[subscriber] = Subscription(until=now + grant_lease(lease), version=self.contents.version)
-        yield self._answer(message, self._subscribed(subscriber))
-        yield self._next_expiry()
-
-    def _subscribed(self, subscriber: str) -> MapSubscribed:
-        return MapSubscribed(version=self.contents.version, until=self.contents.subscriptions[subscriber].until)
-
-    def _publish(self, news: MapChanged | OntologyChanged, now: float) -> Effects:
-        # A change that is too large for one message is read by pages: the new version shows the subscriber that it missed a change.
-        large = size(news) > PAGE_BYTES * 1.25
-        for address, subscription in self.contents.subscriptions.items():
-            if subscription.until > now:
-                yield self._notify_subscriber(address, self._subscribed(address) if large else news, now)
-
-    def _notify_subscriber(self, subscriber: str, news: MapChanged | OntologyChanged | MapSubscribed, now: float) -> Send:
-        kind, address = type(news).__name__, self.contents.address
-        identity = message_id(address, subscriber, kind, self.contents.version, now if isinstance(news, MapSubscribed) else "")
-        return Send(Message(header=Header(sender=address, recipient=subscriber, message_id=identity), body=news))
-
-    def _undelivered(self, message: Message) -> Effects:
-        """Drop a subscriber that cannot be reached, unless it subscribed again after the message was sent."""
-        match message.body:
-            case MapChanged(event=event):
-                version = event.version
-            case OntologyChanged(version=version) | MapSubscribed(version=version):
-                pass
-            case _:
-                return
-        subscription = self.contents.subscriptions.get(message.header.recipient)
-        if subscription is not None and version > subscription.version:
-            yield from self._drop([message.header.recipient])
-
-    def _drop(self, subscribers: list[str]) -> Effects:
-        for subscriber in subscribers:
-            del self.contents.subscriptions[subscriber]
-        yield self._next_expiry()
-
-    def _next_expiry(self) -> SetTimer:
-        return SetTimer(LeasesDue(), min((subscription.until for subscription in self.contents.subscriptions.values()), default=None))
 
 
 def _answer_to(alteration: Alteration, outcome: Outcome, version: int) -> Updated | Defined:

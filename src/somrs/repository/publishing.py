@@ -1,0 +1,78 @@
+"""Publishes changes of the map and the ontology to subscribers."""
+
+from __future__ import annotations
+
+from somrs.errors import InputError
+from somrs.kernel.component import Effects, Send, SetTimer
+from somrs.kernel.subscription import Subscription
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
+from somrs.protocol.messages.knowledge import MapChanged, MapSubscribed, OntologyChanged
+from somrs.protocol.messages.leases import grant_lease
+from somrs.protocol.messages.paging import PAGE_BYTES, size
+from somrs.repository.state import Contents, LeasesDue
+
+
+class Publishing:
+    """Handles subscriptions. It has no state of its own."""
+
+    def __init__(self, contents: Contents) -> None:
+        self._contents = contents
+
+    def start(self, now: float) -> Effects:
+        """After a restart, each subscriber receives the current version and reads the changes that it missed."""
+        for subscriber in self._contents.subscriptions:
+            yield self._notify(subscriber, self._subscribed(subscriber), now)
+        yield self._next_expiry()
+
+    def subscribe(self, message: Message, lease: float, now: float) -> Effects:
+        """Raises InputError for a client without an address."""
+        subscriber = message.header.sender
+        if subscriber == ANONYMOUS:
+            raise InputError("changes can only be sent to a client that has an address: set the sender to one that can be reached")
+        self._contents.subscriptions[subscriber] = Subscription(until=now + grant_lease(lease), version=self._contents.version)
+        yield Send(reply(message, self._subscribed(subscriber), self._contents.address))
+        yield self._next_expiry()
+
+    def publish(self, news: MapChanged | OntologyChanged | None, now: float) -> Effects:
+        """Tell the subscribers of a change, if there was one."""
+        if news is None:
+            return
+        # A change that is too large for one message is read by pages: the new version shows the subscriber that it missed a change.
+        large = size(news) > PAGE_BYTES * 1.25
+        for address, subscription in self._contents.subscriptions.items():
+            if subscription.until > now:
+                yield self._notify(address, self._subscribed(address) if large else news, now)
+
+    def expire(self, now: float) -> Effects:
+        """Drop the subscriptions that have expired."""
+        subscriptions = self._contents.subscriptions
+        yield from self._drop([address for address, subscription in subscriptions.items() if subscription.until <= now])
+
+    def undelivered(self, message: Message) -> Effects:
+        """Drop a subscriber that cannot be reached, unless it subscribed again after the message was sent."""
+        match message.body:
+            case MapChanged(event=event):
+                version = event.version
+            case OntologyChanged(version=version) | MapSubscribed(version=version):
+                pass
+            case _:
+                return
+        subscription = self._contents.subscriptions.get(message.header.recipient)
+        if subscription is not None and version > subscription.version:
+            yield from self._drop([message.header.recipient])
+
+    def _subscribed(self, subscriber: str) -> MapSubscribed:
+        return MapSubscribed(version=self._contents.version, until=self._contents.subscriptions[subscriber].until)
+
+    def _notify(self, subscriber: str, news: MapChanged | OntologyChanged | MapSubscribed, now: float) -> Send:
+        kind, address = type(news).__name__, self._contents.address
+        identity = message_id(address, subscriber, kind, self._contents.version, now if isinstance(news, MapSubscribed) else "")
+        return Send(Message(header=Header(sender=address, recipient=subscriber, message_id=identity), body=news))
+
+    def _drop(self, subscribers: list[str]) -> Effects:
+        for subscriber in subscribers:
+            del self._contents.subscriptions[subscriber]
+        yield self._next_expiry()
+
+    def _next_expiry(self) -> SetTimer:
+        return SetTimer(LeasesDue(), min((subscription.until for subscription in self._contents.subscriptions.values()), default=None))
