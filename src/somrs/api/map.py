@@ -36,9 +36,10 @@ MAX_REWOUND_VERSIONS = 100
 
 
 class MapView(msgspec.Struct, frozen=True, kw_only=True):
-    """A version of the map: all its objects and facts."""
+    """A version of the map `name`: all its objects and facts."""
 
     version: int
+    name: str = ""
     objects: tuple[Object, ...]
     facts: tuple[Fact, ...]
 
@@ -53,7 +54,7 @@ class MapService:
         map, now = self._context.map, self._context.version
         if version is not None and version != now:
             map, now = await self._read_map_at(map, now, version), version
-        return MapView(version=now, objects=tuple(map.objects.values()), facts=tuple(map.facts()))
+        return MapView(version=now, name=map.name, objects=tuple(map.objects.values()), facts=tuple(map.facts()))
 
     @operation("POST", "/map/changes")
     async def change(self, body: UpdateMap) -> Updated:

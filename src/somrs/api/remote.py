@@ -107,7 +107,7 @@ class _LiveContext:
 
     async def _read_map(self) -> None:
         map_view = await self._api.map.read()
-        self.map, self._versions["map"] = Map(map_view.objects, map_view.facts), map_view.version
+        self.map, self._versions["map"] = Map(map_view.objects, map_view.facts, map_view.name), map_view.version
 
     async def _read_ontology(self) -> None:
         ontology_view = await self._api.ontology.read()

@@ -129,16 +129,17 @@ class Client:
             objects: list[Object] = []
             facts: list[Fact] = []
             versions: set[int] = set()
-            last_object, has_next_page = "", True
+            name, last_object, has_next_page = "", "", True
             while has_next_page:
                 question = knowledge.ReadMap(after=last_object, at_version=version)
                 page = await self.ask(self.addresses.repository, question, knowledge.MapPage)
                 objects += page.objects
                 facts += page.facts
                 versions.add(page.version)
+                name = page.map
                 last_object, has_next_page = (page.objects[-1].name if page.objects else last_object), page.more
             if len(versions) <= 1:
-                return Map(objects, facts)
+                return Map(objects, facts, name)
 
     async def query(self, formula: str, limit: int = 100) -> knowledge.Rows:
         return await self.ask(self.addresses.repository, knowledge.QueryMap(formula=formula, limit=limit), knowledge.Rows)

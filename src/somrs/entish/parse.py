@@ -59,14 +59,14 @@ start: formula
     | sum SIGN product                  -> arithmetic
 ?product: term
         | product TIMES term            -> arithmetic
-?term: NAME                             -> name
+?term: (NAME | QUALIFIED)               -> name
      | variable
      | (name_of | variable) ("." NAME)+ -> attribute
      | NAME "(" [term ("," term)*] ")"  -> call
      | NUMBER [UNIT]                    -> number
      | STRING                           -> text
      | TRUTH                            -> truth
-name_of: NAME
+name_of: NAME | QUALIFIED
 variable: VARIABLE [":" NAME]
 
 _AND.3: /AND\b(?!-)/
@@ -79,6 +79,7 @@ TIMES: "*"
 OPERATOR: /<=|>=|!=|=|<|>/
 VARIABLE: /\?[^\W\d]\w*(-\w+)*/
 NAME: /(?!(AND|OR|NOT|FORALL|EXISTS|TRUE|FALSE)\b(?!-))[^\W\d]\w*(-\w+)*/
+QUALIFIED.2: /[^\W\d]\w*(-\w+)*:[^\W\d]\w*(-\w+)*/
 NUMBER: /[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?/
 UNIT.2: /(?!(AND|OR|NOT)\b(?!-))[^\W\d][\w\/*^]*|°[A-Za-z]?|%(\/[^\W\d][\w\/*^]*)?/
 STRING: /"([^"\\\n]|\\.)*"/
@@ -269,8 +270,9 @@ def parse_beginning(text: str) -> tuple[list[tuple[str, str]], frozenset[str]] |
     _limit_depth(text)
     try:
         parser = _grammar().parse_interactive(text)
-        tokens = [(token.type, str(token)) for token in parser.exhaust_lexer()]
-        return tokens, frozenset(parser.accepts())  # type: ignore[no-untyped-call]  # Lark's
+        # A qualified name is a name.
+        tokens = [(token.type if token.type != "QUALIFIED" else "NAME", str(token)) for token in parser.exhaust_lexer()]
+        return tokens, frozenset(parser.accepts()) - {"QUALIFIED"}  # type: ignore[no-untyped-call]  # Lark's
     except UnexpectedInput:
         return None
 

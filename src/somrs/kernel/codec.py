@@ -40,7 +40,7 @@ def _encode_hook(value: object, parts: PartsWriter | None = None) -> object:
             sections = (value.attributes, value.relations, value.functions, value.types, value.services)
             return _Definitions(*([*section.values()] for section in sections))
         case Map():
-            return parts.document(value) if parts is not None else MapDocument([*value.objects.values()], [*value.facts()])
+            return parts.document(value) if parts is not None else MapDocument([*value.objects.values()], [*value.facts()], name=value.name)
         case Offers():
             return [*value]
     raise NotImplementedError(f"{type(value).__name__} cannot be serialized: it is not data")

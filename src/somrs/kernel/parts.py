@@ -46,6 +46,7 @@ class MapDocument(Struct, frozen=True, array_like=True):
     objects: list[Object]
     facts: list[Fact]
     references: list[PartReference] = []
+    name: str = ""
 
 
 class PartsWriter:
@@ -72,6 +73,7 @@ class PartsWriter:
             ]
             if large
             else [],
+            name=map.name,
         )
 
 
@@ -105,7 +107,7 @@ class PartsReader:
 
     def map(self, document: MapDocument) -> Map:
         """The map. Raises ValueError if entries are missing."""
-        map = Map(self._objects(document), self._facts(document))
+        map = Map(self._objects(document), self._facts(document), document.name)
         tuples = dict(map.tuples())
         for reference in document.references:
             if reference.part:

@@ -60,6 +60,7 @@ class _Reading(Reading, kw_only=True):
     ontology: Ontology = field(default_factory=Ontology)
     objects: list[Object] = field(default_factory=list)
     facts: list[Fact] = field(default_factory=list)
+    map_name: str = ""
 
 
 class ReplicaDue(Struct, frozen=True, tag=True):
@@ -115,10 +116,11 @@ class Replica(Following[MapChanged | OntologyChanged, _Reading]):
             return ReadOntology(after=page.next) if page.more else ReadMap()
         reading.objects += page.objects
         reading.facts += page.facts
+        reading.map_name = page.map
         return ReadMap(after=page.objects[-1].name) if page.more else None
 
     def _adopt(self, reading: _Reading, now: float) -> None:
-        self.ontology, self.map = reading.ontology, Map(reading.objects, reading.facts)
+        self.ontology, self.map = reading.ontology, Map(reading.objects, reading.facts, reading.map_name)
 
     def _update(self, effects: list[Effect], events: tuple[MapChanged | OntologyChanged, ...], reloaded: bool) -> ReplicaUpdate:
         """Apply the events."""

@@ -31,6 +31,7 @@ from somrs.entish.formula import (
 )
 from somrs.entish.parse import ParsedFormula, nearest, read
 from somrs.errors import FormulaError
+from somrs.ontology.homes import full_name, homonyms_of, with_full_names
 from somrs.ontology.objects import Map
 from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
 from somrs.ontology.units import convert_unit
@@ -67,7 +68,7 @@ _Scope = dict[str, _Meaning]
 
 
 def check(formula: Formula | str, ontology: Ontology, map: Map | None = None, variables: Mapping[str, str] | None = None) -> Formula:
-    """The formula, if it fits the ontology. Raises FormulaError for the first mistake.
+    """The formula with the full names of its objects, if it fits the ontology. Raises FormulaError for the first mistake.
 
     `variables` declares types of variables, in addition to those in the formula. With a map, each constant must be one of
     its objects or a value of the attribute that it is compared with.
@@ -75,7 +76,7 @@ def check(formula: Formula | str, ontology: Ontology, map: Map | None = None, va
     reading = read(formula if isinstance(formula, str) else str(formula))
     for mistake in mistakes(reading, ontology, map, variables):
         raise mistake
-    return reading.formula
+    return with_full_names(reading.formula, map, ontology) if map is not None else reading.formula
 
 
 def mistakes(
@@ -191,14 +192,19 @@ class _FormulaChecker:
             case Name(name):
                 if self.map is None:
                     return type_name
-                if name not in self.map.objects:
-                    raise self.reading.error(
-                        atom, term, f"there is no object {name} on the map", nearest(name, self.map.similar_names(name))
-                    )
-                object_type = self.map.objects[name].type
+                object = self.map.objects.get(full_name(name, self.map))
+                if object is None:
+                    raise self._unknown_object(atom, term, self.map)
+                object_type = object.type
                 self._merge_meanings(atom, term, _Meaning(_Sort.OBJECT, object_type), expected_meaning, narrowing=False)
                 return object_type
         raise self.reading.error(atom, term, f"{term} is not an object", "write the name of an object, or a variable")
+
+    def _unknown_object(self, atom: Atom, term: Name, map: Map) -> FormulaError:
+        if homonyms := homonyms_of(term.name, map):
+            return self.reading.error(atom, term, f"{term} is the name of several objects", f"write {' or '.join(homonyms)}")
+        hint = nearest(term.name, map.similar_names(term.name))
+        return self.reading.error(atom, term, f"there is no object {term} on the map", hint)
 
     def _merge_meanings(
         self, atom: Atom, term: Term, actual_meaning: _Meaning, expected_meaning: _Meaning, narrowing: bool = True
@@ -325,7 +331,9 @@ class _FormulaChecker:
 
     def _known_name(self, atom: Comparison, term: Name) -> None:
         words = {word for attribute in self.ontology.attributes.values() for word in attribute.values}
-        if self.map is not None and term.name not in self.map.objects and term.name not in words:
+        if term.name in words or self.map is None:
+            return
+        if full_name(term.name, self.map) not in self.map.objects:
             problem = f"{term} is neither an object on the map nor a value of an attribute"
             raise self.reading.error(atom, term, problem, nearest(term.name, [*self.map.similar_names(term.name), *words]))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, MutableMapping, Set
 from itertools import islice
 from typing import TypeVar
@@ -12,6 +13,7 @@ from msgspec import Struct, structs
 from somrs.ontology.indexes import Index
 from somrs.ontology.paged import PagedDict, mutable_copy, settled
 from somrs.ontology.places import PlaceIndex, X, Y
+from somrs.ontology.qualified_names import home_of
 from somrs.ontology.types import PART_OF, UNKNOWN, Value
 
 SIMILAR_NAMES = 5000
@@ -83,10 +85,13 @@ def objects_of(change: Change) -> tuple[str, ...]:
 class Map:
     """The objects of an environment and the facts between them. One object, the root, contains all others.
 
+    `name`: under which other maps know it. It also has objects of theirs, with qualified names (`qualified_names.py`).
+
     A map is immutable: `changed` returns a new map that shares the unchanged data (`paged.py`).
     """
 
-    def __init__(self, objects: Iterable[Object] = (), facts: Iterable[Fact] = ()) -> None:
+    def __init__(self, objects: Iterable[Object] = (), facts: Iterable[Fact] = (), name: str = "") -> None:
+        self.name = name
         by_relation: dict[str, dict[tuple[str, ...], None]] = {}
         for fact in facts:
             by_relation.setdefault(fact.relation, {})[fact.arguments] = None
@@ -103,6 +108,7 @@ class Map:
         self._wholes_by_type: Index[str, str] | None = None
         self._by_value: dict[str, Index[_ValueKey, str]] = {}
         self._places: PlaceIndex | None = None
+        self._homes: dict[str, int] | None = None
         self._index_large()
 
     def _index_large(self) -> None:
@@ -115,18 +121,21 @@ class Map:
             self._type_index()
             self._whole_index()
             self._value_index(UNKNOWN)
+            self._count_homes()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Map) and self.objects == other.objects and set(self.facts()) == set(other.facts())
 
     __hash__ = None  # type: ignore[assignment]  # compared by content, too large to be a key
 
-    def __getstate__(self) -> tuple[dict[str, Object], dict[str, dict[tuple[str, ...], None]]]:
+    def __getstate__(self) -> tuple[str, dict[str, Object], dict[str, dict[tuple[str, ...], None]]]:
         # Building the indexes is faster than loading them.
-        return dict(self.objects.items()), {relation: dict(tuples.items()) for relation, tuples in self._facts.items()}
+        facts = {relation: dict(tuples.items()) for relation, tuples in self._facts.items()}
+        return self.name, dict(self.objects.items()), facts
 
-    def __setstate__(self, state: tuple[dict[str, Object], dict[str, dict[tuple[str, ...], None]]]) -> None:
-        self._load(*state)
+    def __setstate__(self, state: tuple[str, dict[str, Object], dict[str, dict[tuple[str, ...], None]]]) -> None:
+        self.name, objects, facts = state
+        self._load(objects, facts)
 
     def has_fact(self, relation: str, arguments: tuple[str, ...]) -> bool:
         """Whether the fact is on the map as written. `truth.py` handles symmetric relations."""
@@ -247,6 +256,22 @@ class Map:
             return self.objects
         return (similar for beginning in (name[:-1], name[:1]) for similar in islice(self.names_after(beginning), SIMILAR_NAMES))
 
+    @property
+    def homes(self) -> Collection[str]:
+        """The maps of neighbours whose objects this map has."""
+        return self._count_homes().keys()
+
+    def _count_homes(self) -> dict[str, int]:
+        if self._homes is None:
+            self._homes = dict(Counter(home for name in self.objects if (home := home_of(name))))
+        return self._homes
+
+    def named(self, name: str) -> Map:
+        """The same map under another name."""
+        map = _Draft(self).map
+        map.name = name
+        return map
+
     def parts(self, whole: str) -> Iterator[Object]:
         """The direct sub-objects."""
         return (self.objects[arguments[0]] for arguments in self.facts_with(PART_OF, 1, whole) if arguments[0] in self.objects)
@@ -276,7 +301,7 @@ class _Draft:
         map.objects, map._facts = base.objects, dict(base._facts)
         map._by_argument, map._arities = dict(base._by_argument), dict(base._arities)
         map._by_type, map._wholes_by_type, map._by_value = base._by_type, base._wholes_by_type, dict(base._by_value)
-        map._places = base._places
+        map._places, map._homes, map.name = base._places, base._homes, base.name
         self._objects: MutableMapping[str, Object] | None = None
         self._relations: dict[str, MutableMapping[tuple[str, ...], None]] = {}
         """The facts of the relations that have changed."""
@@ -340,6 +365,7 @@ class _Draft:
 
     def _insert_object(self, object: Object) -> None:
         self._own_objects()[object.name] = object
+        self._count_home(object.name, 1)
         self._regrouped[object.name] = self._moved[object.name] = None
         if self.map._by_type is not None:
             self._own_types().add(object.type, object.name)
@@ -352,11 +378,19 @@ class _Draft:
         object = self.map.objects.get(name)
         if object is None:
             return
+        self._count_home(name, -1)
         self._regrouped[name] = self._moved[name] = None
         if self.map._by_type is not None:
             self._own_types().remove(object.type, name)
         for path in self.map._by_value:
             self._reindex_value(object, path, None)
+
+    def _count_home(self, name: str, difference: int) -> None:
+        if (home := home_of(name)) and self.map._homes is not None:
+            count = self.map._homes.get(home, 0) + difference
+            self.map._homes = {**self.map._homes, home: count}
+            if not count:
+                del self.map._homes[home]
 
     def _reindex_value(self, object: Object, path: str, value: Value | None) -> None:
         """Replace the old value of an object in the index of the attribute's values."""

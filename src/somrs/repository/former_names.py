@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 from msgspec import structs
 
+from somrs.ontology.homes import renamed_change
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ObjectAdded, ObjectRemoved, ValueSet, objects_of
+from somrs.ontology.objects import Map, ObjectAdded, objects_of
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import UpdateMap
@@ -26,7 +27,7 @@ def with_current_names(update: UpdateMap, map: Map, ontology: Ontology, provenan
     renamer = Renamer((Renaming(section=Section.OBJECTS, name=name, to=now) for name, now in used.items()), ontology)
     return structs.replace(
         update,
-        changes=tuple(_renamed_change(change, used) for change in update.changes),
+        changes=tuple(renamed_change(change, lambda name: used.get(name, name)) for change in update.changes),
         situation=renamer.text(update.situation),
         observation=_renamed_observation(update.observation, used) if update.observation is not None else None,
     )
@@ -37,18 +38,6 @@ def _named_objects(update: UpdateMap) -> set[str]:
     observation = update.observation or Observation()
     changed = (name for change in update.changes for name in objects_of(change))
     return {*observation.gone, *observation.searched, *observation.sought, *observation.missed, *changed}
-
-
-def _renamed_change(change: Change, names: Mapping[str, str]) -> Change:
-    match change:
-        case ObjectRemoved(name):
-            return ObjectRemoved(names.get(name, name))
-        case ValueSet(name):
-            return structs.replace(change, object=names.get(name, name))
-        case FactAdded(fact) | FactRemoved(fact):
-            return type(change)(Fact(fact.relation, tuple(names.get(argument, argument) for argument in fact.arguments)))
-        case _:
-            return change
 
 
 def _renamed_observation(observation: Observation, names: Mapping[str, str]) -> Observation:

@@ -10,15 +10,16 @@ import msgspec
 from somrs.entish.formula import Comparison, Name
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
+from somrs.ontology.qualified_names import home_of
 
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML 1.0 excludes (clause 2.2)."""
 
 
 def is_name(text: str) -> bool:
-    """Whether formulas can use the text as a name."""
+    """Whether formulas can use the text as a name, which is not qualified with that of another map."""
     try:
-        return parse(f"{text} = {text}") == Comparison(Name(text), "=", Name(text))
+        return not home_of(text) and parse(f"{text} = {text}") == Comparison(Name(text), "=", Name(text))
     except FormulaError:
         return False
 

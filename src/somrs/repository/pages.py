@@ -27,4 +27,5 @@ def map_page(map: Map, version: int, last_name: str) -> MapPage:
         facts=tuple(facts if last_name else [*map.facts_without_arguments(), *facts]),
         version=version,
         more=next_name is not None,
+        map=map.name,
     )

@@ -74,7 +74,7 @@ def rewind_map(map: Map, inverses: Iterable[Iterable[Change]]) -> Map:
                     facts[fact] = None
                 case FactRemoved(fact):
                     facts.pop(fact, None)
-    return Map(objects.values(), facts)
+    return Map(objects.values(), facts, map.name)
 
 
 def shorten_event(event: Event, room: int = PAGE_BYTES) -> Event:

@@ -22,6 +22,7 @@ from somrs.ontology.objects import (
     ValueSet,
     objects_of,
 )
+from somrs.ontology.qualified_names import plain_name
 from somrs.ontology.types import ABSTRACT, UNKNOWN, Ontology
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.observations import Observation, Reception
@@ -164,7 +165,7 @@ def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iter
                 if presence.get(object.name, object.name in map.objects):
                     message = "is on the map already; set its values, or give the new object another name"
                     yield Violation(subject=object.name, rule="duplicate", message=message)
-                if not is_name(object.name):
+                if not is_name(plain_name(object.name)):
                     message = f"{object.name!r} is not a name that formulas can use; use letters, digits, _ and -, and begin with a letter"
                     yield Violation(subject=object.name, rule="name", message=message)
                 presence[object.name] = True

@@ -169,7 +169,7 @@ class _Reading:
             self._report(violation)
         for source in good:
             self._map(source, ontology)
-        map = Map(self.objects.values(), self.facts)
+        map = Map(self.objects.values(), self.facts, _map_name(self.map_file))
         if self.has_map:
             for violation in violations(map, ontology):
                 self._report(violation)
@@ -376,3 +376,10 @@ class _Reading:
 
     def _problem(self, place: _Place, subject: str, rule: str, message: str, inner: str = "") -> None:
         self.problems.append(Problem(file=place.source.file, line=place.line(inner), subject=subject, rule=rule, message=message))
+
+
+def _map_name(source: Source | None) -> str:
+    """The name of a map in formulas, from that in its file."""
+    written = source.data.get("map") if source is not None else None
+    name = re.sub(r"\W+", "-", written).strip("-_") if isinstance(written, str) else ""
+    return name if re.match(r"[^\W\d]", name) else ""

@@ -101,10 +101,13 @@ class ReadMap(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class MapPage(MessageBody, frozen=True, kw_only=True, tag=True):
+    """A page of the map with the name `map`."""
+
     objects: tuple[Object, ...]
     facts: tuple[Fact, ...]
     version: int
     more: bool
+    map: str = ""
 
 
 class QueryMap(MessageBody, frozen=True, kw_only=True, tag=True):
