@@ -53,7 +53,7 @@ class ReplicaUpdate:
         return bool(self.definitions or self.removed or self.reloaded)
 
 
-class _Reading(Reading, kw_only=True):
+class MapReading(Reading, kw_only=True):
     """The pages read so far. `changed_at` is the version in which the ontology last changed before its first page."""
 
     changed_at: int | None = None
@@ -67,7 +67,7 @@ class ReplicaDue(Struct, frozen=True, tag=True):
     """The timer of a component's replica."""
 
 
-class Replica(Following[MapChanged | OntologyChanged, _Reading]):
+class Replica(Following[MapChanged | OntologyChanged, MapReading]):
     """`ontology` and `map` are the Repository's as far as received. The owner passes every input to `handle` first."""
 
     SUBSCRIBED = MapSubscribed
@@ -96,8 +96,8 @@ class Replica(Following[MapChanged | OntologyChanged, _Reading]):
     def _subscription(self) -> Body:
         return SubscribeMap(lease=LEASE)
 
-    def _new_reading(self) -> _Reading:
-        return _Reading()
+    def _new_reading(self) -> MapReading:
+        return MapReading()
 
     def _first_question(self) -> Body:
         return ReadOntology()
@@ -105,11 +105,11 @@ class Replica(Following[MapChanged | OntologyChanged, _Reading]):
     def _version_of(self, event: MapChanged | OntologyChanged) -> int:
         return event.event.version if isinstance(event, MapChanged) else event.version
 
-    def _is_out_of_place(self, reading: _Reading, page: OntologyPage | MapPage) -> bool:
+    def _is_out_of_place(self, reading: MapReading, page: OntologyPage | MapPage) -> bool:
         # Pages of the ontology are addressed by position, and the positions may have changed.
         return isinstance(page, OntologyPage) and reading.changed_at != page.changed_at
 
-    def _add_page(self, reading: _Reading, page: OntologyPage | MapPage) -> Body | None:
+    def _add_page(self, reading: MapReading, page: OntologyPage | MapPage) -> Body | None:
         if isinstance(page, OntologyPage):
             reading.changed_at = page.changed_at
             reading.ontology = reading.ontology.extended(page.definitions.all_definitions())
@@ -119,7 +119,7 @@ class Replica(Following[MapChanged | OntologyChanged, _Reading]):
         reading.map_name = page.map
         return ReadMap(after=page.objects[-1].name) if page.more else None
 
-    def _adopt(self, reading: _Reading, now: float) -> None:
+    def _adopt(self, reading: MapReading, now: float) -> None:
         self.ontology, self.map = reading.ontology, Map(reading.objects, reading.facts, reading.map_name)
 
     def _update(self, effects: list[Effect], events: tuple[MapChanged | OntologyChanged, ...], reloaded: bool) -> ReplicaUpdate:

@@ -16,6 +16,7 @@ from somrs.entish.formula import And, Comparison, Formula, Not, Or, Term, substi
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.complex_values import complex_problem, limit_problem
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectRemoved, objects_of
+from somrs.ontology.qualified_names import home_of
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.type_rules import SELF_VARIABLE, TypeRules, attribute_paths, is_about_itself
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, Ontology, Value
@@ -229,7 +230,8 @@ class _Checker:
     @cached_property
     def _roots(self) -> list[str]:
         abstract = (name for name in self.map.types() if name in self.ontology.types and self.ontology.is_subtype(name, ABSTRACT))
-        return self.map.in_order({name for type_name in abstract for name in self.map.wholes_of_type(type_name)})
+        wholes = {name for type_name in abstract for name in self.map.wholes_of_type(type_name)}
+        return self.map.in_order({name for name in wholes if not home_of(name)})
 
     def _place(self, object: Object, schema: TypeRules) -> Iterator[Violation]:
         """Violations of the rule for places: an object is the root, is a part, has a position, or a relation such as isOn places it."""
@@ -238,7 +240,8 @@ class _Checker:
             message = f"is a part of itself: {' isPartOf '.join([object.name, *wholes])}"
             yield Violation(subject=object.name, rule="cycle", message=message)
         if self.ontology.is_subtype(object.type, ABSTRACT):
-            if not wholes and (first := self._roots[0]) != object.name:
+            # The roots of neighbours' maps stay roots.
+            if not wholes and not home_of(object.name) and (first := self._roots[0]) != object.name:
                 message = f"{first} is the map's root already; make {object.name} a part of it, or of one of its parts"
                 yield Violation(subject=object.name, rule="root", message=message)
             return

@@ -30,7 +30,7 @@ def full_name(name: str, map: Map) -> str:
 
 def homonyms_of(name: str, map: Map) -> list[str]:
     """The objects of neighbours that have this name at home."""
-    return [other for home in map.homes if (other := f"{home}{SEPARATOR}{name}") in map.objects]
+    return [full for home in map.homes if (full := f"{home}{SEPARATOR}{name}") in map.objects]
 
 
 def with_full_names(formula: Formula, map: Map, ontology: Ontology) -> Formula:

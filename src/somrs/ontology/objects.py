@@ -261,6 +261,10 @@ class Map:
         """The maps of neighbours whose objects this map has."""
         return self._count_homes().keys()
 
+    def count_from(self, home: str) -> int:
+        """The number of objects that a neighbour's map owns."""
+        return self._count_homes().get(home, 0)
+
     def _count_homes(self) -> dict[str, int]:
         if self._homes is None:
             self._homes = dict(Counter(home for name in self.objects if (home := home_of(name))))

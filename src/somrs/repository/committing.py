@@ -5,8 +5,9 @@ from __future__ import annotations
 from msgspec import structs
 
 from somrs.kernel.component import EffectsReturning, Record
-from somrs.protocol.messages.knowledge import Event, MapChanged, OntologyChanged
+from somrs.protocol.messages.knowledge import Event, MapChanged
 from somrs.repository.outcome import Outcome, note_provenance
+from somrs.repository.publishing import Committed
 from somrs.repository.rollback import inverse
 from somrs.repository.state import Contents, DefinitionChange
 
@@ -19,12 +20,12 @@ class Committing:
 
     def commit(
         self, outcome: Outcome, author: str, now: float, *, task: str | None = None, undoes: int | None = None
-    ) -> EffectsReturning[MapChanged | OntologyChanged | None]:
+    ) -> EffectsReturning[Committed | None]:
         """Apply an outcome without broken rules. `task`: the one that reports; `undoes`: the version that is reverted.
 
-        Returns what subscribers are to be told; None if nothing has changed.
+        Returns the change, of which subscribers are to be told; None if nothing has changed.
         """
-        contents = self._contents
+        contents, map_before = self._contents, self._contents.map
         note_provenance(contents.provenance, outcome, contents.map, author, now)
         if not outcome.changes and outcome.revision is None:
             return None
@@ -52,4 +53,5 @@ class Committing:
                 version=event.version, author=event.author
             )
         yield Record(event)
-        return outcome.change_notice(event.version) if event.revision is not None else MapChanged(event=structs.replace(event, before=()))
+        news = outcome.change_notice(event.version) if event.revision is not None else MapChanged(event=structs.replace(event, before=()))
+        return Committed(news, map_before)

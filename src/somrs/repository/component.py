@@ -24,6 +24,7 @@ from somrs.kernel.component import (
     Input,
     Received,
     Send,
+    SetTimer,
     Started,
     TimerFired,
 )
@@ -52,17 +53,25 @@ from somrs.protocol.messages.knowledge import (
     Updated,
     UpdateMap,
 )
+from somrs.protocol.messages.neighbours import Adopt, Adopted, AdoptionRefused, NameMap, ReadNeighbours, RemoveNeighbour, SetNeighbour
 from somrs.protocol.messages.reservations import AssignTask, ClaimReservations, Release, ReservationMode, Reserve, TaskAssigned
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.committing import Committing
 from somrs.repository.definition import define_outcome, rename_outcome
+from somrs.repository.forwarding import Forwarding, foreign_parts, own_changes, refusals
+from somrs.repository.handing_over import HandingOver
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
+from somrs.repository.importing import Importing
 from somrs.repository.map_answers import MapAnswers
 from somrs.repository.merging import merge_outcome
+from somrs.repository.neighbour_state import NeighbourDue
+from somrs.repository.neighbour_view import View
+from somrs.repository.neighbouring import Neighbouring
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
 from somrs.repository.pages import ontology_page
 from somrs.repository.publishing import Publishing
 from somrs.repository.reserving import Reserving, lost_reservation
+from somrs.repository.shared_reserving import SharedReserving
 from somrs.repository.state import (
     REMEMBERED,
     Answer,
@@ -70,15 +79,20 @@ from somrs.repository.state import (
     ArchiveWanted,
     Contents,
     LeasesDue,
+    RepetitionDue,
     ReservationsDue,
     Task,
 )
 from somrs.repository.undo import undo_outcome
-from somrs.repository.update import update_outcome
+from somrs.repository.update import changes_outcome, update_outcome
 from somrs.repository.version_conflict import version_conflicts
 
 READS = ReadOntology | ReadMap | QueryMap | Consider | ReadHistory | ReadEvents
 """Requests that change nothing."""
+
+
+REPETITION_TIME = 10.0
+"""Seconds after which a neighbour that has not answered is asked again."""
 
 
 class Repository:
@@ -89,6 +103,11 @@ class Repository:
         self.contents = contents
         self._answers, self._reserving, self._publishing = MapAnswers(), Reserving(contents), Publishing(contents)
         self._committing = Committing(contents)
+        self._importing = Importing(contents, self._committing, self._publishing)
+        self._neighbouring = Neighbouring(contents, self._importing)
+        self._forwarding = Forwarding(contents, self._remember_answer)
+        self._shared_reserving = SharedReserving(contents, self._reserving, self._remember_answer)
+        self._handing_over = HandingOver(contents, self._committing, self._publishing, self._importing)
 
     @classmethod
     def restored(cls, contents: Contents) -> Self:
@@ -106,13 +125,33 @@ class Repository:
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """The effects of an input."""
-        return [*self._effects(event, now), *self._reserving.admit(now)]
+        imported = self._importing.handle(event, now)
+        effects = imported if imported is not None else [*self._effects(event, now)]
+        return [*effects, *self._continue(now), *self._reserving.admit(now)]
+
+    def _continue(self, now: float) -> Effects:
+        """Go on with updates that waited for neighbours."""
+        while messages := (yield from self._forwarding.proceed(now)):
+            for message in messages:
+                yield from self._finish(message, now)
+        is_waiting = self._forwarding.is_waiting or self._shared_reserving.is_waiting or self._handing_over.is_waiting
+        if is_waiting is not (self.contents.repeats_at is not None):
+            self.contents.repeats_at = now + REPETITION_TIME if is_waiting else None
+            yield SetTimer(RepetitionDue(), self.contents.repeats_at)
+
+    def _repeat(self, now: float) -> Effects:
+        """Ask neighbours again: their answers may have been lost, if they or this Repository were down."""
+        self.contents.repeats_at = None
+        yield from self._forwarding.repeat(now)
+        yield from self._shared_reserving.repeat(now)
+        yield from self._handing_over.repeat(now)
 
     def _effects(self, event: Input, now: float) -> Effects:
         match event:
             case Started(address):
                 self.contents.address = address
                 yield from self._publishing.start(now)
+                yield from self._neighbouring.start(now)
             case Received(message):
                 try:
                     yield from self._received(message, now)
@@ -120,14 +159,26 @@ class Repository:
                     yield self._answer(message, Fault(code="Sender", text=str(error)))
             case TimerFired(LeasesDue()):
                 yield from self._publishing.expire(now)
+            case TimerFired(RepetitionDue()):
+                yield from self._repeat(now)
             case TimerFired(ReservationsDue()):
                 self.contents.reservations.lapse()
             case Answered(ArchiveWanted(message), value):
                 yield from self._answered(message, value, now)
-            case DeliveryFailed(message):
+            case DeliveryFailed(message, reason):
                 yield from self._publishing.undelivered(message)
+                yield from self._forwarding.undelivered(message, reason)
+                yield from self._shared_reserving.undelivered(message, reason, now)
 
     def _received(self, message: Message, now: float) -> Effects:
+        if self._forwarding.concerns(message):
+            yield from self._forwarding.answered(message)
+        elif self._shared_reserving.concerns(message):
+            yield from self._shared_reserving.received(message, now)
+        else:
+            yield from self._serve(message, now)
+
+    def _serve(self, message: Message, now: float) -> Effects:
         match message.body:
             case ReadOntology() | ReadMap() as question:
                 yield self._read(message, question)
@@ -152,11 +203,21 @@ class Repository:
                 yield from self._run_once(message, lambda: iter([self._remember_answer(message, assigned)]))
             case Release() as release:
                 self._reserving.release(release, message.header.sender, now)
+                yield from self._shared_reserving.release(release, now)
             case ClaimReservations() as claims:
                 yield from self._reserving.claim(claims, message.header.sender, now)
+                yield from self._shared_reserving.forget_unclaimed(claims, message.header.sender, now)
             case SubscribeMap(lease=lease):
                 self._reserving.heard_of(message.header.sender, now)
                 yield from self._publishing.subscribe(message, lease, now)
+            case NameMap() | SetNeighbour() | RemoveNeighbour() | ReadNeighbours() as body:
+                yield from self._neighbouring.serve(body, now)
+                yield self._answer(message, self._neighbouring.views())
+            case Adopt() as adopt:
+                yield from self._run_once(message, lambda: self._adopt(message, adopt, now))
+            case Adopted() | AdoptionRefused():
+                for deferred in (yield from self._handing_over.answered(message, now)):
+                    yield from self._received(deferred, now)
             case Fault():
                 pass  # a Fault gets no reply
             case body:
@@ -177,6 +238,10 @@ class Repository:
         if isinstance(question, ReadOntology):
             page = ontology_page(contents.ontology, contents.version, question.after, contents.ontology_changed_at)
             return self._answer(message, page)
+        neighbour = self._neighbouring.at(message.header.sender)
+        if neighbour is not None and question.situation is None:
+            leaving = {handover.object for handover in contents.handovers.values() if handover.map == neighbour.map}
+            return self._answer(message, View(neighbour, contents.map, contents.ontology).page(contents.version, question.after, leaving))
         return self._answer(message, self._answer_to(question))
 
     def _answer_to(self, question: QueryMap | ReadMap) -> Rows | MapPage:
@@ -193,7 +258,14 @@ class Repository:
             case _:
                 yield self._answer(message, archive_reply(message, value, self.contents))
 
+    def _adopt(self, message: Message, body: Adopt, now: float) -> Effects:
+        answer = yield from self._handing_over.adopt(message, body, now)
+        yield self._remember_answer(message, answer)
+
     def _reserve(self, message: Message, request: Reserve, now: float) -> Effects:
+        if self._shared_reserving.concerns_neighbours(request):
+            yield from self._shared_reserving.begin(message, request, now)
+            return
         answer, notices = self._reserving.reserve(request, message.header.sender, now)
         yield self._answer(message, answer) if request.mode is ReservationMode.ASK else self._remember_answer(message, answer)
         yield from notices
@@ -205,7 +277,7 @@ class Repository:
         answer = self.contents.answered.get(normalised_id(message.header.message_id))
         if answer is not None:
             yield self._answer(message, answer)
-        else:
+        elif normalised_id(message.header.message_id) not in self.contents.forwarded:
             yield from work()
 
     def _alteration_outcome(self, alteration: UpdateMap | Define | RenameObject | MergeObject, now: float) -> Outcome:
@@ -233,29 +305,50 @@ class Repository:
         return Outcome(map=contents.map, ontology=contents.ontology, broken=(violation,))
 
     def _consider(self, message: Message, alteration: Alteration, outcome: Outcome) -> Send:
-        return self._answer(message, considered(self._with_conflicts(alteration, outcome), self.contents.version))
+        return self._answer(message, considered(self._with_conflicts(alteration, outcome, message.header.sender), self.contents.version))
 
-    def _with_conflicts(self, alteration: Alteration, outcome: Outcome) -> Outcome:
+    def _with_conflicts(self, alteration: Alteration, outcome: Outcome, sender: str) -> Outcome:
         contents = self.contents
-        late = (*version_conflicts(alteration, outcome, contents), *lost_reservation(alteration, outcome, contents))
+        late = (
+            *version_conflicts(alteration, outcome, contents),
+            *lost_reservation(alteration, outcome, contents),
+            *refusals(alteration, outcome, sender, contents),
+        )
         return replace(outcome, broken=(*late, *outcome.broken)) if late else outcome
 
     def _alter(self, message: Message, alteration: Alteration, outcome: Outcome, now: float) -> Effects:
         """Apply the change, or reject it if it breaks rules or conflicts with a later change."""
         contents = self.contents
-        outcome = self._with_conflicts(alteration, outcome)
+        outcome = self._with_conflicts(alteration, outcome, message.header.sender)
         if outcome.broken:
             yield self._remember_answer(message, rejected(outcome.broken, contents.version))
             return
+        if (handover := self._handing_over.blocking(outcome.objects)) is not None:
+            handover.deferred.append(message)
+            return
+        author = alteration.author or message.header.sender
+        if isinstance(alteration, UpdateMap) and (parts := foreign_parts(outcome, alteration, author, contents)):
+            yield from self._forwarding.begin(message, parts, now)
+            return
         news = yield from self._committing.commit(
             outcome,
-            alteration.author or message.header.sender,
+            author,
             now,
             task=alteration.reservation.task if isinstance(alteration, UpdateMap) and alteration.reservation is not None else None,
             undoes=alteration.version if isinstance(alteration, Undo) else None,
         )
         yield self._remember_answer(message, _answer_to(alteration, outcome, contents.version))
         yield from self._publishing.publish(news, now)
+        if contents.neighbours:
+            yield from self._handing_over.begin(outcome.subjects, now)
+
+    def _finish(self, message: Message, now: float) -> Effects:
+        """Do what is left of an update when the changes of neighbours' objects are done."""
+        assert isinstance(message.body, UpdateMap)
+        contents = self.contents
+        outcome = self._alteration_outcome(message.body, now)
+        rest = changes_outcome(contents.map, contents.ontology, own_changes(outcome))
+        yield from self._alter(message, message.body, outcome.with_changes_of(rest), now)
 
     def _remember_answer(self, message: Message, answer: Answer) -> Send:
         """Send the answer and store it, for the case that the request arrives again."""
@@ -290,7 +383,7 @@ SCHEMA = Schema(
     component="repository",
     version=1,
     state=Contents,
-    timers=LeasesDue | ReservationsDue,
+    timers=LeasesDue | ReservationsDue | NeighbourDue | RepetitionDue,
     questions=ArchiveWanted,
     tasks=Task,
     answers=ArchivedEvents | MapPage | OntologyPage | ErrorAnswer,

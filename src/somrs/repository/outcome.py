@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from somrs.ontology.conformance import Violation
 from somrs.ontology.naming import DefinitionKey, Renaming, Section, find_definition, key_of, revise_ontology
@@ -63,6 +63,10 @@ class Outcome:
                 key_of(definition) for definition in (*self.revision.before.all_definitions(), *self.revision.after.all_definitions())
             )
         )
+
+    def with_changes_of(self, rest: Outcome) -> Outcome:
+        """The outcome as far as it is `rest`. What it is news about, and what became of a report, stay."""
+        return replace(self, map=rest.map, changes=rest.changes, broken=rest.broken)
 
     def change_notice(self, version: int) -> OntologyChanged:
         """The notification that subscribers receive about a change of the ontology."""

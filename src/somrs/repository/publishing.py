@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from somrs.errors import InputError
 from somrs.kernel.component import Effects, Send, SetTimer
 from somrs.kernel.subscription import Subscription
+from somrs.ontology.objects import Map
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
 from somrs.protocol.messages.knowledge import MapChanged, MapSubscribed, OntologyChanged
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.paging import PAGE_BYTES, size
+from somrs.repository.neighbour_view import view_of_news
 from somrs.repository.state import Contents, LeasesDue
+
+
+@dataclass(frozen=True, slots=True)
+class Committed:
+    """A change that has been made: what subscribers are told of it, and the map before it."""
+
+    news: MapChanged | OntologyChanged
+    map_before: Map
 
 
 class Publishing:
@@ -33,15 +45,23 @@ class Publishing:
         yield Send(reply(message, self._subscribed(subscriber), self._contents.address))
         yield self._next_expiry()
 
-    def publish(self, news: MapChanged | OntologyChanged | None, now: float) -> Effects:
-        """Tell the subscribers of a change, if there was one."""
-        if news is None:
+    def publish(self, change: Committed | None, now: float) -> Effects:
+        """Tell the subscribers of a change, if there was one. Neighbours are told what they see of it."""
+        if change is None:
             return
+        contents, news = self._contents, change.news
+        neighbours = {neighbour.settings.address: neighbour.settings for neighbour in contents.neighbours.values()}
         # A change that is too large for one message is read by pages: the new version shows the subscriber that it missed a change.
         large = size(news) > PAGE_BYTES * 1.25
-        for address, subscription in self._contents.subscriptions.items():
+        for address, subscription in contents.subscriptions.items():
             if subscription.until > now:
-                yield self._notify(address, self._subscribed(address) if large else news, now)
+                neighbour = neighbours.get(address)
+                told = (
+                    news
+                    if neighbour is None or large
+                    else view_of_news(news, neighbour, change.map_before, contents.map, contents.ontology)
+                )
+                yield self._notify(address, self._subscribed(address) if large else told, now)
 
     def expire(self, now: float) -> Effects:
         """Drop the subscriptions that have expired."""

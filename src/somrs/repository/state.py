@@ -11,13 +11,15 @@ from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import Defined, Event, ReadMap, ReadOntology, Rejected, Updated
+from somrs.protocol.messages.neighbours import Adopted, AdoptionRefused
 from somrs.protocol.messages.reservations import ReservationDenied, Reserved, TaskAssigned
+from somrs.repository.neighbour_state import ForwardedUpdate, Handover, NeighbourState, SharedReservation
 from somrs.repository.provenance import Provenance
 
 REMEMBERED = 20_000
 """The number of answers that are stored. A request that arrives again within this number receives the stored answer."""
 
-Answer = Updated | Rejected | Defined | Reserved | ReservationDenied | TaskAssigned
+Answer = Updated | Rejected | Defined | Reserved | ReservationDenied | TaskAssigned | Adopted | AdoptionRefused
 
 
 class LeasesDue(Struct, frozen=True, tag=True):
@@ -26,6 +28,10 @@ class LeasesDue(Struct, frozen=True, tag=True):
 
 class ReservationsDue(Struct, frozen=True, tag=True):
     """The timer: the next lease of a reservation ends."""
+
+
+class RepetitionDue(Struct, frozen=True, tag=True):
+    """The timer: neighbours that have not answered are asked again."""
 
 
 class ArchiveWanted(Struct, frozen=True, tag=True):
@@ -104,6 +110,16 @@ class Contents(Struct, kw_only=True):
     provenance: Provenance = field(default_factory=Provenance)
     reservations: Reservations = field(default_factory=Reservations)
     notice_count: int = 0
+    neighbours: dict[str, NeighbourState] = field(default_factory=dict)
+    """By the names of their maps."""
+    forwarded: dict[str, ForwardedUpdate] = field(default_factory=dict)
+    """Updates of neighbours' objects that are not done yet, by message id."""
+    handovers: dict[str, Handover] = field(default_factory=dict)
+    """The objects that are getting another home, by name."""
+    shared_reservations: dict[str, SharedReservation] = field(default_factory=dict)
+    """What tasks have reserved of neighbours, by task."""
+    repeats_at: float | None = None
+    """When neighbours are asked again whose answers are due."""
 
     def last_change(self, definition_key: DefinitionKey) -> DefinitionChange | None:
         """The latest change of the definition; None if it never changed."""

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from somrs.protocol.messages import directory, frp, knowledge, orders, previews, records, reservations, submission, task_news, traffic
+from somrs.protocol.messages import (
+    directory,
+    frp,
+    knowledge,
+    neighbours,
+    orders,
+    previews,
+    records,
+    reservations,
+    submission,
+    task_news,
+    traffic,
+)
 from somrs.protocol.messages.body import MessageBody
 
 FrpBody = (
@@ -27,6 +39,8 @@ KnowledgeBody = (
     | reservations.Reserve | reservations.Reserved | reservations.ReservationDenied | reservations.ReservationFree
     | reservations.ReservationLost | reservations.Release | reservations.ClaimReservations
     | reservations.AssignTask | reservations.TaskAssigned
+    | neighbours.NameMap | neighbours.SetNeighbour | neighbours.RemoveNeighbour | neighbours.ReadNeighbours
+    | neighbours.Neighbours | neighbours.Adopt | neighbours.Adopted | neighbours.AdoptionRefused
 )  # fmt: skip
 ClientBody = (
     submission.Submit | submission.SubmitOnce | submission.Submitted | submission.TaskRejected | submission.CancelTask
@@ -75,6 +89,11 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     knowledge.SubscribeMap: (knowledge.MapSubscribed,),
     reservations.Reserve: (reservations.Reserved, reservations.ReservationDenied),
     reservations.AssignTask: (reservations.TaskAssigned,),
+    neighbours.NameMap: (neighbours.Neighbours,),
+    neighbours.SetNeighbour: (neighbours.Neighbours,),
+    neighbours.RemoveNeighbour: (neighbours.Neighbours,),
+    neighbours.ReadNeighbours: (neighbours.Neighbours,),
+    neighbours.Adopt: (neighbours.Adopted, neighbours.AdoptionRefused),
     submission.Submit: (submission.Submitted, submission.TaskRejected),
     submission.SubmitOnce: (reservations.TaskAssigned, submission.TaskRejected),
     submission.CancelTask: (submission.Cancelling,),

@@ -101,13 +101,14 @@ class ReadMap(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class MapPage(MessageBody, frozen=True, kw_only=True, tag=True):
-    """A page of the map with the name `map`."""
+    """A page of the map with the name `map`. `leaving`: objects on it of which the reader, a neighbour, is becoming the home."""
 
     objects: tuple[Object, ...]
     facts: tuple[Fact, ...]
     version: int
     more: bool
     map: str = ""
+    leaving: tuple[str, ...] = ()
 
 
 class QueryMap(MessageBody, frozen=True, kw_only=True, tag=True):

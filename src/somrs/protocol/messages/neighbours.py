@@ -1,0 +1,94 @@
+"""The bodies with which a Repository is told of its neighbours: other Repositories, each with a map of its own.
+
+A Repository follows the maps of its neighbours, and has their objects on its own map, with qualified names (`Barn:Jar9`). What it is asked
+to change or to reserve of them, it passes on to their homes.
+"""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from somrs.ontology.objects import Fact, Object
+from somrs.protocol.messages.body import MessageBody
+from somrs.protocol.messages.reservations import Claim
+
+
+class Neighbour(Struct, frozen=True, kw_only=True):
+    """Another Repository, at an address. Its map has the name `map`.
+
+    `shows`: the places that the neighbour sees of this map, with what is in them; empty: all. `may_change`: whether it may change and
+    reserve objects of this map.
+    """
+
+    map: str
+    address: str
+    shows: tuple[str, ...] = ()
+    may_change: bool = True
+
+
+class NameMap(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Name the map. Its neighbours know it under this name; so it cannot change while it has any."""
+
+    name: str
+
+
+class SetNeighbour(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Follow a neighbour, and let it follow; or change what it sees and may do. Either side does that for itself."""
+
+    neighbour: Neighbour
+
+
+class RemoveNeighbour(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Follow a neighbour no more, and remove its objects from the map. It sees nothing of the map any more."""
+
+    map: str
+
+
+class ReadNeighbours(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Read the neighbours."""
+
+
+class NeighbourView(Struct, frozen=True, kw_only=True):
+    """A neighbour, and what there is of it: its `objects` on this map, by number. `heard_at`: when its version was heard last (seconds
+    since 1970); None: never. `problems`: what is not on this map, and why."""
+
+    neighbour: Neighbour
+    objects: int = 0
+    heard_at: float | None = None
+    problems: tuple[str, ...] = ()
+
+
+class Neighbours(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The answer to all of these: the name of the map, and its neighbours."""
+
+    map: str
+    neighbours: tuple[NeighbourView, ...] = ()
+
+
+class Adopt(MessageBody, frozen=True, kw_only=True, tag=True):
+    """To a neighbour: an object has come to a place of its map, which becomes its home. `handover` identifies this move.
+
+    `facts`: those that begin with it, as on the map of the sender. `times`: when the latest news about each of its aspects held.
+    `claims`: the tasks that have reserved it to change it.
+    """
+
+    handover: str
+    object: Object
+    facts: tuple[Fact, ...] = ()
+    times: dict[str, float] = {}
+    claims: tuple[Claim, ...] = ()
+
+
+class Adopted(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The object has its home here now, under this name. `fences`: the numbers of the reservations, by task."""
+
+    handover: str
+    name: str
+    fences: dict[str, int] = {}
+
+
+class AdoptionRefused(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The object does not fit here. It keeps its home."""
+
+    handover: str
+    problems: tuple[str, ...]

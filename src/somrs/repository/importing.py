@@ -1,0 +1,224 @@
+"""Brings the objects of neighbours onto the map, as the copies of their maps have them.
+
+What a neighbour says of its own objects is not doubted, but it has to fit the ontology: an object that does not is left out, and why is
+said. Definitions that the ontology lacks are taken over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from somrs.kernel.component import Effect, Effects, Input
+from somrs.kernel.replica import ReplicaUpdate
+from somrs.ontology.agreement import disagreements
+from somrs.ontology.conformance import Violation, violations_of
+from somrs.ontology.homes import renamed_fact, renamed_object
+from somrs.ontology.naming import Renaming, Section, find_definition, key_of
+from somrs.ontology.objects import Change, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet, objects_of
+from somrs.ontology.qualified_names import home_of, plain_name, translated
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import Definition
+from somrs.protocol.messages.knowledge import Define, Merging, by_kind
+from somrs.repository.brought_definitions import brought_outcome
+from somrs.repository.committing import Committing
+from somrs.repository.neighbour_state import NeighbourState
+from somrs.repository.outcome import Outcome
+from somrs.repository.publishing import Publishing
+from somrs.repository.state import Contents
+
+
+class Importing:
+    """Changes the contents as the maps of neighbours change. It has no state of its own."""
+
+    def __init__(self, contents: Contents, committing: Committing, publishing: Publishing) -> None:
+        self._contents, self._committing, self._publishing = contents, committing, publishing
+
+    def handle(self, event: Input, now: float) -> list[Effect] | None:
+        """Handle an input; None if it does not concern the copy of a neighbour's map."""
+        for neighbour in self._contents.neighbours.values():
+            update = neighbour.copy.handle(event, now)
+            if update is not None:
+                return [*update.effects, *self._follow(neighbour, update, now)]
+        return None
+
+    def add_postponed(self, neighbour: NeighbourState, now: float) -> Effects:
+        """Add the objects that had to wait for the end of a handover."""
+        names, neighbour.postponed = [*neighbour.postponed], {}
+        yield from self._take_over(neighbour, names, (), (), now)
+
+    def remove_all(self, home: str, now: float) -> Effects:
+        """Remove the objects of a neighbour."""
+        names = [name for name in self._contents.map.objects if home_of(name) == home]
+        facts = dict.fromkeys(fact for name in names for fact in self._contents.map.facts_about(name))
+        yield from self._commit(home, (*map(FactRemoved, facts), *map(ObjectRemoved, names)), (), (), now)
+
+    def _follow(self, neighbour: NeighbourState, update: ReplicaUpdate, now: float) -> Effects:
+        copy = neighbour.copy
+        if update.reloaded:
+            yield from self._define(neighbour, copy.ontology, now)
+            neighbour.adopted = {name: None for name in neighbour.adopted if name in copy.map.objects and name in copy.leaving}
+            imported_names = (plain_name(name) for name in self._contents.map.objects if home_of(name) == copy.map_name)
+            yield from self._take_over(neighbour, dict.fromkeys((*copy.map.objects, *imported_names)), (), (), now)
+        if update.definitions:
+            yield from self._define(neighbour, update.definitions, now)
+        if update.changes or update.renamed or update.merged:
+            for change in update.changes:
+                if isinstance(change, ObjectRemoved):
+                    neighbour.adopted.pop(change.name, None)
+            names = [objects_of(change)[0] for change in update.changes if objects_of(change)]
+            yield from self._take_over(neighbour, dict.fromkeys(names), update.renamed, update.merged, now)
+
+    def _define(self, neighbour: NeighbourState, definitions: Iterable[Definition], now: float) -> Effects:
+        """Take over what the ontology lacks. Service types come with the offers of services."""
+        ontology, home = self._contents.ontology, neighbour.settings.map
+        lacking: list[Definition] = []
+        for definition in definitions:
+            existing = find_definition(ontology, key_of(definition))
+            neighbour.disagreements.pop(str(key_of(definition)), None)
+            if isinstance(definition, ServiceType):
+                continue
+            if existing is None:
+                lacking.append(definition)
+            elif reasons := disagreements(definition, existing):
+                neighbour.disagreements[str(key_of(definition))] = "; ".join(reasons)
+        if not lacking:
+            return
+        outcome = brought_outcome(self._contents, Define(definitions=by_kind(lacking), author=home, brought=True))
+        if outcome.broken:
+            neighbour.disagreements |= {violation.subject: violation.message for violation in outcome.broken}
+        else:
+            news = yield from self._committing.commit(outcome, home, now)
+            yield from self._publishing.publish(news, now)
+
+    def _take_over(
+        self,
+        neighbour: NeighbourState,
+        names: Iterable[str],
+        renamed: tuple[Renaming, ...],
+        merged: tuple[Merging, ...],
+        now: float,
+    ) -> Effects:
+        """Have these objects as the copy has them. `names`: at the neighbour."""
+        own_names = [name for name in names if not home_of(name)]
+        for name in own_names:
+            neighbour.left_out.pop(name, None)
+        if any(handover.map == neighbour.settings.map for handover in self._contents.handovers.values()):
+            new_names = [name for name in own_names if self._name(neighbour, name) not in self._contents.map.objects]
+            neighbour.postponed.update(dict.fromkeys(new_names))
+            own_names = [name for name in own_names if name not in neighbour.postponed]
+        changes = self._fitting(neighbour, [*self._differences(neighbour, own_names)])
+        renamings = tuple(
+            Renaming(section=Section.OBJECTS, name=self._name(neighbour, renaming.name), to=self._name(neighbour, renaming.to))
+            for renaming in renamed
+            if renaming.section is Section.OBJECTS
+        )
+        mergings = tuple(Merging(name=self._name(neighbour, merging.name), into=self._name(neighbour, merging.into)) for merging in merged)
+        yield from self._commit(neighbour.settings.map, changes, renamings, mergings, now)
+
+    def _commit(
+        self, home: str, changes: tuple[Change, ...], renamed: tuple[Renaming, ...], merged: tuple[Merging, ...], now: float
+    ) -> Effects:
+        contents = self._contents
+        map_after = contents.map.changed(changes)
+        there = (*(renaming.to for renaming in renamed), *(merging.into for merging in merged))
+        if any(name not in map_after.objects for name in there):
+            renamed, merged = (), ()  # what has the name now is not known here
+        outcome = Outcome(map=map_after, ontology=contents.ontology, changes=changes, renamed=renamed, merged=merged)
+        if changes:
+            news = yield from self._committing.commit(outcome, home, now)
+            yield from self._publishing.publish(news, now)
+
+    def _name(self, neighbour: NeighbourState, name: str) -> str:
+        """The name here of an object with this name at the neighbour."""
+        return translated(name, neighbour.settings.map, self._contents.map.name)
+
+    # What differs
+
+    def _differences(self, neighbour: NeighbourState, names: list[str]) -> Iterator[Change]:
+        """The changes to what the copy has of these objects, and of the facts that begin with them."""
+        here, there = self._contents.map, neighbour.copy.map
+        taken = [name for name in names if name in there.objects and name not in neighbour.adopted]
+        new_objects: list[Object] = []
+        values: list[Change] = []
+        gone = [self._name(neighbour, name) for name in names if name not in taken and self._name(neighbour, name) in here.objects]
+        for name in taken:
+            object = renamed_object(there.objects[name], lambda name: self._name(neighbour, name))
+            old_object = here.objects.get(object.name)
+            if old_object is not None and old_object.type != object.type:
+                gone.append(object.name)
+            if old_object is None or old_object.type != object.type:
+                new_objects.append(object)
+            else:
+                values += (
+                    ValueSet(object.name, path, object.values.get(path))
+                    for path in {**old_object.values, **object.values}
+                    if old_object.values.get(path) != object.values.get(path)
+                )
+        # Facts that could not be had as long as an object in them was not there.
+        subjects = dict.fromkeys(taken)
+        for object in new_objects:
+            subjects.update(dict.fromkeys(fact.arguments[0] for fact in there.facts_about(plain_name(object.name))))
+        old_facts = dict.fromkeys(fact for name in names for fact in here.facts_from(self._name(neighbour, name)))
+        old_facts.update(dict.fromkeys(fact for name in gone for fact in here.facts_about(name)))
+        new_facts = dict.fromkeys(
+            renamed_fact(fact, lambda name: self._name(neighbour, name))
+            for subject in subjects
+            if not home_of(subject)
+            for fact in there.facts_from(subject)
+        )
+        yield from (FactRemoved(fact) for fact in old_facts if fact not in new_facts or not {*gone}.isdisjoint(fact.arguments))
+        yield from map(ObjectRemoved, gone)
+        yield from map(ObjectAdded, new_objects)
+        yield from values
+        yield from (FactAdded(fact) for fact in new_facts if fact not in old_facts or not {*gone}.isdisjoint(fact.arguments))
+
+    def _fitting(self, neighbour: NeighbourState, changes: list[Change]) -> tuple[Change, ...]:
+        """The changes without what does not fit the ontology."""
+        contents = self._contents
+        while True:
+            changes = [*self._possible(neighbour, changes)]
+            touched = {name for change in changes for name in objects_of(change)}
+            broken = violations_of(contents.map.changed(changes), contents.ontology, touched, contents.map)
+            doubtful = [violation for violation in broken if self._is_about(violation, changes)]
+            if not doubtful:
+                return tuple(changes)
+            changes = self._without(neighbour, changes, doubtful[0])
+
+    def _is_about(self, violation: Violation, changes: list[Change]) -> bool:
+        """Whether one of the changes says something of the subject, so that it can be left out."""
+        return any(violation.subject == _subject(change) or violation.subject == objects_of(change)[0] for change in changes)
+
+    def _without(self, neighbour: NeighbourState, changes: list[Change], violation: Violation) -> list[Change]:
+        """The changes without the subject of the violation: an object that is not there yet, or what is said of it."""
+        subject = violation.subject
+        neighbour.left_out[plain_name(subject) if subject in self._added(changes) else subject] = violation.message
+        return [change for change in changes if _subject(change) != subject and objects_of(change)[0] != subject]
+
+    def _added(self, changes: list[Change]) -> set[str]:
+        return {change.object.name for change in changes if isinstance(change, ObjectAdded)}
+
+    def _possible(self, neighbour: NeighbourState, changes: list[Change]) -> Iterator[Change]:
+        """The changes about objects that are there, with types and relations that the ontology has."""
+        ontology, present = self._contents.ontology, dict[str, bool]()
+        for change in changes:
+            match change:
+                case ObjectAdded(object) if object.type not in ontology.types:
+                    neighbour.left_out[plain_name(object.name)] = f"the type {object.type} is not defined here"
+                    continue
+                case ObjectAdded(object):
+                    present[object.name] = True
+                case ObjectRemoved(name):
+                    present[name] = False
+                case FactAdded(fact) if fact.relation not in ontology.relations:
+                    continue
+                case FactAdded(fact):
+                    if not all(present.get(name, name in self._contents.map.objects) for name in fact.arguments):
+                        continue
+                case ValueSet(name) if not present.get(name, name in self._contents.map.objects):
+                    continue
+            yield change
+
+
+def _subject(change: Change) -> str:
+    """What a violation by the change may name: a fact, or an object."""
+    return str(change.fact) if isinstance(change, FactAdded | FactRemoved) else objects_of(change)[0]

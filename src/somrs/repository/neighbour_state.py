@@ -1,0 +1,100 @@
+"""What a Repository has of its neighbours, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+
+from msgspec import Struct, field
+
+from somrs.kernel.replica import MapReading, Replica
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.knowledge import MapPage, OntologyPage, UpdateMap
+from somrs.protocol.messages.neighbours import Neighbour
+from somrs.protocol.messages.reservations import Reserve, Reserved
+from somrs.protocol.messages.waits import Holder
+
+
+class NeighbourDue(Struct, frozen=True, tag=True):
+    """The timer of the copy of a neighbour's map."""
+
+    map: str
+
+
+class NeighbourCopy(Replica):
+    """The copy of a neighbour's map, with the neighbour's names. It has what the neighbour shows.
+
+    `leaving`: the objects that the neighbour was handing over to the owner when it was read.
+    """
+
+    map_name: str = ""
+    leaving: dict[str, None] = field(default_factory=dict)
+
+    def _new_reading(self) -> MapReading:
+        self.leaving = {}
+        return super()._new_reading()
+
+    def _add_page(self, reading: MapReading, page: OntologyPage | MapPage) -> Body | None:
+        if isinstance(page, MapPage):
+            self.leaving.update(dict.fromkeys(page.leaving))
+        return super()._add_page(reading, page)
+
+    @property
+    def timer(self) -> Hashable:
+        return NeighbourDue(self.map_name)
+
+
+class NeighbourState(Struct, kw_only=True):
+    """A neighbour.
+
+    `left_out`: its objects that are not on this map, by their names there, and why. `adopted`: its objects that have their home here now,
+    by their names there, as long as its copy still has them. `postponed`: its objects that are added when a handover to it has ended.
+    """
+
+    settings: Neighbour
+    copy: NeighbourCopy
+    left_out: dict[str, str] = field(default_factory=dict)
+    adopted: dict[str, None] = field(default_factory=dict)
+    postponed: dict[str, None] = field(default_factory=dict)
+    disagreements: dict[str, str] = field(default_factory=dict)
+    """Definitions of its ontology that have another meaning here, or do not fit, and why."""
+
+
+class ForwardedUpdate(Struct, kw_only=True):
+    """An update of which `parts` change objects of neighbours, by map. They are passed on in this order, and the rest is done when all are.
+
+    `request`: the id of the latest message. `version`: the version in which the current neighbour has its part; the copy has to reach it.
+    """
+
+    message: Message
+    parts: dict[str, UpdateMap]
+    request: str = ""
+    version: int | None = None
+
+
+class Handover(Struct, kw_only=True):
+    """An object that gets its home with the neighbour `map`. `deferred`: updates of it that wait for the end."""
+
+    id: str
+    object: str
+    map: str
+    deferred: list[Message] = field(default_factory=list)
+
+
+class SharedReservation(Struct, kw_only=True):
+    """What a task has reserved of neighbours.
+
+    `task_manager`: its address. `fences`: the numbers of its reservations, by map. `request`: its latest request, while it is passed on,
+    with the `message`; `waiting`: the maps that are still to answer, in order; `asked`: the id of the request to the first of them.
+    `overtaken` and `holders`: from the answers so far.
+    """
+
+    task_manager: str
+    fences: dict[str, int] = field(default_factory=dict)
+    message: Message | None = None
+    request: Reserve | None = None
+    waiting: list[str] = field(default_factory=list)
+    asked: str = ""
+    granted: Reserved | None = None
+    overtaken: tuple[str, ...] = ()
+    holders: tuple[Holder, ...] = ()

@@ -1,0 +1,256 @@
+"""Reserves objects of several maps for a task of this Repository: each map has its objects reserved at their home.
+
+The maps are asked one after the other, in the order of their names, and a task that has to wait at one of them holds nothing at any. So
+tasks of different Repositories cannot deadlock. Here, the objects of neighbours are reserved, too, so that tasks of this Repository find
+each other without asking. To its neighbours, a Repository is what a Task Manager is to it.
+
+The numbers of messages about reservations (`serial`) are doubled on the way to neighbours, so that there is one for releasing what a
+request has got, after the request and before the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from msgspec import structs
+
+from somrs.kernel.component import Effects, Send
+from somrs.ontology.qualified_names import home_of, plain_name, translated
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.reservations import (
+    ClaimReservations,
+    Release,
+    ReservationDenied,
+    ReservationFree,
+    ReservationLost,
+    ReservationMode,
+    Reserve,
+    Reserved,
+)
+from somrs.protocol.messages.waits import Holder
+from somrs.repository.forwarding import FORWARDING_TIME, request
+from somrs.repository.neighbour_state import NeighbourState, SharedReservation
+from somrs.repository.reserving import Reserving
+from somrs.repository.state import Contents
+
+Answering = Callable[[Message, Reserved | ReservationDenied], Send]
+"""Gives the answer to a request, and remembers it."""
+
+
+class SharedReserving:
+    """Reserves at neighbours. It has no state of its own."""
+
+    def __init__(self, contents: Contents, reserving: Reserving, answer: Answering) -> None:
+        self._contents, self._reserving, self._answer = contents, reserving, answer
+
+    # Requests of tasks
+
+    def concerns_neighbours(self, request: Reserve) -> bool:
+        """Whether some of the objects are those of neighbours, or the task has such objects."""
+        shared = self._contents.shared_reservations.get(request.task)
+        return any(home_of(name) for name in (*request.changes, *request.relies_on)) or (shared is not None and bool(shared.fences))
+
+    def begin(self, message: Message, request: Reserve, now: float) -> Effects:
+        """Ask the homes of all objects, the first one now."""
+        shared = self._contents.shared_reservations.setdefault(request.task, SharedReservation(task_manager=message.header.sender))
+        if shared.request is not None and shared.request.serial >= request.serial:
+            return  # it is under way, or a later one is
+        homes = {home_of(name) for name in (*request.changes, *request.relies_on)}
+        shared.task_manager, shared.message, shared.request = message.header.sender, message, request
+        shared.waiting = sorted({*homes - {""}, self._own_map})
+        shared.granted, shared.overtaken, shared.holders = None, (), ()
+        yield from self._ask_next(request.task, now)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether an answer of a neighbour is due."""
+        return any(shared.asked for shared in self._contents.shared_reservations.values())
+
+    def repeat(self, now: float) -> Effects:
+        """Ask again, in case that an answer was lost."""
+        for task, shared in [*self._contents.shared_reservations.items()]:
+            if shared.asked:
+                yield from self._ask_next(task, now)
+
+    def release(self, release: Release, now: float) -> Effects:
+        """A task releases what it has, also of neighbours."""
+        shared = self._contents.shared_reservations.get(release.task)
+        if shared is None:
+            return
+        asked_maps = (shared.waiting[:1] if shared.asked else []) if shared.request is not None else []
+        yield from self._release_at({*shared.fences, *asked_maps}, release.task, 2 * release.serial, release.ended, now)
+        if shared.message is not None:
+            yield self._answer(shared.message, ReservationDenied(task=release.task, holders=()))
+        if release.ended:
+            del self._contents.shared_reservations[release.task]
+        else:
+            self._contents.shared_reservations[release.task] = SharedReservation(task_manager=shared.task_manager)
+
+    def forget_unclaimed(self, claims: ClaimReservations, sender: str, now: float) -> Effects:
+        """A Task Manager has said all that its tasks have: release what others of its tasks have of neighbours."""
+        claimed = {claim.task for claim in claims.claims}
+        for task, shared in [*self._contents.shared_reservations.items()]:
+            if shared.task_manager == sender and task not in claimed:
+                yield from self.release(Release(task=task, serial=claims.serial, ended=True), now)
+
+    # Answers and notices of neighbours
+
+    def concerns(self, message: Message) -> bool:
+        """Whether the message is the answer to a request, or a notice, of a neighbour."""
+        return isinstance(message.body, ReservationFree | ReservationLost) or self._asking(message.header.relates_to) is not None
+
+    def received(self, message: Message, now: float) -> Effects:
+        """Handle an answer or a notice."""
+        task = self._asking(message.header.relates_to)
+        neighbour = self._neighbour(message.header.sender)
+        match message.body:
+            case Reserved() as reserved if task is not None:
+                yield from self._granted(task, reserved, now)
+            case ReservationDenied(holders=holders, waits=waits) if task is not None:
+                yield from self._denied(task, self._translated(holders, self._waiting_map(task)), waits, now)
+            case Fault(text=text) if task is not None:
+                holder = Holder(task=f"{self._waiting_map(task)}: {text}", goal="", objects=(), waiting=False)
+                yield from self._denied(task, (holder,), False, now)
+            case ReservationFree(task=task) if neighbour is not None:
+                yield from self._freed(task, neighbour, now)
+            case ReservationLost(task=task, fence=fence, holders=holders) if neighbour is not None:
+                yield from self._lost(task, fence, holders, neighbour, now)
+
+    def undelivered(self, message: Message, reason: str, now: float) -> Effects:
+        """A neighbour could not be reached for a day."""
+        task = self._asking(message.header.message_id)
+        if task is not None:
+            holder = Holder(task=f"{self._waiting_map(task)} could not be reached: {reason}", goal="", objects=(), waiting=False)
+            yield from self._denied(task, (holder,), False, now)
+
+    # Parts
+
+    @property
+    def _own_map(self) -> str:
+        return self._contents.map.name
+
+    def _ask_next(self, task: str, now: float) -> Effects:
+        shared = self._contents.shared_reservations[task]
+        assert shared.request is not None
+        while shared.waiting and shared.waiting[0] == self._own_map:
+            answer, notices = self._reserving.reserve(shared.request, shared.task_manager, now)
+            yield from notices
+            if isinstance(answer, ReservationDenied):
+                yield from self._denied(task, answer.holders, answer.waits, now)
+                return
+            shared.granted = answer
+            shared.overtaken, shared.holders = (*shared.overtaken, *answer.overtaken), (*shared.holders, *answer.holders)
+            del shared.waiting[0]
+        if not shared.waiting:
+            yield from self._complete(task)
+            return
+        home = shared.waiting[0]
+        neighbour = self._contents.neighbours.get(home)
+        if neighbour is None:
+            problem = Holder(task=f"{home} is no neighbour any more", goal="", objects=(), waiting=False)
+            yield from self._denied(task, (problem,), False, now)
+            return
+        body = structs.replace(
+            shared.request,
+            serial=2 * shared.request.serial,
+            changes=tuple(plain_name(name) for name in shared.request.changes if home_of(name) == home),
+            relies_on=tuple(plain_name(name) for name in shared.request.relies_on if home_of(name) == home),
+        )
+        shared.asked = message_id("reserve", task, shared.request.serial, home)
+        yield request(self._contents, neighbour.settings.address, body, shared.asked, now)
+
+    def _granted(self, task: str, reserved: Reserved, now: float) -> Effects:
+        shared = self._contents.shared_reservations[task]
+        home = shared.waiting.pop(0)
+        if reserved.fence:
+            shared.fences[home] = reserved.fence
+        shared.overtaken += tuple(translated(name, home, self._own_map) for name in reserved.overtaken)
+        shared.holders += self._translated(reserved.holders, home)
+        shared.asked = ""
+        yield from self._ask_next(task, now)
+
+    def _complete(self, task: str) -> Effects:
+        shared = self._contents.shared_reservations[task]
+        message, granted = shared.message, shared.granted
+        assert message is not None
+        assert granted is not None
+        assert shared.request is not None
+        is_hindered = shared.request.mode is ReservationMode.ASK and shared.holders
+        shared.message = shared.request = None
+        if is_hindered:
+            yield self._answer(message, ReservationDenied(task=task, holders=shared.holders))
+        else:
+            yield self._answer(message, structs.replace(granted, overtaken=shared.overtaken, holders=shared.holders))
+
+    def _denied(self, task: str, holders: tuple[Holder, ...], waits: bool, now: float) -> Effects:
+        """One map has denied its objects. If the task waits for them, it has nothing at any map."""
+        shared = self._contents.shared_reservations[task]
+        message, asked = shared.message, shared.request
+        assert message is not None
+        assert asked is not None
+        if asked.mode is ReservationMode.ASK and shared.waiting[0] != self._own_map:
+            shared.holders += holders
+            del shared.waiting[0]
+            yield from self._ask_next(task, now)
+            return
+        if waits:
+            yield from self._release_at({*shared.fences} - {shared.waiting[0]}, task, 2 * asked.serial, False, now)
+            if shared.waiting[0] != self._own_map:
+                self._contents.reservations.release(task)
+        shared.message = shared.request = None
+        shared.asked = ""
+        yield self._answer(message, ReservationDenied(task=task, holders=holders, waits=waits))
+
+    def _release_at(self, maps: set[str], task: str, serial: int, ended: bool, now: float) -> Effects:
+        """Release what the task has at neighbours. `serial`: that of the message which does so, doubled."""
+        shared = self._contents.shared_reservations[task]
+        for home in sorted(maps):
+            shared.fences.pop(home, None)
+            if (neighbour := self._contents.neighbours.get(home)) is not None:
+                yield self._notice(neighbour, Release(task=task, serial=serial + 1, ended=ended), now)
+
+    def _freed(self, task: str, neighbour: NeighbourState, now: float) -> Effects:
+        shared = self._contents.shared_reservations.get(task)
+        if shared is None:
+            yield self._notice(neighbour, Release(task=task, serial=2 * int(now * 1000) + 1, ended=True), now)
+        else:
+            yield self._tell(shared.task_manager, ReservationFree(task=task), now)
+
+    def _lost(self, task: str, fence: int, holders: tuple[Holder, ...], neighbour: NeighbourState, now: float) -> Effects:
+        """A neighbour has given away what a task had. The task has nothing any more, here neither."""
+        home, shared = neighbour.settings.map, self._contents.shared_reservations.get(task)
+        claimant = self._contents.reservations.claimants.get(task)
+        if shared is None or shared.fences.get(home) != fence or claimant is None:
+            return
+        del shared.fences[home]
+        own_fence = claimant.fence
+        self._contents.reservations.release(task)
+        yield from self._release_at({*shared.fences}, task, 2 * claimant.serial, False, now)
+        yield self._tell(shared.task_manager, ReservationLost(task=task, fence=own_fence, holders=self._translated(holders, home)), now)
+
+    def _translated(self, holders: tuple[Holder, ...], home: str) -> tuple[Holder, ...]:
+        return tuple(
+            structs.replace(holder, objects=tuple(translated(name, home, self._own_map) for name in holder.objects)) for holder in holders
+        )
+
+    def _asking(self, request_id: str | None) -> str | None:
+        """The task whose request has this id."""
+        shared_reservations = self._contents.shared_reservations
+        return next((task for task, shared in shared_reservations.items() if request_id and shared.asked == request_id), None)
+
+    def _waiting_map(self, task: str) -> str:
+        return self._contents.shared_reservations[task].waiting[0]
+
+    def _neighbour(self, address: str) -> NeighbourState | None:
+        return next((state for state in self._contents.neighbours.values() if state.settings.address == address), None)
+
+    def _notice(self, neighbour: NeighbourState, body: Body, now: float) -> Send:
+        return self._tell(neighbour.settings.address, body, now)
+
+    def _tell(self, recipient: str, body: Body, now: float) -> Send:
+        self._contents.notice_count += 1
+        address = self._contents.address
+        id = message_id(address, recipient, type(body).__name__, self._contents.notice_count, now)
+        return Send(Message(header=Header(sender=address, recipient=recipient, message_id=id), body=body), now + FORWARDING_TIME)

@@ -1,0 +1,147 @@
+"""Repositories that are neighbours: each has a map of its own, and sees what the other shows."""
+
+from __future__ import annotations
+
+from somrs.ontology.files.loading import load_text, upper
+from somrs.ontology.objects import Change, Fact, FactAdded, Object, ObjectAdded, ObjectRemoved
+from somrs.ontology.types import Value
+from somrs.protocol.messages.knowledge import QueryMap, Rejected, RenameObject, Rows, Updated, UpdateMap
+from somrs.protocol.messages.neighbours import Neighbour, Neighbours, ReadNeighbours, RemoveNeighbour, SetNeighbour
+from somrs.repository.component import SCHEMA, Repository
+from somrs.repository.state import Contents
+from somrs.runtime.virtual_time import World
+from tests.support.answer_client import AnswerClient
+from tests.support.building import building
+
+BARN, YARD = "http://barn/repository", "http://yard/repository"
+
+SITE = """
+  {Table1}: {{type: Table, at: [1, 1, 0], Shape: {{Form: Box, Width: 1, Depth: 1, Height: 0.7}}}}
+  {Table2}: {{type: Table, at: [8, 8, 0], Shape: {{Form: Box, Width: 1, Depth: 1, Height: 0.7}}}}
+  Jar1: {{type: Jar, at: [1, 1, 0.7]}}
+  Robot1: {{type: PioneerP3DX, at: [3, 3, 0]}}
+facts:
+  - Jar1 isOn {Table1}
+"""
+
+
+def repository(name: str, address: str, **tables: str) -> Repository:
+    loaded = load_text(building(name, 10, 10, "Room1: {type: Room}") + SITE.format(**tables), base=upper())
+    assert loaded.map is not None
+    return Repository(address, Contents(ontology=loaded.ontology, map=loaded.map))
+
+
+class Neighbourhood:
+    """A barn and a yard."""
+
+    def __init__(self, *, shows: tuple[str, ...] = (), may_change: bool = True) -> None:
+        self.world = World()
+        self.ask = AnswerClient(self.world).ask
+        self.world.add(BARN, repository("Barn", BARN, Table1="Bench1", Table2="Bench2"), journaled=SCHEMA)
+        self.world.add(YARD, repository("Yard", YARD, Table1="Ramp1", Table2="Ramp2"), journaled=SCHEMA)
+        self.ask(YARD, SetNeighbour(neighbour=Neighbour(map="Barn", address=BARN)), Neighbours)
+        self.ask(BARN, SetNeighbour(neighbour=Neighbour(map="Yard", address=YARD, shows=shows, may_change=may_change)), Neighbours)
+        self.settle()
+
+    def update(self, address: str, *changes: Change, situation: str | None = None) -> Updated:
+        return self.ask(address, UpdateMap(changes=changes, situation=situation, author="test"), Updated)
+
+    def holds(self, address: str, formula: str) -> bool:
+        return bool(self.ask(address, QueryMap(formula=formula), Rows).rows)
+
+    def names(self, address: str) -> set[str]:
+        return {*self.at(address).contents.map.objects}
+
+    def at(self, address: str) -> Repository:
+        repository = self.world.components[address]
+        assert isinstance(repository, Repository)
+        return repository
+
+    def settle(self) -> None:
+        self.world.run(90.0)
+
+
+def test_a_neighbour_s_objects_are_on_the_map_under_qualified_names() -> None:
+    two = Neighbourhood()
+    assert {"Barn:Jar1", "Barn:Bench1", "Barn:Robot1", "Jar1", "Ramp1"} <= two.names(YARD)
+    assert {"Yard:Jar1", "Yard:Ramp1", "Jar1", "Bench1"} <= two.names(BARN)
+    assert not any(name.count(":") > 1 or name.startswith("Yard:") for name in two.names(YARD))
+    assert two.holds(YARD, "Barn:Jar1 isOn Barn:Bench1 AND Jar1 isOn Ramp1")
+
+
+def test_a_name_that_only_one_map_has_needs_no_qualification() -> None:
+    two = Neighbourhood()
+    assert two.holds(YARD, "Barn:Jar1 isOn Bench1")
+    assert two.holds(YARD, "Yard:Jar1 isOn Yard:Ramp1")
+
+
+def test_what_a_neighbour_changes_is_seen_at_once() -> None:
+    two = Neighbourhood()
+    two.update(BARN, situation="Jar1 isOn Bench2")
+    two.update(BARN, ObjectAdded(Object(name="Jar7", type="Jar", values=POSITION)), FactAdded(Fact("isOn", ("Jar7", "Bench1"))))
+    two.update(BARN, ObjectRemoved("Robot1"))
+    two.ask(BARN, RenameObject(name="Bench1", to="Bench9"), Updated)
+    two.settle()
+    assert two.holds(YARD, "Barn:Jar1 isOn Barn:Bench2 AND Barn:Jar7 isOn Barn:Bench9")
+    assert {"Barn:Robot1", "Barn:Bench1"}.isdisjoint(two.names(YARD))
+
+
+def test_a_change_of_a_neighbour_s_object_is_made_at_its_home_and_then_answered() -> None:
+    two = Neighbourhood()
+    two.update(YARD, situation="Bench2.Color = Blue AND Ramp2.Color = Red")
+    assert two.at(BARN).contents.map.objects["Bench2"].values["Color"] == "Blue"
+    assert two.at(YARD).contents.map.objects["Barn:Bench2"].values["Color"] == "Blue"
+    assert two.at(YARD).contents.map.objects["Ramp2"].values["Color"] == "Red"
+    two.settle()
+    assert two.at(BARN).contents.map.objects["Yard:Ramp2"].values["Color"] == "Red"
+
+
+def test_what_the_home_refuses_is_refused_with_its_reason() -> None:
+    two = Neighbourhood(may_change=False)
+    rejected = two.ask(YARD, UpdateMap(situation="Bench2.Color = Blue AND Ramp2.Color = Red"), Rejected)
+    assert "Barn refuses: Bench2: is not for Yard to change" in rejected.problems[0]
+    assert "Color" not in two.at(YARD).contents.map.objects["Ramp2"].values
+
+
+def test_other_changes_of_a_neighbour_s_objects_are_to_be_made_there() -> None:
+    two = Neighbourhood()
+    rejected = two.ask(YARD, RenameObject(name="Barn:Jar1", to="Pot"), Rejected)
+    assert "belongs to the map Barn; change it there" in rejected.problems[0]
+    rejected = two.ask(YARD, UpdateMap(changes=(ObjectAdded(Object(name="Mill:Jar1", type="Jar", values=POSITION)),)), Rejected)
+    assert "there is no neighbour Mill" in rejected.problems[0]
+
+
+def test_a_neighbour_sees_only_what_is_in_the_places_that_are_shown() -> None:
+    two = Neighbourhood(shows=("Bench1",))
+    assert {name for name in two.names(YARD) if name.startswith("Barn:")} == {"Barn:Bench1", "Barn:Jar1"}
+    two.update(BARN, situation="Jar1 isOn Bench2")
+    two.settle()
+    assert "Barn:Jar1" not in two.names(YARD)
+    two.update(BARN, situation="Jar1 isOn Bench1")
+    two.settle()
+    assert two.holds(YARD, "Barn:Jar1 isOn Barn:Bench1")
+
+
+def test_what_is_put_at_a_neighbour_s_place_gets_its_home_there() -> None:
+    two = Neighbourhood()
+    two.update(BARN, situation="Jar1 isOn Yard:Ramp2")
+    two.settle()
+    (moved,) = {name for name in two.names(YARD) if two.at(YARD).contents.map.has_fact("isOn", (name, "Ramp2"))}
+    assert moved not in ("Jar1", "Barn:Jar1")
+    assert two.holds(BARN, f"Yard:{moved} isOn Yard:Ramp2")
+    assert "Jar1" not in two.names(BARN)
+    assert "Barn:Jar1" not in two.names(YARD)
+    two.update(BARN, situation=f"Yard:{moved} isOn Bench1")
+    two.settle()
+    assert two.holds(BARN, f"{moved} isOn Bench1")
+    assert two.holds(YARD, f"Barn:{moved} isOn Barn:Bench1")
+
+
+def test_a_neighbour_that_is_removed_leaves_nothing_behind() -> None:
+    two = Neighbourhood()
+    two.ask(YARD, RemoveNeighbour(map="Barn"), Neighbours)
+    assert not any(":" in name for name in two.names(YARD))
+    assert two.ask(YARD, ReadNeighbours(), Neighbours).neighbours == ()
+
+
+POSITION: dict[str, Value] = {"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.0}
