@@ -9,7 +9,6 @@ What is copied, and the messages, are those of the subclasses: `replica.py` for 
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -94,12 +93,6 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
     def is_current(self) -> bool:
         """Whether nothing is known to be missing."""
         return self.ready and self.confirmed and self.announced_version <= self.version
-
-    @property
-    def timer(self) -> Hashable:
-        """The timer of this copy. An owner of several copies gives each one of its own."""
-        timer: Hashable = self.TIMER
-        return timer
 
     def start(self, now: float) -> list[Effect]:
         """Subscribe. The reply starts the reading, or tells how much the copy lacks."""

@@ -1,7 +1,7 @@
 """Brings the objects of neighbours onto the map, as the copies of their maps have them.
 
 What a neighbour says of its own objects is not doubted, but it has to fit the ontology: an object that does not is left out, and why is
-said. Definitions that the ontology lacks are taken over.
+said. Definitions that the ontology lacks are existing_names over.
 """
 
 from __future__ import annotations
@@ -120,8 +120,8 @@ class Importing:
     ) -> Effects:
         contents = self._contents
         map_after = contents.map.changed(changes)
-        there = (*(renaming.to for renaming in renamed), *(merging.into for merging in merged))
-        if any(name not in map_after.objects for name in there):
+        new_holders = (*(renaming.to for renaming in renamed), *(merging.into for merging in merged))
+        if any(name not in map_after.objects for name in new_holders):
             renamed, merged = (), ()  # what has the name now is not known here
         outcome = Outcome(map=map_after, ontology=contents.ontology, changes=changes, renamed=renamed, merged=merged)
         if changes:
@@ -136,14 +136,16 @@ class Importing:
 
     def _differences(self, neighbour: NeighbourState, names: list[str]) -> Iterator[Change]:
         """The changes to what the copy has of these objects, and of the facts that begin with them."""
-        here, there = self._contents.map, neighbour.copy.map
-        taken = [name for name in names if name in there.objects and name not in neighbour.adopted]
+        own_map, copied_map = self._contents.map, neighbour.copy.map
+        existing_names = [name for name in names if name in copied_map.objects and name not in neighbour.adopted]
         new_objects: list[Object] = []
         values: list[Change] = []
-        gone = [self._name(neighbour, name) for name in names if name not in taken and self._name(neighbour, name) in here.objects]
-        for name in taken:
-            object = renamed_object(there.objects[name], lambda name: self._name(neighbour, name))
-            old_object = here.objects.get(object.name)
+        gone = [
+            self._name(neighbour, name) for name in names if name not in existing_names and self._name(neighbour, name) in own_map.objects
+        ]
+        for name in existing_names:
+            object = renamed_object(copied_map.objects[name], lambda name: self._name(neighbour, name))
+            old_object = own_map.objects.get(object.name)
             if old_object is not None and old_object.type != object.type:
                 gone.append(object.name)
             if old_object is None or old_object.type != object.type:
@@ -155,16 +157,16 @@ class Importing:
                     if old_object.values.get(path) != object.values.get(path)
                 )
         # Facts that could not be had as long as an object in them was not there.
-        subjects = dict.fromkeys(taken)
+        subjects = dict.fromkeys(existing_names)
         for object in new_objects:
-            subjects.update(dict.fromkeys(fact.arguments[0] for fact in there.facts_about(plain_name(object.name))))
-        old_facts = dict.fromkeys(fact for name in names for fact in here.facts_from(self._name(neighbour, name)))
-        old_facts.update(dict.fromkeys(fact for name in gone for fact in here.facts_about(name)))
+            subjects.update(dict.fromkeys(fact.arguments[0] for fact in copied_map.facts_about(plain_name(object.name))))
+        old_facts = dict.fromkeys(fact for name in names for fact in own_map.facts_from(self._name(neighbour, name)))
+        old_facts.update(dict.fromkeys(fact for name in gone for fact in own_map.facts_about(name)))
         new_facts = dict.fromkeys(
             renamed_fact(fact, lambda name: self._name(neighbour, name))
             for subject in subjects
             if not home_of(subject)
-            for fact in there.facts_from(subject)
+            for fact in copied_map.facts_from(subject)
         )
         yield from (FactRemoved(fact) for fact in old_facts if fact not in new_facts or not {*gone}.isdisjoint(fact.arguments))
         yield from map(ObjectRemoved, gone)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from typing import Any
 
 from msgspec import Struct, field
 
@@ -40,7 +40,7 @@ class NeighbourCopy(Replica):
         return super()._add_page(reading, page)
 
     @property
-    def timer(self) -> Hashable:
+    def timer(self) -> Any:
         return NeighbourDue(self.map_name)
 
 
@@ -85,7 +85,7 @@ class SharedReservation(Struct, kw_only=True):
     """What a task has reserved of neighbours.
 
     `task_manager`: its address. `fences`: the numbers of its reservations, by map. `request`: its latest request, while it is passed on,
-    with the `message`; `waiting`: the maps that are still to answer, in order; `asked`: the id of the request to the first of them.
+    with the `message`; `waiting`: the maps that are still to answer, in order; `request_id`: that of the message to the first of them.
     `overtaken` and `holders`: from the answers so far.
     """
 
@@ -94,7 +94,7 @@ class SharedReservation(Struct, kw_only=True):
     message: Message | None = None
     request: Reserve | None = None
     waiting: list[str] = field(default_factory=list)
-    asked: str = ""
+    request_id: str = ""
     granted: Reserved | None = None
     overtaken: tuple[str, ...] = ()
     holders: tuple[Holder, ...] = ()

@@ -56,13 +56,13 @@ class View:
         """The page that follows an object, in the order of names. `leaving`: the objects that the neighbour is getting."""
         names = (name for name in self._map.names_after(last_name) if self.shows(name))
         page = list(fit_page((self._map.objects[name], [*self.facts_from(name)]) for name in names))
-        more = bool(page) and any(self.shows(name) for name in self._map.names_after(page[-1][0].name))
+        has_more = bool(page) and any(self.shows(name) for name in self._map.names_after(page[-1][0].name))
         facts = tuple(chain.from_iterable(facts for _, facts in page))
         return MapPage(
             objects=tuple(object for object, _ in page),
             facts=facts,
             version=version,
-            more=more,
+            more=has_more,
             map=self._map.name,
             leaving=tuple(object.name for object, _ in page if object.name in leaving),
         )
@@ -135,8 +135,8 @@ def _seen_changes(changes: Sequence[Change], view_before: View, view_after: View
                 yield change
             case FactAdded(fact) if fact.arguments and fact.arguments[0] not in appeared_names and view_after.shows_fact(fact):
                 yield change
-    told = {change.fact for change in changes if isinstance(change, FactAdded)}
+    told_facts = {change.fact for change in changes if isinstance(change, FactAdded)}
     for name in (object.name for object in appeared):
         yield from map(FactAdded, view_after.facts_from(name))
-        about = (fact for fact in map_after.facts_about(name) if fact.arguments[0] not in appeared_names and fact not in told)
+        about = (fact for fact in map_after.facts_about(name) if fact.arguments[0] not in appeared_names and fact not in told_facts)
         yield from (FactAdded(fact) for fact in about if view_after.shows_fact(fact))

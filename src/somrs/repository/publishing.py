@@ -56,12 +56,12 @@ class Publishing:
         for address, subscription in contents.subscriptions.items():
             if subscription.until > now:
                 neighbour = neighbours.get(address)
-                told = (
+                neighbour_news = (
                     news
                     if neighbour is None or large
                     else view_of_news(news, neighbour, change.map_before, contents.map, contents.ontology)
                 )
-                yield self._notify(address, self._subscribed(address) if large else told, now)
+                yield self._notify(address, self._subscribed(address) if large else neighbour_news, now)
 
     def expire(self, now: float) -> Effects:
         """Drop the subscriptions that have expired."""

@@ -66,12 +66,12 @@ class SharedReserving:
     @property
     def is_waiting(self) -> bool:
         """Whether an answer of a neighbour is due."""
-        return any(shared.asked for shared in self._contents.shared_reservations.values())
+        return any(shared.request_id for shared in self._contents.shared_reservations.values())
 
     def repeat(self, now: float) -> Effects:
         """Ask again, in case that an answer was lost."""
         for task, shared in [*self._contents.shared_reservations.items()]:
-            if shared.asked:
+            if shared.request_id:
                 yield from self._ask_next(task, now)
 
     def release(self, release: Release, now: float) -> Effects:
@@ -79,7 +79,7 @@ class SharedReserving:
         shared = self._contents.shared_reservations.get(release.task)
         if shared is None:
             return
-        asked_maps = (shared.waiting[:1] if shared.asked else []) if shared.request is not None else []
+        asked_maps = (shared.waiting[:1] if shared.request_id else []) if shared.request is not None else []
         yield from self._release_at({*shared.fences, *asked_maps}, release.task, 2 * release.serial, release.ended, now)
         if shared.message is not None:
             yield self._answer(shared.message, ReservationDenied(task=release.task, holders=()))
@@ -158,8 +158,8 @@ class SharedReserving:
             changes=tuple(plain_name(name) for name in shared.request.changes if home_of(name) == home),
             relies_on=tuple(plain_name(name) for name in shared.request.relies_on if home_of(name) == home),
         )
-        shared.asked = message_id("reserve", task, shared.request.serial, home)
-        yield request(self._contents, neighbour.settings.address, body, shared.asked, now)
+        shared.request_id = message_id("reserve", task, shared.request.serial, home)
+        yield request(self._contents, neighbour.settings.address, body, shared.request_id, now)
 
     def _granted(self, task: str, reserved: Reserved, now: float) -> Effects:
         shared = self._contents.shared_reservations[task]
@@ -168,7 +168,7 @@ class SharedReserving:
             shared.fences[home] = reserved.fence
         shared.overtaken += tuple(translated(name, home, self._own_map) for name in reserved.overtaken)
         shared.holders += self._translated(reserved.holders, home)
-        shared.asked = ""
+        shared.request_id = ""
         yield from self._ask_next(task, now)
 
     def _complete(self, task: str) -> Effects:
@@ -187,20 +187,20 @@ class SharedReserving:
     def _denied(self, task: str, holders: tuple[Holder, ...], waits: bool, now: float) -> Effects:
         """One map has denied its objects. If the task waits for them, it has nothing at any map."""
         shared = self._contents.shared_reservations[task]
-        message, asked = shared.message, shared.request
+        message, reserve = shared.message, shared.request
         assert message is not None
-        assert asked is not None
-        if asked.mode is ReservationMode.ASK and shared.waiting[0] != self._own_map:
+        assert reserve is not None
+        if reserve.mode is ReservationMode.ASK and shared.waiting[0] != self._own_map:
             shared.holders += holders
             del shared.waiting[0]
             yield from self._ask_next(task, now)
             return
         if waits:
-            yield from self._release_at({*shared.fences} - {shared.waiting[0]}, task, 2 * asked.serial, False, now)
+            yield from self._release_at({*shared.fences} - {shared.waiting[0]}, task, 2 * reserve.serial, False, now)
             if shared.waiting[0] != self._own_map:
                 self._contents.reservations.release(task)
         shared.message = shared.request = None
-        shared.asked = ""
+        shared.request_id = ""
         yield self._answer(message, ReservationDenied(task=task, holders=holders, waits=waits))
 
     def _release_at(self, maps: set[str], task: str, serial: int, ended: bool, now: float) -> Effects:
@@ -238,7 +238,7 @@ class SharedReserving:
     def _asking(self, request_id: str | None) -> str | None:
         """The task whose request has this id."""
         shared_reservations = self._contents.shared_reservations
-        return next((task for task, shared in shared_reservations.items() if request_id and shared.asked == request_id), None)
+        return next((task for task, shared in shared_reservations.items() if request_id and shared.request_id == request_id), None)
 
     def _waiting_map(self, task: str) -> str:
         return self._contents.shared_reservations[task].waiting[0]
