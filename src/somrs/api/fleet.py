@@ -25,7 +25,7 @@ from somrs.ontology.objects import Change, Fact, FactRemoved, ValueSet
 from somrs.ontology.services import ServiceKind
 from somrs.ontology.types import IN_SERVICE, PAUSED, PAUSED_FOR, WORKING, Value
 from somrs.ontology.values import value_of
-from somrs.protocol.messages.directory import Discover, Offer, PresenceChange
+from somrs.protocol.messages.directory import Discover, NeighbourView, Offer, PresenceChange
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.task_views import StepView, TaskView, WorkView
@@ -43,15 +43,18 @@ BUSY = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
 
 
 class WithheldOffer(msgspec.Struct, frozen=True, kw_only=True):
-    """A service that its device publishes and the Registry does not list, because the definition of its type is not the one in use."""
+    """A service that its device publishes and the Registry does not list: its type is defined otherwise, or another has its name."""
 
     offer: Offer
     reason: str
 
 
 class Services(msgspec.Struct, frozen=True, kw_only=True):
+    """`neighbours`: the neighbours of the Registry whose offers are among these, as far as they are there."""
+
     offers: tuple[Offer, ...]
     withheld: tuple[WithheldOffer, ...] = ()
+    neighbours: tuple[NeighbourView, ...] = ()
 
 
 class Presence(StrEnum):
@@ -96,7 +99,8 @@ class Assignment(msgspec.Struct, frozen=True, kw_only=True):
 class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     """A device. `lineage`: its type and that type's ancestors. `utilisation` (JSON: `load`): the share of the last `Devices.window` seconds
     in which it was at work, from 0 to 1. `since`: when it joined, if the log has that; `departed_at` (JSON: `left`) and `reason`: when and
-    why it left; `assignments` (JSON: `doing`): its steps in tasks; `simulated`: its state in the simulator."""
+    why it left; `registry`: the neighbour whose device it is, empty for one of this system; `assignments` (JSON: `doing`): its steps in
+    tasks; `simulated`: its state in the simulator."""
 
     name: str
     type: str
@@ -123,6 +127,7 @@ class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     since: float | None = None
     departed_at: float | None = msgspec.field(default=None, name="left")
     reason: str = ""
+    registry: str = ""
     simulated: SimulatedDeviceView | None = None
 
 
@@ -148,7 +153,7 @@ class FleetService:
         """The services on offer now: all, those of a service type, or those that can achieve an effect."""
         client, query = self._context.client, Discover(service_type=type, effect=effect)
         withheld = tuple(WithheldOffer(offer=offer, reason=reason) for offer, reason in await client.withheld_services(query))
-        return Services(offers=await client.services(query), withheld=withheld)
+        return Services(offers=await client.services(query), withheld=withheld, neighbours=await client.neighbours())
 
     @operation("GET", "/fleet")
     async def devices(self) -> Devices:
@@ -256,6 +261,7 @@ class FleetService:
             since=arrival.at if arrival is not None and offers else None,
             departed_at=departure.at if departure is not None and not offers else None,
             reason=departure.reason if departure is not None and not offers else "",
+            registry=offers[0].registry if offers else departure.registry if departure is not None else "",
             simulated=state,
         )
 

@@ -15,7 +15,7 @@ from somrs.api.simulator_gateway import link
 from somrs.client.operations import operation
 from somrs.errors import SomrsError
 from somrs.ontology.types import ABSTRACT
-from somrs.protocol.messages.directory import Discover, Discovered
+from somrs.protocol.messages.directory import NeighbourView
 from somrs.protocol.messages.knowledge import OntologyPage, ReadOntology
 from somrs.protocol.messages.orders import ReadTemplates, TemplatesPage
 from somrs.protocol.messages.task_news import ReadTasks, Tasks
@@ -50,7 +50,7 @@ class PartView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SystemView(msgspec.Struct, frozen=True, kw_only=True):
-    """The running system. `site`: the label of its site; `data`: its data folder."""
+    """The running system. `site`: the label of its site; `data`: its data folder; `neighbours`: those of its Registry."""
 
     version: str
     site: str
@@ -59,6 +59,7 @@ class SystemView(msgspec.Struct, frozen=True, kw_only=True):
     types: int
     map_version: int
     parts: tuple[PartView, ...]
+    neighbours: tuple[NeighbourView, ...] = ()
 
 
 class SystemService:
@@ -73,13 +74,18 @@ class SystemService:
         The topic `system` publishes the same every few seconds.
         """
         context, addresses = self._context, self._context.addresses
+        neighbours: list[NeighbourView] = []
+
+        async def ask_registry() -> None:
+            neighbours.extend(await context.client.neighbours())
+
         probes: list[tuple[str, str, Callable[[], Awaitable[object]]]] = [
             (
                 "Repository",
                 addresses.repository,
                 lambda: context.client.ask(addresses.repository, ReadOntology(after=OFFSET_BEYOND_ALL), OntologyPage),
             ),
-            ("Service Registry", addresses.registry, lambda: context.client.ask(addresses.registry, Discover(provider="-"), Discovered)),
+            ("Service Registry", addresses.registry, ask_registry),
         ]
         managers = context.client.task_managers
         for name, address in managers.addresses.items():
@@ -108,6 +114,7 @@ class SystemService:
             types=len(ontology.types),
             map_version=context.version,
             parts=tuple(parts),
+            neighbours=tuple(neighbours),
         )
 
     async def _feed(self, topic: str) -> None:

@@ -15,6 +15,7 @@ from somrs.cli.geometry import geometry_problems, printed
 from somrs.client import terminal
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
+from somrs.client.state_labels import neighbour_text
 from somrs.errors import ModelError, RemoteError, UsageError
 from somrs.ontology.objects import Change, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Value
@@ -170,13 +171,18 @@ async def services(type: str | None, effect: str | None, attributes: Sequence[st
         required_values[name.strip()] = python_value(text.strip())
     async with Client(Addresses.read(data)) as client:
         discover = Discover(service_type=type, effect=effect, attributes=required_values)
-        offers, withheld = await client.services(discover), await client.withheld_services(discover)
+        offers, withheld, neighbours = await client.services(discover), await client.withheld_services(discover), await client.neighbours()
     if json:
         terminal.print_json(offers)
         return
     terminal.console().print(terminal.services(offers) if offers else "no matching service is on offer")
     for offer, reason in withheld:
-        terminal.console().print(f"not on offer: {offer.service}: {reason}", highlight=False, markup=False)
+        origin = f" of {offer.registry}" if offer.registry else ""
+        terminal.console().print(f"not on offer: {offer.service}{origin}: {reason}", highlight=False, markup=False)
+    for neighbour in neighbours:
+        if neighbour.away_since is not None:
+            text = neighbour_text(neighbour, terminal.clock)
+            terminal.console().print(f"{neighbour.name} at {neighbour.address}: {text}", highlight=False, markup=False)
 
 
 async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:

@@ -54,7 +54,7 @@ def _render_fleet(fleet_state: Devices) -> Group:
     """All devices, and the latest arrivals and departures."""
     rows = (
         (
-            terminal.lines(device.name, f"a {device.type}" if device.type else ""),
+            terminal.lines(device.name, f"a {device.type}" if device.type else "", f"from {device.registry}" if device.registry else ""),
             _state(device),
             _describe_activity(device),
             _services(device),

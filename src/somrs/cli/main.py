@@ -24,6 +24,7 @@ from somrs.cli.options import (
     Formula,
     HostOption,
     Json,
+    Neighbours,
     SiteName,
     WorldOption,
     awaited,
@@ -157,6 +158,7 @@ def up(
         ),
     ] = None,
     name: SiteName = None,
+    neighbours: Neighbours = None,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import run_system as run
@@ -182,6 +184,7 @@ def up(
             task_managers=task_managers,
             bus=bus,
             name=name,
+            neighbours=neighbours,
         )
 
     awaited(run(sources, data, make_system, fresh=fresh))

@@ -38,6 +38,15 @@ SiteName = Annotated[
         "--name", envvar="SOMRS_NAME", help="The site's name on the bus; not necessary when there is only one.", show_default=False
     ),
 ]
+Neighbours = Annotated[
+    Path | None,
+    typer.Option(
+        "--neighbours",
+        envvar="SOMRS_NEIGHBOURS",
+        help="The file of the Registry's neighbours: whose offers it lists, and what it gives them.",
+        show_default=False,
+    ),
+]
 Formula = Annotated[str, typer.Argument(help="An Entish formula, such as 'Jar002 isOn Platform001'.")]
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, BusOption, Data, HostOption, PortOption, SiteName, WorldOption, guarded
+from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, BusOption, Data, HostOption, Neighbours, PortOption, SiteName, WorldOption, guarded
 from somrs.devices.simulator.world.kinds import WorldKind
 
 if TYPE_CHECKING:
@@ -79,13 +79,18 @@ def gateway(
 
 @run_app.command()
 def registry(
-    data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0, bus: BusOption = None, name: SiteName = None
+    data: Data = DEFAULT_FOLDER,
+    host: HostOption = LOOPBACK,
+    port: PortOption = 0,
+    neighbours: Neighbours = None,
+    bus: BusOption = None,
+    name: SiteName = None,
 ) -> None:
     """The Service Registry."""
     from somrs.deployment.components import run_registry
     from somrs.deployment.programs import run_program
 
-    guarded(lambda: run_program(run_registry(data, addresses_of(data, bus, name), host, port)))
+    guarded(lambda: run_program(run_registry(data, addresses_of(data, bus, name), host, port, neighbours)))
 
 
 @run_app.command(name="task-manager")

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Sequence
 from pathlib import Path
 
+from rich.markup import escape
 from rich.table import Table
 
 from somrs.api.service import open_api_service
 from somrs.api.system import PartView
 from somrs.client import terminal
 from somrs.client.addresses import Addresses
+from somrs.client.client import Client
+from somrs.client.state_labels import neighbour_text
 from somrs.deployment.bus import running_components
+from somrs.errors import RemoteError
+from somrs.protocol.messages.directory import NeighbourView
 from somrs.storage.stream_log import RunningComponent
 
 
@@ -22,15 +29,29 @@ async def status(addresses: Addresses, data: Path, *, json: bool) -> None:
             terminal.print_json(running)
         elif running:
             terminal.console().print(_render_running(running))
+            with contextlib.suppress(RemoteError):  # the table says what does not run
+                async with Client(addresses) as client:
+                    _print_neighbours(await client.neighbours())
         else:
             print(f"no component of the site {addresses.bus.site} runs on the bus at {addresses.bus.servers}")
         return
     async with open_api_service(addresses, data) as service:
-        parts = (await service.system.read()).parts
+        system = await service.system.read()
     if json:
-        terminal.print_json(parts)
+        terminal.print_json(system.parts)
     else:
-        terminal.console().print(_render_parts(parts))
+        terminal.console().print(_render_parts(system.parts))
+        _print_neighbours(system.neighbours)
+
+
+def _print_neighbours(neighbours: Sequence[NeighbourView]) -> None:
+    """Print the neighbours of the Registry, if it has some."""
+    table = Table("neighbour", "address", "state")
+    for neighbour in neighbours:
+        sign = "[green]✔[/]" if neighbour.away_since is None else "[red]✘[/]"
+        table.add_row(escape(neighbour.name), escape(neighbour.address), f"{sign} {escape(neighbour_text(neighbour, terminal.clock))}")
+    if neighbours:
+        terminal.console().print(table)
 
 
 def _render_running(running: list[RunningComponent]) -> Table:

@@ -26,6 +26,9 @@ from somrs.runtime.wire import Wire, retry_unanswered
 PAGE = 50
 """Number of tasks requested at once."""
 
+NOBODY = "-"
+"""The name of a provider that offers nothing: the Registry returns an empty page quickly."""
+
 PATIENCE = 30.0
 """Seconds for which a client with a task waits for a Task Manager that is being restarted."""
 
@@ -204,8 +207,12 @@ class Client:
         """The matching services that are published and not listed, with the reasons."""
         question = msgspec.structs.replace(request or directory.Discover(), withheld=True)
         pages = [page async for page in self._discover(question)]
-        reasons = {entry.service: entry.reason for page in pages for entry in page.withheld}
-        return [(offer, reasons.get(offer.service, "")) for page in pages for offer in page.offers]
+        reasons = {(entry.service, entry.registry): entry.reason for page in pages for entry in page.withheld}
+        return [(offer, reasons.get((offer.service, offer.registry), "")) for page in pages for offer in page.offers]
+
+    async def neighbours(self) -> tuple[directory.NeighbourView, ...]:
+        """The neighbours whose offers the Registry lists with its own."""
+        return (await self.ask(self.addresses.registry, directory.Discover(provider=NOBODY), directory.Discovered)).neighbours
 
     async def _discover(self, question: directory.Discover) -> AsyncIterator[directory.Discovered]:
         while True:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from somrs.errors import UsageError
+from somrs.protocol.messages.directory import NeighbourView
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.task_views import Phase
 
@@ -31,6 +32,15 @@ PRIORITIES: Mapping[int, str] = {-1: "Low", 0: "Normal", 1: "High", 2: "Urgent"}
 def task_state(phase: Phase, outcome: Outcome | None) -> str:
     """The text for the phase of a task or, after its end, for its outcome."""
     return OUTCOMES[outcome] if outcome is not None else PHASES[phase]
+
+
+def neighbour_text(neighbour: NeighbourView, clock: Callable[[float], str]) -> str:
+    """How it stands with a neighbour of the Registry. `clock`: the text for a time."""
+    if neighbour.away_since is None:
+        state = f"{neighbour.services} of its services are listed"
+    else:
+        state = f"no answer since {clock(neighbour.away_since)}; its services are left out"
+    return f"{state}; it says: {neighbour.problem}" if neighbour.problem else state
 
 
 def priority_text(priority: int) -> str:

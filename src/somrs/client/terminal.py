@@ -225,7 +225,7 @@ def services(offers: Sequence[Offer]) -> Table:
         ("service", "effect", "precondition", "attributes"),
         (
             (
-                lines(offer.service, f"a {offer.provider_type}"),
+                lines(offer.service, f"a {offer.provider_type}", f"from {offer.registry}" if offer.registry else ""),
                 offer.service_type.effect,
                 lines(offer.service_type.precondition or "", while_text(offer.service_type)) or "-",
                 "\n".join(f"{name} {value}" for name, value in offer.attributes.items()) or "-",

@@ -40,19 +40,28 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int,
         await continuation.serve("repository", node)
 
 
-async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -> None:
-    """Run the Service Registry. Offers that were listed when its process ended remain listed until their leases expire."""
+async def run_registry(data: Path, addresses: Addresses, host: str, port: int, neighbours: Path | None = None) -> None:
+    """Run the Service Registry. Offers that were listed when its process ended remain listed until their leases expire.
+
+    `neighbours`: the file of its neighbours; None: it has none.
+    """
+    from somrs.deployment.neighbours import read_neighbours
     from somrs.ontology.files.loading import upper
     from somrs.registry.component import SCHEMA, Registry
+    from somrs.registry.neighbours import Configured, check_neighbours
     from somrs.storage.journal import Journal
 
+    configured = Configured(read_neighbours(neighbours) if neighbours is not None else ())
     file = data / "registry.sqlite"
     open_journal = partial(Journal, file, SCHEMA, f"the Repository at {addresses.repository}")
     async with (
         continuing(addresses.bus, "registry", file, lambda log: open_journal(log=log)) as continuation,
         Host(host, port, bus=addresses.bus) as runtime,
     ):
-        node = await continuation.add(runtime, "/registry", lambda address: Registry(address, upper(), addresses.repository))
+        check_neighbours(configured.neighbours, f"{runtime.url}/registry")
+        node = await continuation.add(
+            runtime, "/registry", lambda address: Registry(address, upper(), addresses.repository), notices=(configured,)
+        )
         await continuation.serve("registry", node)
 
 

@@ -49,7 +49,7 @@ TASK_MANAGER, DEVICES = "task-manager", "devices"
 BUS, GATEWAY = "bus", "gateway"
 """Commands of `somrs run` on which all others rely, if the system is on a bus."""
 
-_SETTINGS = {"SOMRS_BUS", "SOMRS_NAME", "SOMRS_SITE"}
+_SETTINGS = {"SOMRS_BUS", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS"}
 """Variables from which `somrs run` would take settings that the system does not have."""
 
 OWN_BUS = "own"
@@ -115,6 +115,7 @@ class System:
     `task_managers`: the number of Task Managers; None: as many as in the last run.
     `bus`: the URLs of the NATS servers on which the components are, `OWN_BUS` for one that is started with them, None for no bus; `name`:
     the site's name there.
+    `neighbours`: the file of the Registry's neighbours; None: it has none.
     """
 
     def __init__(
@@ -133,13 +134,14 @@ class System:
         task_managers: int | None = None,
         bus: str | None = None,
         name: str | None = None,
+        neighbours: Path | None = None,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
         self._bus, self._name = bus, name
         self.speed, self.world, self.simulates = speed, world, simulates
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
-        self._task_managers = task_managers
+        self._task_managers, self._neighbours = task_managers, neighbours
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._listed = False
         self._reservation: Reservation | None = None
@@ -200,7 +202,8 @@ class System:
         self.addresses.write(self.data)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
-        first = [self._start("registry", "--port", str(ports[Part.REGISTRY]))]
+        neighbours = ["--neighbours", str(self._neighbours.resolve())] if self._neighbours is not None else []
+        first = [self._start("registry", "--port", str(ports[Part.REGISTRY]), *neighbours)]
         first += [self._start_task_manager(number, port) for number, port in enumerate(ports.task_managers, 1)]
         if not has_world:
             first.append(self._start("traffic", "--port", str(ports[Part.TRAFFIC])))

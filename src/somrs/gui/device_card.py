@@ -50,6 +50,8 @@ LEAVING = {
     "expired": "stopped responding",
     "retracted": "withdrew its services",
     "outdated": "offers services whose types are now defined otherwise",
+    "away": "belongs to a neighbour that stopped responding",
+    "withheld": "offers services that are withheld here",
 }
 """Labels for the Registry's reasons of departure."""
 
@@ -67,6 +69,11 @@ def state(device: DeviceView) -> Sign:
     """The device's main state."""
     icon, tone = SIGNS[device.state]
     return Sign(icon, LABELS[device.state], tone)
+
+
+def origin(device: DeviceView) -> str:
+    """Whose device it is, if it belongs to a neighbour."""
+    return f"from {device.registry}" if device.registry else ""
 
 
 class DeviceCard:
@@ -98,7 +105,9 @@ class DeviceCard:
         self.device = device
         self._icon.name = _icon(device)
         self._name.set_text(device.name)
-        self._place_label.set_text(" · ".join(part for part in (device.label or "", device.type, _position_text(device)) if part))
+        self._place_label.set_text(
+            " · ".join(part for part in (device.label or "", device.type, origin(device), _position_text(device)) if part)
+        )
         self._state.show_sign(state(device))
         self.element.classes(**{"add" if device.presence is Presence.DEPARTED else "remove": "somrs-device-gone"})
         self._note.set_text(_note(device))

@@ -28,6 +28,7 @@ from somrs.ontology.files.loading import load
 from somrs.ontology.matching import can_achieve
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, ObjectRemoved
 from somrs.ontology.types import Ontology
+from somrs.protocol.messages.directory import NeighbourView
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.orders import Every, Run, RunState, StandingOrder
 from somrs.protocol.messages.submission import Submit
@@ -64,6 +65,16 @@ def test_parts_by_whether_they_respond_and_outages_with_their_reason() -> None:
     assert texts(part_rows(parts)) == [("No response", "Scheduler", "1 part", ""), ("Responds", "Repository, API", "2 parts", "")]
     assert texts(outage_rows(parts)) == [("No response", "Scheduler", "no answer within 2 s", "")]
     assert part_rows([]) == outage_rows([]) == []
+
+
+def test_neighbours_that_are_away_need_attention() -> None:
+    near = NeighbourView(name="Harbour", address="d", services=2)
+    away = NeighbourView(name="Airport", address="e", services=0, away_since=NOW, problem="Airport gives nothing")
+    responding, silent = (text for text in texts(part_rows([], [near, away])))
+    assert responding == ("Responds", "Neighbour Harbour", "2 of its services are listed", "")
+    assert silent[:2] == ("No response", "Neighbour Airport")
+    assert silent[2].endswith("its services are left out; it says: Airport gives nothing")
+    assert texts(outage_rows([], [near, away])) == [silent]
 
 
 def test_running_tasks_have_phase_and_progress_and_lead_to_their_pages() -> None:

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from somrs.api.device_state import FAULT_LABELS, DeviceState
 from somrs.api.fleet import DeviceView
 from somrs.api.system import PartView
+from somrs.client.state_labels import neighbour_text
 from somrs.client.task_report import reasons
 from somrs.gui.device_card import LEAVING, activity_text, state
 from somrs.gui.icons import OUTCOMES, Sign, format_time
 from somrs.gui.pages.task_text import count_text, gist, task_path, task_sign
+from somrs.protocol.messages.directory import NeighbourView
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.orders import RunState, StandingOrder
 from somrs.protocol.messages.task_views import Phase, TaskRow
@@ -40,19 +42,27 @@ class Row:
     progress: tuple[float, str] | None = None
 
 
-def part_rows(parts: Sequence[PartView]) -> list[Row]:
-    """The parts that respond, and those that do not."""
+def part_rows(parts: Sequence[PartView], neighbours: Iterable[NeighbourView] = ()) -> list[Row]:
+    """The parts that respond, and those that do not; and the neighbours of the Registry."""
     responding = [part.name for part in parts if part.milliseconds is not None]
     silent = [part.name for part in parts if part.milliseconds is None]
     return [
         Row(sign.text, sign, ", ".join(names), count_text(len(names), "part"))
         for sign, names in ((NO_RESPONSE, silent), (RESPONDS, responding))
         if names
-    ]
+    ] + [neighbour_row(neighbour) for neighbour in neighbours]
 
 
-def outage_rows(parts: Iterable[PartView]) -> list[Row]:
-    return [Row(part.name, NO_RESPONSE, part.name, part.problem) for part in parts if part.milliseconds is None]
+def neighbour_row(neighbour: NeighbourView) -> Row:
+    """A neighbour of the Registry, and whether it answers."""
+    sign = RESPONDS if neighbour.away_since is None else NO_RESPONSE
+    return Row(f"neighbour {neighbour.name}", sign, f"Neighbour {neighbour.name}", neighbour_text(neighbour, format_time))
+
+
+def outage_rows(parts: Iterable[PartView], neighbours: Iterable[NeighbourView] = ()) -> list[Row]:
+    """The parts that do not respond, and the neighbours that do not."""
+    silent_parts = [Row(part.name, NO_RESPONSE, part.name, part.problem) for part in parts if part.milliseconds is None]
+    return silent_parts + [neighbour_row(neighbour) for neighbour in neighbours if neighbour.away_since is not None]
 
 
 def running_rows(tasks: Iterable[TaskRow]) -> list[Row]:
