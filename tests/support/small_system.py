@@ -25,6 +25,7 @@ from somrs.ports import Reservation, bound
 from somrs.protocol.messages.orders import RunState
 from somrs.protocol.messages.records import ReadRecords
 from somrs.registry.component import Registry
+from somrs.registry.neighbours import Neighbour
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.runtime.clock import Clock, TimeOfDay
@@ -90,7 +91,10 @@ class Porter(Device):
 
 
 class SmallSystem:
-    """The components of a running system. A Task Manager can be stopped and started again from its journal."""
+    """The components of a running system. A Task Manager can be stopped and started again from its journal, and the Registry without one.
+
+    `neighbours`: those of the Registry at its start; `site`: the first map.
+    """
 
     def __init__(self, data: Path, porters: Sequence[Porter], managers: int = 1) -> None:
         self.data, self.porters = data, porters
@@ -105,6 +109,9 @@ class SmallSystem:
         self._devices: list[DeviceRunner] = []
         self._managers: dict[int, tuple[Host, Journal]] = {}
         self._repository_journal: Journal | None = None
+        self._registry: Node | None = None
+        self.neighbours: Sequence[Neighbour] = ()
+        self.site = SITE
 
     @property
     def manager(self) -> TaskManager:
@@ -118,19 +125,29 @@ class SmallSystem:
 
     async def start(self) -> None:
         self.data.mkdir(exist_ok=True)
-        loaded = load_text(SITE, "site.yaml")
+        loaded = load_text(self.site, "site.yaml")
         assert loaded.map is not None
         contents = Contents(ontology=loaded.ontology, map=loaded.map)
         self._repository_journal = journal = repository_journal(self.data / "repository.sqlite")
         await self._host.start()
         self._host.add_journaled("/repository", lambda address: Repository(address, contents), journal, carry_out=journal.carry_out)
-        self._host.add("/registry", lambda address: Registry(address, repository=self.addresses.repository))
+        self.start_registry()
         for number in range(1, len(self._ports) + 1):
             await self.start_manager(number)
         for porter in self.porters:
             runner = DeviceRunner(porter, self.addresses, self.data)
             await runner.start()
             self._devices.append(runner)
+
+    def start_registry(self) -> None:
+        def make_registry(address: str) -> Registry:
+            return Registry(address, repository=self.addresses.repository, neighbours=self.neighbours)
+
+        self._registry = self._host.add("/registry", make_registry)
+
+    async def stop_registry(self) -> None:
+        assert self._registry is not None, "it was started"
+        await self._host.remove(self._registry)
 
     async def start_manager(self, number: int = 1) -> None:
         journal, host = Journal(archive_file(self.data, number), SCHEMA, "here"), Host(LOOPBACK, self._ports[number - 1])
