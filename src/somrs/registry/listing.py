@@ -201,7 +201,8 @@ class Listing:
                 alone = structs.replace(service_type, parent=None)
                 violations = ontology_violations(self._ontology.extended([alone]), [alone])
                 if violations:
-                    reasons[name] = f"{name} does not fit the definitions of the Repository: {'; '.join(v.message for v in violations)}"
+                    problems = "; ".join(violation.message.partition("\n")[0] for violation in violations)
+                    reasons[name] = f"{name} does not fit the definitions of the Repository: {problems}; define there what it needs"
         return reasons
 
     def rivals(self, offers: Iterable[Offer]) -> set[ProviderKey]:
