@@ -19,9 +19,9 @@ Passing = Literal["all", "nothing"] | Selection
 
 
 class _Entry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A neighbour as it is written in the file."""
+    """A neighbour as it is written in the file. `registry`: the address of its Registry."""
 
-    address: str
+    registry: str
     takes: Passing
     gives: Passing
 
@@ -35,7 +35,7 @@ def read_neighbours(file: Path) -> tuple[Neighbour, ...]:
     if source.problems:
         raise UsageError("\n".join(map(str, source.problems)))
     if source.data is not None and not isinstance(source.data, dict):
-        raise UsageError(f"{file}: the names of neighbours are missing; write NAME: {{address: http://..., takes: all, gives: all}}")
+        raise UsageError(f"{file}: the names of neighbours are missing; write NAME: {{registry: http://..., takes: all, gives: all}}")
     neighbours = tuple(_neighbour(source, str(name), entry) for name, entry in (source.data or {}).items())
     try:
         check_neighbours(neighbours)
@@ -49,14 +49,14 @@ def _neighbour(source: Source, name: str, written: object) -> Neighbour:
     try:
         entry = msgspec.convert(written, _Entry)
     except msgspec.ValidationError as error:
-        advice = "a neighbour has an `address`, and `takes` and `gives`: all, nothing, or lists of `types`, `providers` and `areas`"
+        advice = "`registry` is its address, and `takes` and `gives` are all, nothing, or lists of `types`, `providers` and `areas`"
         raise UsageError(f"{place}: {error}; {advice}") from None
-    parts = urlsplit(entry.address)
+    parts = urlsplit(entry.registry)
     if parts.scheme not in ("http", "https") or not parts.hostname:
-        raise UsageError(f"{place}: the address of its Registry is a URL such as http://HOST:PORT/registry, not {entry.address!r}")
+        raise UsageError(f"{place}: `registry` is a URL such as http://HOST:PORT/registry, not {entry.registry!r}")
     if not name.strip():
         raise UsageError(f"{place}: a neighbour has a name")
-    return Neighbour(name=name, address=entry.address, takes=_selection(entry.takes), gives=_selection(entry.gives))
+    return Neighbour(name=name, address=entry.registry, takes=_selection(entry.takes), gives=_selection(entry.gives))
 
 
 def _selection(passing: Passing) -> Selection | None:

@@ -207,7 +207,7 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
         if request_id is not None and request_id in (self.question, self.subscription):
             if isinstance(body, self.SUBSCRIBED) and request_id == self.subscription:
                 self.source = message.header.sender
-                return self._subscribed(body.version, now)
+                return self._subscribed(body, now)
             if isinstance(body, self.PAGES) and request_id == self.question and self.reading is not None:
                 return self._page(self.reading, body, now)
             if isinstance(body, Fault):
@@ -223,16 +223,20 @@ class Following(Struct, Generic[EventT, ReadingT], kw_only=True):
             return [self._subscribe(now)]
         return [] if isinstance(body, (self.SUBSCRIBED, *self.PAGES)) else None  # the reply to an abandoned request
 
-    def _subscribed(self, version: int, now: float) -> list[Effect]:
+    def _subscribed(self, answer: Any, now: float) -> list[Effect]:
         self.subscription, self.confirmed, self.known_since = None, True, self.asked_at
         if self.reading is None:
             self.answer_by = None
-        if version < self.subscribed_at:  # the publisher was restored from a backup or is new: this is a copy of something else
-            self.version = self.announced_version = -1
-            self.events.clear()
-            self.reading = None
-        self.announced_version = max(self.announced_version, version)
+        if answer.version < self.subscribed_at:  # the publisher was restored from a backup or is new: this is a copy of something else
+            self._begin_anew()
+        self.announced_version = max(self.announced_version, answer.version)
         return self._begin_reading(now) if not self.ready and self.reading is None else []
+
+    def _begin_anew(self) -> None:
+        """Read everything again. The copy stays as it is until then."""
+        self.version = self.announced_version = -1
+        self.events.clear()
+        self.reading = None
 
     def _page(self, reading: ReadingT, page: Any, now: float) -> list[Effect]:
         self.question = self.answer_by = None

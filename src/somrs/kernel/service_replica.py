@@ -7,8 +7,8 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from somrs.kernel.component import Effect, Input
-from somrs.kernel.following import LEASE, Following, Reading
+from somrs.kernel.component import Effect, Input, Send
+from somrs.kernel.following import LEASE, PATIENCE, Following, Reading
 from somrs.kernel.offers import Offers
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import (
@@ -57,6 +57,12 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
     owner: str
     registry: str
     offers: Offers = field(default_factory=Offers)
+    others: tuple[str, ...] = ()
+    """The other Registries of the site, which list the same. One of them is followed when the present one does not answer."""
+    turned_at: float = 0.0
+    """When the present Registry began to be followed."""
+    copied_from: str = ""
+    """The Registry whose offers these are; empty: not known."""
     expected: dict[str, float] = {}
     """Until when providers are expected to publish again, because service types are defined anew. The name may be empty: some provider."""
 
@@ -70,6 +76,10 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
             self._apply(change, now)
         joined = tuple(offer.service for offer in self.offers if offer not in old_offers) if self.offers is not old_offers else ()
         return ServiceUpdate(effects=followed.effects, news=followed.events, joined=joined, reloaded=followed.reloaded)
+
+    def start(self, now: float) -> list[Effect]:
+        self.turned_at = now
+        return super().start(now)
 
     def settles_at(self, now: float) -> float | None:
         """When no provider is expected to publish again any more; None if none is."""
@@ -87,6 +97,25 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
     def _subscription(self) -> Body:
         return SubscribeServices(lease=LEASE)
 
+    def _subscribe(self, now: float) -> Send:
+        if self.others and now >= self._answer_awaited_until:
+            self.registry, *others = (*self.others, self.registry)
+            self.others, self.turned_at = tuple(others), now
+        return super()._subscribe(now)
+
+    @property
+    def _answer_awaited_until(self) -> float:
+        """Until when the present Registry may be silent before another one is followed: as long as the copy is up to date if it is slow."""
+        if not self.ready and self.known_since < self.turned_at:
+            return self.turned_at + PATIENCE
+        return max(self.known_since, self.turned_at) + LEASE
+
+    def _subscribed(self, answer: ServicesSubscribed, now: float) -> list[Effect]:
+        self.others = tuple(address for address in answer.others if address != self.registry) or self.others
+        if self.copied_from not in ("", self.registry):
+            self._begin_anew()
+        return super()._subscribed(answer, now)
+
     def _new_reading(self) -> _Reading:
         return _Reading()
 
@@ -102,7 +131,7 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
         return Discover(after=page.offers[-1].service) if page.more and page.offers else None
 
     def _adopt(self, reading: _Reading, now: float) -> None:
-        self.offers = Offers(reading.offers)
+        self.offers, self.copied_from = Offers(reading.offers), self.registry
         self.expected = {"": now + REPUBLISHING_TIME} if reading.unsettled else {}
 
     def _apply(self, event: ServicesJoined | ServicesLeft, now: float) -> None:

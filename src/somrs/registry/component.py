@@ -247,7 +247,7 @@ class Registry:
     def _published(self, provider: str, lease: float, now: float) -> Published:
         withheld = tuple(reason for _, reason in self._listing().withheld_of((OWN, provider)))
         # Two of three renewals may be lost.
-        return Published(until=now + lease, renew_within=lease / 3, withheld=withheld)
+        return Published(until=now + lease, renew_within=lease / 3, withheld=withheld, others=self.state.others_of_site)
 
     def _retract(self, retract: Retract, now: float) -> tuple[Answer, list[Effect]]:
         provider = self.state.providers.get(retract.provider)
@@ -322,7 +322,9 @@ class Registry:
             check_given(state, sender)
         subscription = Subscription(until=now + grant_lease(subscribe.lease), version=state.version_for(audience))
         state.subscribers[sender] = subscription
-        return ServicesSubscribed(until=subscription.until, version=subscription.version)
+        # Neighbours follow each Registry of the site by itself.
+        others = () if audience else state.others_of_site
+        return ServicesSubscribed(until=subscription.until, version=subscription.version, others=others)
 
 
 def only_reads(event: Input) -> bool:

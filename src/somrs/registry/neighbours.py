@@ -26,12 +26,13 @@ from somrs.registry.selection import Selection, Selector
 
 class Neighbour(Struct, frozen=True, kw_only=True):
     """A neighbour as its owner configures it: the `address` of its Registry, and which of its offers this Registry `takes` and which of its
-    own it `gives`; None: none."""
+    own it `gives`; None: none. `is_of_site`: it is a Registry of the same site, at which devices may publish instead."""
 
     name: str
     address: str
     takes: Selection | None = None
     gives: Selection | None = None
+    is_of_site: bool = False
 
 
 class Configured(Struct, frozen=True, tag=True):

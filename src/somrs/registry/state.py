@@ -56,6 +56,11 @@ class RegistryState(Struct, kw_only=True):
         """The name of the neighbour that has this address; empty for those of this system, who see everything that is listed."""
         return next((name for name, neighbour in self.neighbours.items() if neighbour.settings.address == address), "")
 
+    @property
+    def others_of_site(self) -> tuple[str, ...]:
+        """The addresses of the other Registries of the site."""
+        return tuple(neighbour.settings.address for neighbour in self.neighbours.values() if neighbour.settings.is_of_site)
+
     def version_for(self, audience: str) -> int:
         """The version of what such a subscriber sees."""
         return self.neighbours[audience].version if audience else self.version

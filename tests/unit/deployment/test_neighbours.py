@@ -11,7 +11,7 @@ from somrs.errors import UsageError
 from somrs.registry.neighbours import Neighbour
 from somrs.registry.selection import Selection
 
-HARBOUR = "Harbour: {address: 'http://harbour.example:8600/registry', takes: all, gives: nothing}"
+HARBOUR = "Harbour: {registry: 'http://harbour.example:8600/registry', takes: all, gives: nothing}"
 
 
 def neighbours_in(folder: Path, text: str) -> tuple[Neighbour, ...]:
@@ -24,7 +24,7 @@ def test_neighbours_keep_their_order_and_what_passes(tmp_path: Path) -> None:
     text = f"""
 {HARBOUR}
 Airport:
-  address: http://airport.example:8600/registry
+  registry: http://airport.example:8600/registry
   takes: {{types: [Transport, Clean], areas: [Hall2]}}
   gives: {{providers: [Robot1]}}
 """
@@ -45,10 +45,10 @@ Airport:
     [
         ("- Harbour", "the names of neighbours are missing"),
         ("\nHarbour: 3", "neighbours.yaml:2: Harbour: Expected `object`"),
-        ("Harbour: {address: 'http://a:1/r', takes: all}", "missing required field `gives`"),
-        ("Harbour: {address: 'http://a:1/r', takes: some, gives: all}", "a neighbour has an `address`, and `takes` and `gives`"),
-        ("Harbour: {address: 'http://a:1/r', takes: {type: [A]}, gives: all}", "unknown field `type`"),
-        ("Harbour: {address: harbour, takes: all, gives: all}", "is a URL such as http://HOST:PORT/registry, not 'harbour'"),
+        ("Harbour: {registry: 'http://a:1/r', takes: all}", "missing required field `gives`"),
+        ("Harbour: {registry: 'http://a:1/r', takes: some, gives: all}", "`registry` is its address, and `takes` and `gives` are"),
+        ("Harbour: {registry: 'http://a:1/r', takes: {type: [A]}, gives: all}", "unknown field `type`"),
+        ("Harbour: {registry: harbour, takes: all, gives: all}", "is a URL such as http://HOST:PORT/registry, not 'harbour'"),
         (f"{HARBOUR}\n{HARBOUR.replace('Harbour', 'Port')}", "the neighbours Harbour and Port are both http://harbour.example"),
         (f"{HARBOUR}\n{HARBOUR}", "is already written in line 1"),
         ("Harbour: {", "this is not YAML"),

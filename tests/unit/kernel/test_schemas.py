@@ -16,7 +16,7 @@ def test_what_is_kept_and_how() -> None:
     ] == [
         ("repository", 1, (), True, True, 500),
         ("registry", 4, (), False, False, 5000),
-        ("service-manager", 1, (Perform, Undo, Report), True, False, 5000),
+        ("service-manager", 2, (Perform, Undo, Report), True, False, 5000),
     ]
     assert REPOSITORY.is_read_only is only_reads
     assert SERVICE_MANAGER.error_to_answer(ServiceFailed("it broke", "A isOn B")) == Failure("it broke", "A isOn B")

@@ -11,7 +11,7 @@ from msgspec import structs
 
 from somrs.errors import UsageError
 from somrs.kernel.codec import Codec, encode
-from somrs.kernel.component import Notified, Started
+from somrs.kernel.component import Effect, Input, Notified, Received, Send, Started, TimerFired
 from somrs.kernel.following import GAP_TIME, LEASE
 from somrs.kernel.offers import Offers
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, ObjectAdded, ValueSet
@@ -40,6 +40,8 @@ from somrs.registry.selection import Selection, Selector
 from somrs.registry.state import RegistryState
 from somrs.repository.component import Repository
 from somrs.runtime.virtual_time import World
+from somrs.service_manager.participant.joining import Joining
+from somrs.service_manager.sdk.orders import Capability, Profile
 from tests.support.examples import examples
 from tests.support.lab import REPOSITORY, ask, contents, request
 from tests.support.unfair_medium import UnfairMedium
@@ -400,6 +402,59 @@ def test_new_settings_take_effect_at_the_next_start_for_both() -> None:
     assert system.services() == []
     assert system.discover().neighbours == ()
     assert system.log()[0] == ("Robot2", "There", "retracted")
+
+
+# Several Registries of one site
+
+
+class Device:
+    """A component that joins as devices do, and nothing else."""
+
+    def __init__(self) -> None:
+        profile = Profile(
+            name="Robot1",
+            type="PioneerP3DX",
+            capabilities=(Capability(type="TransferObject", method="transfer"),),
+        )
+        self.joining = Joining(profile=profile, repository=REPOSITORY, registry=HERE)
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        match event:
+            case Started(address):
+                return [*self.joining.start(address, now)]
+            case Received(message):
+                return [*self.joining.receive(message, now)]
+            case TimerFired():
+                return [*self.joining.timer_fired(now)]
+            case Notified():
+                return [*self.joining.depart(now)]
+        return []
+
+
+def test_when_the_registry_of_a_site_is_lost_devices_publish_at_another_and_followers_follow_it() -> None:
+    world, owner, device = World(), Owner(), Device()
+    owner.replica.registry = HERE
+    world.add(REPOSITORY, Repository(REPOSITORY, contents()))
+    for address, name, other in ((HERE, "There", THERE), (THERE, "Here", HERE)):
+        of_site = structs.replace(neighbour(name, other), is_of_site=True)
+        world.add(address, Registry(address, contents().ontology, REPOSITORY, [of_site]))
+    world.run(5.0)
+    world.add(OWNER, owner)
+    world.add("http://here/devices/Robot1", device)
+    world.run(5.0)
+    assert [(listed.service, listed.registry) for listed in owner.replica.offers] == [("Robot1.TransferObject", "")]
+    world.remove(HERE)
+    for _ in range(300):
+        world.run(1.0)
+        assert owner.replica.offers.get("Robot1.TransferObject") is not None, "it is on offer all the time"
+    assert device.joining.registry == owner.replica.registry == THERE
+    assert owner.replica.is_current
+    there = world.components[THERE]
+    retractions = [effect for effect in device.handle(Notified(None), world.now) if isinstance(effect, Send)]
+    assert {effect.message.header.recipient for effect in retractions} == {HERE, THERE}
+    for effect in retractions:
+        there.handle(Received(effect.message), world.now)
+    assert ask(there, Discover(), Discovered, now=world.now).offers == ()
 
 
 # Any medium, any order

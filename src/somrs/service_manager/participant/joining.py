@@ -73,7 +73,8 @@ class Joining(Struct, kw_only=True):
 
     A ServiceManager owns it, and passes it the answers of Repository and Registry, and its timer. `pending_request` is the id of the last
     request. `types`: the service types as the Repository defines them in the version `ontology_version`, which changed the ontology last.
-    `withheld`: the services that the Registry does not list, and why.
+    `withheld`: the services that the Registry does not list, and why. `other_registries`: those of the site besides `registry`, as far as
+    known. The device publishes at one of them if that does not answer.
     """
 
     profile: Profile
@@ -91,6 +92,7 @@ class Joining(Struct, kw_only=True):
     joined: bool = False
     ontology_version: int = 0
     withheld: dict[str, str] = {}
+    other_registries: tuple[str, ...] = ()
 
     def start(self, address: str, now: float) -> Effects:
         """Begin from the first step."""
@@ -102,7 +104,8 @@ class Joining(Struct, kw_only=True):
     def depart(self, now: float) -> Effects:
         self.step = JoinStep.DEPARTED
         yield SetTimer(JoiningDue(), None)
-        yield self._ask(self.registry, Retract(provider=self.profile.name), now)
+        for registry in (*self.other_registries, self.registry):  # it may have published at others before
+            yield self._ask(registry, Retract(provider=self.profile.name), now)
 
     def services_changed(self, profile: Profile, now: float) -> Effects:
         """Offer the services of this profile from now on."""
@@ -115,7 +118,11 @@ class Joining(Struct, kw_only=True):
         yield from self._take_step(JoinStep.READ, now)
 
     def timer_fired(self, now: float) -> Effects:
-        """Repeat a request without an answer, or renew the lease. A device whose renewal has no answer publishes its offers again."""
+        """Repeat a request without an answer, or renew the lease. A device whose renewal has no answer publishes its offers again, at
+        another Registry of the site if there is one."""
+        if self.pending_request and self.step in (JoinStep.PUBLISH, JoinStep.RENEW) and self.other_registries:
+            self.registry, *others = (*self.other_registries, self.registry)
+            self.other_registries = tuple(others)
         if self.step is JoinStep.RENEW:
             due_step = JoinStep.READ if self.withheld else JoinStep.RENEW
             yield from self._take_step(due_step if not self.pending_request else JoinStep.PUBLISH, now)
@@ -151,6 +158,7 @@ class Joining(Struct, kw_only=True):
                 yield from self._take_step(JoinStep.PUBLISH, now)
             case Published() as published:
                 yield SetTimer(JoiningDue(), now + published.renew_within * 0.7)
+                self.other_registries = tuple(address for address in published.others if address != self.registry) or self.other_registries
                 yield from self._published(published.withheld)
                 self.step = JoinStep.RENEW
             case Rejected(problems=problems):

@@ -12,7 +12,7 @@ from typing import Self
 from msgspec import structs
 
 from somrs.errors import WireError
-from somrs.kernel.codec import Schema
+from somrs.kernel.codec import Migration, Schema
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, Effects, Input, Notified, Received, Send, Started, TimerFired
 from somrs.protocol.frp.participant_session import ParticipantSession
 from somrs.protocol.frp.session import NOT_ALLOWED, ParticipantBody
@@ -292,7 +292,7 @@ class ServiceManager:
 
 SCHEMA = Schema(
     component="service-manager",
-    version=1,
+    version=2,
     state=ServiceManagerState,
     timers=Timer,
     questions=Question,
@@ -304,5 +304,6 @@ SCHEMA = Schema(
     volatile=(Perform, Undo, Report),
     error_to_answer=answer_of,
     relocatable=True,
+    migrations={1: Migration()},  # version 2 adds the other Registries of the site
 )
 """The data of its journal."""
