@@ -57,7 +57,7 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
     owner: str
     registry: str
     offers: Offers = field(default_factory=Offers)
-    others: tuple[str, ...] = ()
+    other_registries: tuple[str, ...] = ()
     """The other Registries of the site, which list the same. One of them is followed when the present one does not answer."""
     turned_at: float = 0.0
     """When the present Registry began to be followed."""
@@ -98,9 +98,9 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
         return SubscribeServices(lease=LEASE)
 
     def _subscribe(self, now: float) -> Send:
-        if self.others and now >= self._answer_awaited_until:
-            self.registry, *others = (*self.others, self.registry)
-            self.others, self.turned_at = tuple(others), now
+        if self.other_registries and now >= self._answer_awaited_until:
+            self.registry, *remaining = (*self.other_registries, self.registry)
+            self.other_registries, self.turned_at = tuple(remaining), now
         return super()._subscribe(now)
 
     @property
@@ -111,7 +111,7 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
         return max(self.known_since, self.turned_at) + LEASE
 
     def _subscribed(self, answer: ServicesSubscribed, now: float) -> list[Effect]:
-        self.others = tuple(address for address in answer.others if address != self.registry) or self.others
+        self.other_registries = tuple(address for address in answer.other_registries if address != self.registry) or self.other_registries
         if self.copied_from not in ("", self.registry):
             self._begin_anew()
         return super()._subscribed(answer, now)

@@ -247,7 +247,7 @@ class Registry:
     def _published(self, provider: str, lease: float, now: float) -> Published:
         withheld = tuple(reason for _, reason in self._listing().withheld_of((OWN, provider)))
         # Two of three renewals may be lost.
-        return Published(until=now + lease, renew_within=lease / 3, withheld=withheld, others=self.state.others_of_site)
+        return Published(until=now + lease, renew_within=lease / 3, withheld=withheld, other_registries=self.state.other_registries)
 
     def _retract(self, retract: Retract, now: float) -> tuple[Answer, list[Effect]]:
         provider = self.state.providers.get(retract.provider)
@@ -323,8 +323,8 @@ class Registry:
         subscription = Subscription(until=now + grant_lease(subscribe.lease), version=state.version_for(audience))
         state.subscribers[sender] = subscription
         # Neighbours follow each Registry of the site by itself.
-        others = () if audience else state.others_of_site
-        return ServicesSubscribed(until=subscription.until, version=subscription.version, others=others)
+        other_registries = () if audience else state.other_registries
+        return ServicesSubscribed(until=subscription.until, version=subscription.version, other_registries=other_registries)
 
 
 def only_reads(event: Input) -> bool:

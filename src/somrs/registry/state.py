@@ -57,7 +57,7 @@ class RegistryState(Struct, kw_only=True):
         return next((name for name, neighbour in self.neighbours.items() if neighbour.settings.address == address), "")
 
     @property
-    def others_of_site(self) -> tuple[str, ...]:
+    def other_registries(self) -> tuple[str, ...]:
         """The addresses of the other Registries of the site."""
         return tuple(neighbour.settings.address for neighbour in self.neighbours.values() if neighbour.settings.is_of_site)
 

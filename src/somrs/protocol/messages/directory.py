@@ -94,14 +94,14 @@ class NeighbourView(Struct, frozen=True, kw_only=True):
 class Published(MessageBody, frozen=True, kw_only=True, tag=True):
     """The offers are kept until `until`, on the Registry's clock; renew the lease at least every `renew_within` seconds.
 
-    Clients do not see the services in `withheld`: read the definitions of their types in the Repository, and publish again. `others`: the
-    addresses of the other Registries of the site; publish at one of them if this one does not answer.
+    Clients do not see the services in `withheld`: read the definitions of their types in the Repository, and publish again.
+    `other_registries`: the addresses of those of the site; publish at one of them if this one does not answer.
     """
 
     until: float
     renew_within: float
     withheld: tuple[Withheld, ...] = ()
-    others: tuple[str, ...] = ()
+    other_registries: tuple[str, ...] = ()
 
 
 class ServiceTypesChanged(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -173,12 +173,12 @@ class SubscribeServices(MessageBody, frozen=True, kw_only=True, tag=True):
 class ServicesSubscribed(MessageBody, frozen=True, kw_only=True, tag=True):
     """`version`: that of the offers listed. Unasked, after a restart of the Registry: news may be missing, subscribe again.
 
-    `others`: the addresses of the other Registries of the site, which list the same offers.
+    `other_registries`: the addresses of the other Registries of the site, which list the same offers.
     """
 
     until: float
     version: int = 0
-    others: tuple[str, ...] = ()
+    other_registries: tuple[str, ...] = ()
 
 
 class ServicesJoined(MessageBody, frozen=True, kw_only=True, tag=True):

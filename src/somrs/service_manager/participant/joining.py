@@ -121,8 +121,8 @@ class Joining(Struct, kw_only=True):
         """Repeat a request without an answer, or renew the lease. A device whose renewal has no answer publishes its offers again, at
         another Registry of the site if there is one."""
         if self.pending_request and self.step in (JoinStep.PUBLISH, JoinStep.RENEW) and self.other_registries:
-            self.registry, *others = (*self.other_registries, self.registry)
-            self.other_registries = tuple(others)
+            self.registry, *remaining = (*self.other_registries, self.registry)
+            self.other_registries = tuple(remaining)
         if self.step is JoinStep.RENEW:
             due_step = JoinStep.READ if self.withheld else JoinStep.RENEW
             yield from self._take_step(due_step if not self.pending_request else JoinStep.PUBLISH, now)
@@ -158,7 +158,9 @@ class Joining(Struct, kw_only=True):
                 yield from self._take_step(JoinStep.PUBLISH, now)
             case Published() as published:
                 yield SetTimer(JoiningDue(), now + published.renew_within * 0.7)
-                self.other_registries = tuple(address for address in published.others if address != self.registry) or self.other_registries
+                self.other_registries = (
+                    tuple(address for address in published.other_registries if address != self.registry) or self.other_registries
+                )
                 yield from self._published(published.withheld)
                 self.step = JoinStep.RENEW
             case Rejected(problems=problems):
