@@ -271,7 +271,7 @@ class Registry:
         yield from self._announcements.announce(old_views, "expired", now, expiries=expiries)
         for neighbour in self.state.neighbours.values():
             if not neighbour.is_away and neighbour.is_silent(now):
-                old_views = self._views_with_rivals([], neighbour.offers)
+                old_views = self._views_with_rivals([], self._listing().taken_from(neighbour.settings.name).values())
                 neighbour.is_away = True
                 yield from self._announcements.announce(old_views, AWAY, now)
 
@@ -297,7 +297,7 @@ class Registry:
 
     def _follow_neighbours(self, event: Input, now: float) -> list[Effect] | None:
         """The effects of an input that concerns the copy of a neighbour's offers; None if it does not."""
-        for neighbour in self.state.neighbours.values():
+        for name, neighbour in self.state.neighbours.items():
             listing, old_offers = self._listing(), neighbour.offers
             update = neighbour.copy.handle(event, now) if neighbour.copy is not None else None
             if update is None:
@@ -305,9 +305,12 @@ class Registry:
             neighbour.is_away = neighbour.is_away and neighbour.is_silent(now)
             if neighbour.offers is old_offers:
                 return update.effects
-            concerned = [offer for offers in (old_offers, neighbour.offers) for offer in offers]
-            old_views = listing.views(sorted(listing.rivals(concerned) | self._listing().rivals(concerned)))
-            reasons = {service: news.reason for news in update.news if isinstance(news, ServicesLeft) for service in news.services}
+            new_listing = self._listing()
+            old_taken, new_taken = listing.taken_from(name), new_listing.taken_from(name)
+            concerned = [*old_taken.values(), *new_taken.values()]
+            old_views = listing.views(sorted(listing.rivals(concerned) | new_listing.rivals(concerned)))
+            left_services = ((service, news.reason) for news in update.news if isinstance(news, ServicesLeft) for service in news.services)
+            reasons = {old_taken[service].service: reason for service, reason in left_services if service in old_taken}
             return [*update.effects, *self._announcements.announce(old_views, RETRACTED, now, reasons=reasons)]
         return None
 

@@ -79,14 +79,26 @@ class Listing:
         return any(selection is not None and selection.areas for selection in selections)
 
     @cached_property
+    def _taken(self) -> dict[str, dict[str, Offer]]:
+        """What is taken from each neighbour, by the names that the services have there."""
+        return {
+            neighbour.name: {service: offer for offer, service in taken_offers(neighbour, offers, self._ontology, self._map)}
+            for neighbour, offers in self._neighbours
+        }
+
+    def taken_from(self, neighbour: str) -> OffersByService:
+        """What is taken from a neighbour, listed or withheld, by the names that the services have there."""
+        return self._taken[neighbour]
+
+    @cached_property
     def _sources(self) -> dict[str, Mapping[str, Provider]]:
         """The providers by the Registry at which they publish, in order of precedence."""
         sources: dict[str, Mapping[str, Provider]] = {OWN: self._providers}
-        for neighbour, offers in self._neighbours:
+        for name, offers in self._taken.items():
             providers: dict[str, Provider] = {}
-            for offer in taken_offers(neighbour, offers, self._ontology, self._map):
+            for offer in offers.values():
                 providers.setdefault(offer.provider, Provider(offers={}, expires_at=0.0)).offers[offer.service] = offer
-            sources[neighbour.name] = providers
+            sources[name] = providers
         return sources
 
     @property

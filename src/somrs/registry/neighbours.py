@@ -103,11 +103,16 @@ class NeighbourState(Struct, kw_only=True):
         return self.copy.offers if self.copy is not None and not self.is_away else Offers()
 
 
-def taken_offers(settings: Neighbour, offers: Iterable[Offer], ontology: Ontology, map: Map | None) -> Iterator[Offer]:
-    """The offers of a neighbour that are taken, with its name. What it has from others is not."""
-    if settings.takes is not None:
-        selector = Selector(settings.takes, ontology, map)
-        yield from (structs.replace(offer, registry=settings.name) for offer in offers if not offer.registry and selector.selects(offer))
+def taken_offers(settings: Neighbour, offers: Iterable[Offer], ontology: Ontology, map: Map | None) -> Iterator[tuple[Offer, str]]:
+    """The offers of a neighbour that are taken, as they are listed here, each with the service's name there. What it has from others is not
+    taken."""
+    if settings.takes is None:
+        return
+    selector = Selector(settings.takes, ontology, map)
+    for offer in offers:
+        listed_offer = structs.replace(offer, registry=settings.name)
+        if not offer.registry and selector.selects(listed_offer):
+            yield listed_offer, offer.service
 
 
 def check_neighbours(neighbours: Iterable[Neighbour], address: str = "") -> None:
