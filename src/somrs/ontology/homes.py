@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from msgspec import structs
 
 from somrs.entish.formula import Formula, names
+from somrs.entish.parse import parse
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.qualified_names import SEPARATOR, home_of, plain_name
@@ -37,6 +38,13 @@ def with_full_names(formula: Formula, map: Map, ontology: Ontology) -> Formula:
     """The formula with the full names of the objects that it means."""
     full_names = {name: full for name in names(formula) if (full := full_name(name, map)) != name}
     return _renamer(full_names, ontology).formula(formula) if full_names else formula
+
+
+def full_text(text: str, map: Map, ontology: Ontology) -> str:
+    """The text of a formula with the full names of the objects that it means; as it was written if it has them already."""
+    formula = parse(text)
+    full_formula = with_full_names(formula, map, ontology)
+    return text if full_formula is formula else str(full_formula)
 
 
 def _renamer(new_names: Mapping[str, str], ontology: Ontology) -> Renamer:

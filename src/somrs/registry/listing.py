@@ -67,10 +67,15 @@ class Listing:
         """Whether another listing of the same providers may judge an offer in another way."""
         if self._ontology is not old_listing._ontology:
             return True
-        if self._map is not old_listing._map and self._has_areas:
+        if self._map is not old_listing._map and (self._has_areas or self._maps_of_neighbours != old_listing._maps_of_neighbours):
             return True
         low, high = sorted((self.version, old_listing.version))
         return any(low < provider.ontology_version <= high for provider in self._providers.values())
+
+    @property
+    def _maps_of_neighbours(self) -> set[str]:
+        """The neighbours whose maps are on the map: their devices have qualified names."""
+        return {neighbour.name for neighbour, _ in self._neighbours if self._map is not None and neighbour.name in self._map.homes}
 
     @property
     def _has_areas(self) -> bool:

@@ -17,6 +17,7 @@ from somrs.kernel.following import LEASE
 from somrs.kernel.offers import Offers
 from somrs.kernel.service_replica import ServiceReplica, ServiceUpdate
 from somrs.ontology.objects import Map
+from somrs.ontology.qualified_names import SEPARATOR
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Offer, SubscribeServices
@@ -105,12 +106,17 @@ class NeighbourState(Struct, kw_only=True):
 
 def taken_offers(settings: Neighbour, offers: Iterable[Offer], ontology: Ontology, map: Map | None) -> Iterator[tuple[Offer, str]]:
     """The offers of a neighbour that are taken, as they are listed here, each with the service's name there. What it has from others is not
-    taken."""
+    taken.
+
+    If the neighbour also has a map of its own, with this name, its devices are on this map under qualified names.
+    """
     if settings.takes is None:
         return
+    qualifier = f"{settings.name}{SEPARATOR}" if map is not None and settings.name in map.homes else ""
     selector = Selector(settings.takes, ontology, map)
     for offer in offers:
-        listed_offer = structs.replace(offer, registry=settings.name)
+        service, provider = f"{qualifier}{offer.service}", f"{qualifier}{offer.provider}"
+        listed_offer = structs.replace(offer, registry=settings.name, service=service, provider=provider)
         if not offer.registry and selector.selects(listed_offer):
             yield listed_offer, offer.service
 

@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
+from somrs.ontology.qualified_names import plain_name
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import PART_OF, Ontology, Value
 from somrs.protocol.messages.directory import Offer
@@ -45,7 +46,7 @@ class Selector:
         """Whether the offer is one of the selected."""
         selection = self._selection
         return (
-            (not selection.providers or offer.provider in selection.providers)
+            (not selection.providers or not {offer.provider, plain_name(offer.provider)}.isdisjoint(selection.providers))
             and (not selection.types or not type_names(offer.service_type, self._ontology).isdisjoint(selection.types))
             and (not selection.areas or self._is_inside(offer.provider))
         )

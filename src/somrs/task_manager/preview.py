@@ -143,7 +143,7 @@ class PreviewExecutor:
         received = yield from self._participants.receive(message, now)
         if received is None or not received[1].moved or self._state.result is not None:
             return None
-        member, _ = received
+        member, _, message = received
         call = self._state.calls.find_call(member)
         if call is None:
             return None

@@ -7,11 +7,12 @@ Manager that asks has it. A Task Manager that asks keeps asking, also after a re
 from __future__ import annotations
 
 from somrs.kernel.component import EffectsReturning, Send
+from somrs.ontology.homes import full_text
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.reservations import TaskAssigned
-from somrs.protocol.messages.submission import Submit, SubmitOnce, Submitted
+from somrs.protocol.messages.submission import Submit, SubmitOnce, Submitted, with_formulas
 from somrs.task_manager.context import find_task_error, rejection
 from somrs.task_manager.state import TaskManagerState
 from somrs.task_manager.transaction.state import TaskState
@@ -60,9 +61,15 @@ class Submissions:
 
     def _add_task(self, message: Message, now: float) -> Message:
         id = submitted_id(message)
-        self._state.tasks[id] = TaskState.new(id, _submitted_task(message), now, client=message.header.sender)
+        task = self._with_full_names(_submitted_task(message))
+        self._state.tasks[id] = TaskState.new(id, task, now, client=message.header.sender)
         self._state.running.append(id)
         return message
+
+    def _with_full_names(self, task: Submit) -> Submit:
+        """The task with the full names of objects: others may get the short ones later. A handler may have variables of its own."""
+        map, ontology = self._state.replica.map, self._state.replica.ontology
+        return with_formulas(task, lambda text: full_text(text, map, ontology))
 
     def _reply(self, request: Message, body: Body) -> Send:
         return Send(reply(request, body, self._state.requests.address))

@@ -19,6 +19,7 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.member import INTERRUPTED, Member
+from somrs.task_manager.execution.translation import Translation
 from somrs.task_manager.timers import OverdueDue, SilenceDue
 
 SILENCE = 20.0
@@ -204,7 +205,11 @@ class Participants:
         message = member.session.send(body)
         self._mark_changed(member)
         self._log_message(now, message)
-        yield Send(message, now + seconds)
+        yield Send(self._translation(member).outgoing(message), now + seconds)
+
+    def _translation(self, member: Member) -> Translation:
+        replica = self._context.replica
+        return Translation(member.offer.provider, replica.map, replica.ontology)
 
     def _mark_changed(self, member: Member) -> None:
         """Record that the participant's contract has changed."""
@@ -214,19 +219,21 @@ class Participants:
 
     # Receiving
 
-    def receive(self, message: Message, now: float) -> EffectsReturning[tuple[Member, ReceiveResult] | None]:
-        """Handle a message. Returns its participant and its meaning, or None if the sender is no participant."""
+    def receive(self, message: Message, now: float) -> EffectsReturning[tuple[Member, ReceiveResult, Message] | None]:
+        """Handle a message. Returns its participant, its meaning and itself, in the names of the map here; None if the sender is no
+        participant."""
         member = self._members.find_member(message.header.participant)
         if member is None:
             yield from answer_stranger(message, self._context.address)
             return None
+        message = self._translation(member).incoming(message)
         transition = member.session.receive(message)
         if transition.state is not transition.state_before:
             self._mark_changed(member)
         self._log_message(now, message)
         for answer in transition.answers:
             self._log_message(now, answer)
-            yield Send(answer)
+            yield Send(self._translation(member).outgoing(answer))
         self._record_pace(member, transition.state_before, message, now)
         member.last_heard_time, member.queried = now, False
         if transition.moved:
@@ -235,7 +242,7 @@ class Participants:
             yield from self._unwatch(member)
         elif transition.state_before not in WORKING and transition.state in WORKING:
             yield from self._watch(member, now)
-        return member, transition
+        return member, transition, message
 
     def _record_pace(self, member: Member, state_before: State, message: Message, now: float) -> None:
         """Record how long the answer to Arrange took, or the time since the last message from a working participant."""

@@ -43,7 +43,7 @@ class ParticipantEvents:
         received = yield from self._scope.participants.receive(message, now)
         if received is None:
             return None
-        member, transition = received
+        member, transition, message = received
         self._scope.services.returned((member.offer.service,))
         if transition.moved:
             return (yield from self._process_message(member, message, now))

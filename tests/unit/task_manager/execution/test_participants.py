@@ -83,7 +83,9 @@ class TransactionHarness:
         )
         return Message(header=header, body=body)
 
-    def member_says(self, member: Member, body: FrpBody, now: float = 0.0) -> tuple[list[Effect], tuple[Member, ReceiveResult] | None]:
+    def member_says(
+        self, member: Member, body: FrpBody, now: float = 0.0
+    ) -> tuple[list[Effect], tuple[Member, ReceiveResult, Message] | None]:
         return run_effects(self.participants.receive(self.message(member.id, body), now))
 
     def offered(self, duration: float = 30.0) -> Member:

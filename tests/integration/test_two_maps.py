@@ -1,0 +1,164 @@
+"""Two owners, each with a Repository, a Registry and a Task Manager, whose Repositories and Registries are neighbours."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from somrs.ontology.files.loading import load_text
+from somrs.ontology.objects import Map
+from somrs.planner.model.problem import Problem
+from somrs.planner.planning import plan
+from somrs.protocol.messages.neighbours import Neighbour, Neighbours, SetNeighbour
+from somrs.protocol.messages.submission import Submit, Submitted
+from somrs.protocol.messages.task_views import TaskView
+from somrs.registry.component import SCHEMA as REGISTRY
+from somrs.registry.component import Registry
+from somrs.registry.neighbours import Configured
+from somrs.registry.neighbours import Neighbour as NeighbouringRegistry
+from somrs.registry.selection import Selection
+from somrs.repository.component import SCHEMA as REPOSITORY
+from somrs.repository.component import Repository
+from somrs.repository.state import Contents
+from somrs.runtime.virtual_time import Work, World
+from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.sdk.orders import Capability, Profile
+from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
+from somrs.task_manager.manager import TaskManager
+from somrs.task_manager.transaction.views import view
+from tests.support.answer_client import AnswerClient
+from tests.support.building import wide_building
+from tests.support.virtual_system import Robot
+
+OBJECTS = """
+  {map}Cupboard: {{type: Cupboard, at: [1, 1, 0], Shape: {{Form: Box, Width: 0.5, Depth: 1, Height: 0.8}}}}
+  {map}Platform: {{type: Platform, at: [8, 2, 0], Shape: {{Form: Box, Width: 1, Depth: 1, Height: 0.3}}}}
+  Jar1: {{type: Jar, at: [1, 1, 0.8]}}
+  {map}Robot: {{type: PioneerP3DX, at: [3, 3]}}
+facts:
+  - Jar1 isOn {map}Cupboard
+"""
+
+
+class Owner:
+    """A system of one owner, at addresses of its own."""
+
+    def __init__(self, world: World, map: str) -> None:
+        self.world, self.name = world, map
+        loaded = load_text(wide_building(map) + OBJECTS.format(map=map), "site.yaml")
+        assert loaded.map is not None
+        self.repository_address, self.registry_address, self.manager_address = f"{map}/repository", f"{map}/registry", f"{map}/tm"
+        contents = Contents(ontology=loaded.ontology, map=loaded.map)
+        world.add(self.repository_address, Repository(self.repository_address, contents), journaled=REPOSITORY)
+        registry = Registry(self.registry_address, loaded.ontology, self.repository_address)
+        world.add(self.registry_address, registry, journaled=REGISTRY)
+        manager = TaskManager(self.manager_address, repository=self.repository_address, registry=self.registry_address)
+        world.add(self.manager_address, manager, self._plan, journaled=TASK_MANAGER)
+
+    @staticmethod
+    def _plan(task: object) -> Work:
+        assert isinstance(task, Problem), task
+        yield 0.5, plan(task)
+
+    def join(self, robot: Robot) -> None:
+        profile = Profile(
+            name=robot.name,
+            type="PioneerP3DX",
+            capabilities=(Capability(type="TransferObject", method="work", stoppable=True),),
+            lease=3600,
+        )
+        manager = ServiceManager(profile, repository=self.repository_address, registry=self.registry_address)
+        self.world.add(f"{self.name}/devices/{robot.name}", manager, robot.carry_out, journaled=SERVICE_MANAGER)
+
+    @property
+    def map(self) -> Map:
+        repository = self.world.components[self.repository_address]
+        assert isinstance(repository, Repository)
+        return repository.contents.map
+
+    @property
+    def manager(self) -> TaskManager:
+        manager = self.world.components[self.manager_address]
+        assert isinstance(manager, TaskManager)
+        return manager
+
+
+class TwoOwners:
+    """A barn and a yard that show and let each other change everything."""
+
+    def __init__(self, *, barn_robot: Robot | None = None, yard_robot: Robot | None = None) -> None:
+        self.world = World()
+        self.client = AnswerClient(self.world)
+        self.barn, self.yard = Owner(self.world, "Barn"), Owner(self.world, "Yard")
+        for owner, other in ((self.barn, self.yard), (self.yard, self.barn)):
+            neighbour = Neighbour(map=other.name, address=other.repository_address)
+            self.client.ask(owner.repository_address, SetNeighbour(neighbour=neighbour), Neighbours)
+            registry = NeighbouringRegistry(name=other.name, address=other.registry_address, takes=Selection(), gives=Selection())
+            self.world.notify(owner.registry_address, Configured((registry,)))
+            self.world.revive(owner.registry_address)
+        for owner, robot in ((self.barn, barn_robot), (self.yard, yard_robot)):
+            if robot is not None:
+                owner.join(robot)
+        self.world.run(90.0)
+
+    def submit(self, owner: Owner, effect: str) -> str:
+        return self.client.ask(owner.manager_address, Submit(effect=effect), Submitted).task
+
+    def finish(self, owner: Owner, task: str) -> TaskView:
+        state = owner.manager.state.tasks[task]
+        assert self.world.run(3600, lambda: state.outcome is not None), state.events
+        self.world.run(30)
+        return view(state)
+
+
+def test_a_goal_about_a_neighbour_s_map_is_reached_with_the_neighbour_s_robot() -> None:
+    robot = Robot("BarnRobot", price=5, duration=20)
+    two = TwoOwners(barn_robot=robot)
+    seen = two.finish(two.yard, two.submit(two.yard, "Barn:Jar1 isOn BarnPlatform"))
+    assert seen.outcome == "accomplished", seen
+    assert two.barn.map.has_fact("isOn", ("Jar1", "BarnPlatform"))
+    assert two.yard.map.has_fact("isOn", ("Barn:Jar1", "Barn:BarnPlatform"))
+    assert [order.inputs["Object"] for order in robot.orders] == ["Jar1"]
+
+
+def test_a_robot_brings_a_thing_to_the_neighbour_where_it_gets_its_home() -> None:
+    robot = Robot("BarnRobot", price=5, duration=20)
+    two = TwoOwners(barn_robot=robot)
+    seen = two.finish(two.barn, two.submit(two.barn, "Jar1 isOn YardPlatform"))
+    assert seen.outcome == "accomplished", seen
+    (thing,) = [name for name, place in two.yard.map.facts_with("isOn", 1, "YardPlatform")]
+    assert ":" not in thing
+    assert two.barn.map.has_fact("isOn", (f"Yard:{thing}", "Yard:YardPlatform"))
+
+
+def test_opposite_wishes_of_two_owners_for_one_thing_do_not_cross() -> None:
+    two = TwoOwners(barn_robot=Robot("BarnRobot", price=5, duration=20), yard_robot=Robot("YardRobot", price=5, duration=20))
+    first = two.submit(two.barn, "Jar1 isOn BarnPlatform")
+    second = two.submit(two.yard, "Barn:Jar1 isOn YardPlatform")
+    outcomes = [two.finish(two.barn, first), two.finish(two.yard, second)]
+    assert [outcome.outcome for outcome in outcomes] == ["accomplished", "accomplished"], [outcomes]
+    assert sum(name.startswith("Jar") for name, place in two.yard.map.facts_with("isOn", 1, "YardPlatform")) == 1
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_task_over_two_maps_outlives_the_death_of_either_repository(seed: int) -> None:
+    chance = random.Random(seed)
+    two = TwoOwners(barn_robot=Robot("BarnRobot", price=5, duration=20), yard_robot=Robot("YardRobot", price=7, duration=20))
+    task = two.submit(two.yard, "Barn:Jar1 isOn YardPlatform AND Jar1 isOn BarnPlatform")
+    for _ in range(6):
+        address = chance.choice((two.barn, two.yard)).repository_address
+        two.world.run(chance.choice((0.5, 3.0, 15.0)))
+        two.world.kill(address)
+        two.world.run(chance.choice((0.5, 3.0, 40.0)))
+        two.world.revive(address)
+    seen = two.finish(two.yard, task)
+    assert seen.outcome == "accomplished", seen
+    assert sum(name.startswith("Jar") for name, place in two.yard.map.facts_with("isOn", 1, "YardPlatform")) == 1
+    assert sum(name.startswith("Jar") for name, place in two.barn.map.facts_with("isOn", 1, "BarnPlatform")) == 1
+    for owner in (two.barn, two.yard):
+        repository = two.world.components[owner.repository_address]
+        assert isinstance(repository, Repository)
+        assert not repository.contents.reservations.claimants
+        assert not repository.contents.shared_reservations
