@@ -49,6 +49,15 @@ class Berths:
         assert entry is not None, "only those in use have a number"
         return entry.berth.name
 
+    def are_joined(self, place: int, towards: int) -> bool:
+        """Whether a lane leads from one place or berth to another. A robot may be on one that is closed by now."""
+        first = self.roadmap.graph.size
+        if max(place, towards) < first:
+            return towards in self.roadmap.graph.successors[place]
+        berth, end = max(place, towards), min(place, towards)
+        entry = self.slots[berth - first]
+        return entry is not None and any(start == end for start, _ in entry.lanes)
+
     def position(self, number: int) -> Position:
         """Where the place or berth of this number is."""
         if number < self.roadmap.graph.size:

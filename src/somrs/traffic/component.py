@@ -252,7 +252,7 @@ class Traffic:
             self._use_berth(body.robot, berth)
         place = self._berths.number(body.place, body.robot)
         towards = self._berths.number(body.towards, body.robot) if body.towards is not None else None
-        if towards is not None and towards not in self._berths.graph.options(place, body.robot):
+        if towards is not None and not self._berths.are_joined(place, towards):
             raise UsageError(f"no lane leads from {body.place} to {body.towards}")
         self._put(body.robot, place, towards)
         self.state.astray.pop(body.robot, None)

@@ -24,6 +24,9 @@ from somrs.traffic.planning.graph import Lane
 from somrs.traffic.roadmap import NumberedRoadmap
 from somrs.traffic.state import Position
 
+NO_NEARER = 0.005
+"""How much nearer to something a robot may come before it counts as nearer, in metres."""
+
 Numbers = NDArray[np.int64]
 Room = Callable[[Points], NDArray[np.floating]]
 """The distance from each of the points (n, 2) to the nearest obstacle, in metres."""
@@ -150,11 +153,17 @@ class Obstructions:
         return tuple(ClosedLane(start=self._roadmap.names[start], end=self._roadmap.names[end]) for start, end in lanes)
 
     def _without_room(self, floor: _Floor, room: Room, lanes: Numbers, rows: Numbers) -> tuple[list[int], list[Lane]]:
-        blocked = np.zeros(len(floor.numbers), dtype=bool)
-        blocked[rows] = room(floor.points[rows]) < floor.need[rows]
-        lanes = lanes[~blocked[lanes[:, 0]] & ~blocked[lanes[:, 1]]]
+        """The places of these rows without enough room, and those of the lanes without it that do not end there.
+
+        A robot that is at such a place leaves it by lanes on which it does not come nearer to what is there.
+        """
+        clearances = np.full(len(floor.numbers), math.inf)
+        clearances[rows] = room(floor.points[rows])
+        blocked = clearances < floor.need
+        lanes = lanes[~blocked[lanes[:, 1]]]
         starts, ends = floor.points[lanes[:, 0]], floor.points[lanes[:, 1]]
-        shut_lanes = lanes[least_room(room, starts, ends) < floor.need[lanes[:, 0]]]
+        need = np.minimum(floor.need[lanes[:, 0]], clearances[lanes[:, 0]] - NO_NEARER)
+        shut_lanes = lanes[least_room(room, starts, ends) < need]
         closed: list[int] = floor.numbers[blocked].tolist()
         return closed, [(start, end) for start, end in floor.numbers[shut_lanes].tolist()]
 

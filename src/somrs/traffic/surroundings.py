@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from somrs.space.lines import point_distance
-from somrs.traffic.roadmap import NumberedRoadmap, UsedBerth, least_distance
+from somrs.traffic.roadmap import ROUNDING, NumberedRoadmap, UsedBerth, least_distance
 
 GAP = 0.01
 """The least distance between robots that stand at berths, in metres."""
@@ -62,7 +62,7 @@ class Surroundings:
         point, spacing = (entry.berth.x, entry.berth.y), self._roadmap.spacing(entry.lanes[0][0])
         for number in self._roadmap.near(point, entry.level):
             place = self._roadmap.roadmap.places[number]
-            if math.dist((place.x, place.y), point) < least_distance(spacing, self._roadmap.spacing(number)):
+            if math.dist((place.x, place.y), point) < least_distance(spacing, self._roadmap.spacing(number)) * (1 - ROUNDING):
                 yield number
         zone = zone_of(self._roadmap, entry)
         if zone is not None:

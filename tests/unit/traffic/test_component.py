@@ -517,6 +517,32 @@ def test_a_robot_that_breaks_between_two_places_keeps_both() -> None:
     assert [robot.held for robot in harness.view().robots] == [("A", "B")]
 
 
+def test_a_robot_between_two_places_turns_round_on_a_lane_that_is_closed_by_now() -> None:
+    harness = Harness(roadmap(LINE))
+    harness.enter("R1", "A")
+    harness.trip("R1", "East")
+    harness.wait(1)
+    harness.report("R1", "A", 0, Mobility.BUSY, between=True)
+    harness.notify(CloseWays(places=("B",)))
+    assert isinstance(harness.enter("R1", "B", towards="A"), TrafficEntered)
+    assert [robot.held for robot in harness.view().robots] == [("B", "A")]
+    harness.report("R1", "A", 1)
+    harness.trip("R1", "West")
+    assert TripEnded(robot="R1", trip="R1 to West", result=TripResult.ARRIVED) in drive(harness)
+
+
+def test_a_robot_turns_round_to_the_berth_from_which_it_came() -> None:
+    harness = Harness(roadmap(LINE))
+    harness.enter("R1", "East")
+    berth = Berth(name="R1/table", x=3.4, y=0.0, radius=0.2, places=("C", "East"))
+    harness.trip("R1", "R1/table", berth)
+    drive(harness)
+    harness.notify(CloseWays(places=("C",)))
+    turned = EnterTraffic(robot="R1", place="C", towards="R1/table", berths=(berth,), lease=LEASE)
+    assert isinstance(harness.send("R1", turned)[0], TrafficEntered)
+    assert [robot.held for robot in harness.view().robots] == [("C", "R1/table")]
+
+
 def test_a_request_that_arrives_again_is_answered_again_and_begins_nothing() -> None:
     harness = Harness(roadmap(LINE))
     harness.enter("R1", "West")

@@ -28,6 +28,8 @@ MARGIN = 0.03
 """Distance of a planned path from obstacles, beyond the robot's radius, m."""
 SLACK = 0.02
 """How much nearer to something than planned a robot drives before it counts as in the way, m."""
+NO_NEARER = 0.005
+"""How much nearer to something a robot may come before it counts as nearer, m."""
 LOOK = 1.0
 """The time after which a robot looks again whether its way is clear, s."""
 NEAR_FLOOR = 0.3
@@ -76,7 +78,7 @@ def sees(robot: Robot, start: Point, end: Point, slack: float = 0.0) -> bool:
         return False
     for disc in floor_things(robot, [robot.holding] if robot.holding else []):
         distance = point_distance((disc.x, disc.y), start, end) - disc.radius
-        if distance < min(need, disc.distance(start), disc.distance(end)) - 0.005:
+        if distance < min(need, disc.distance(start), disc.distance(end)) - NO_NEARER:
             return False
     return True
 
@@ -154,11 +156,21 @@ def _travel_to(robot: Robot, stop: Berth | str | None, goal: Point, patience: fl
         _check_arrival(robot, goal, road.ended)
 
 
-def _is_free(robot: Robot, goal: Point) -> bool:
-    """Whether nothing but robots stands at the goal, except for things that the robot is too near to already."""
-    need, position = robot.size.radius + MARGIN, robot.pose()[:2]
-    discs = [disc for disc in floor_things(robot, [robot.holding] if robot.holding else []) if disc.distance(position) >= need]
-    return robot.free_space.free(goal, need, discs)
+def _is_free(robot: Robot, goal: Point, slack: float = 0.0) -> bool:
+    """Whether nothing but robots stands at the goal. To a thing that it is too near to already, the robot may be as near there."""
+    need, position = robot.size.radius + MARGIN - slack, robot.pose()[:2]
+    discs = floor_things(robot, [robot.holding] if robot.holding else [])
+    near_discs = [disc for disc in discs if disc.distance(position) < need]
+    if any(disc.distance(goal) < disc.distance(position) - NO_NEARER for disc in near_discs):
+        return False
+    return robot.free_space.free(goal, need, [disc for disc in discs if disc not in near_discs])
+
+
+def _can_go_on(robot: Robot, position: Point, following: Point) -> bool:
+    """Whether the robot can drive to the next place. Where it was stopped on the way, something may stand there since."""
+    if not robot.road.is_on_its_way:
+        return sees(robot, position, following, SLACK)
+    return sees(robot, position, following, MARGIN) and _is_free(robot, following, MARGIN)
 
 
 def _check_arrival(robot: Robot, goal: Point, ended: TripEnded) -> None:
@@ -193,9 +205,11 @@ def drive_on(robot: Robot) -> Generator[None, None, bool]:
             return has_moved
         if not (yield from _wait_for_doors(robot, robot.fleet.doors_between(robot, position, following))):
             return has_moved
-        if not (road.is_on_its_way or sees(robot, position, following, SLACK)):
-            road.give_back(position, partial(sees, robot))
+        if not _can_go_on(robot, position, following):
+            has_way = road.look_again(position, partial(sees, robot))
             yield from wait(robot, LOOK)
+            if not has_way:
+                raise GivenUp("blocked", f"{robot.name} cannot drive on: {road.refusal}")
             return has_moved
         target = road.depart()
         assert target is not None, "it was granted"

@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
+from functools import partial
 from typing import Protocol
 
 from somrs.protocol.messages.bodies import Body
@@ -15,6 +16,7 @@ from somrs.protocol.messages.traffic import Berth, Granted, Mobility, TrafficEnt
 from somrs.space.solids import Point
 from somrs.traffic.participant import Participant
 from somrs.traffic.roadmap import NumberedRoadmap, Place
+from somrs.traffic.surroundings import TOLERANCE
 
 LEASE = 10.0
 """The lease of a robot's places, in simulated seconds."""
@@ -85,22 +87,28 @@ class RoadUser:
         participant = self._participant
         if participant is not None and (participant.towards is not None or math.dist(self.point(participant.place), position) <= ASTRAY):
             return True
-        self._participant, self._trip = None, None
-        stop = self.stop_at(position, sees)
+        self._participant = None
+        return self._enter_at(self.stop_at(position, sees))
+
+    def _enter_at(self, stop: Berth | str | None) -> bool:
+        """Enter at a place or a berth. Returns whether traffic lets it; None is refused."""
         if stop is None:
             self.refusal = f"{self.robot} stands where it sees no place of the roadmap"
             return False
-        self._enter(Participant(self.robot, stop.name if isinstance(stop, Berth) else stop))
-        return self.takes_part
+        return self._enter(Participant(self.robot, stop.name if isinstance(stop, Berth) else stop))
 
-    def _enter(self, participant: Participant) -> None:
+    def _enter(self, participant: Participant) -> bool:
+        """Enter, which ends the trip. Returns whether traffic lets it."""
+        self._trip = None
         berths = tuple(self._berths[name] for name in (participant.place, participant.towards) if name in self._berths)
         answer = self.office.tell(self.robot, participant.enter(LEASE, berths, self.mobility))
-        if isinstance(answer, TrafficEntered):
-            participant.entered(answer)
-            self._participant = participant
-        elif isinstance(answer, Fault):
-            self.refusal, self._participant = answer.text, None
+        if isinstance(answer, Fault):
+            self.refusal = answer.text
+        if not isinstance(answer, TrafficEntered):
+            return False
+        participant.entered(answer)
+        self._participant = participant
+        return True
 
     def stay(self, position: Point, sees: Sees) -> None:
         """The robot cannot move any more: say where exactly it is, so that others come as near as they can."""
@@ -108,39 +116,69 @@ class RoadUser:
         self.enter(position, sees)
 
     def give_back(self, position: Point, sees: Sees) -> None:
-        """Something stands in the way to the next place: give back what was granted. From a berth, there may be other ways."""
+        """A passage on the way to the next place is shut: give back what was granted. From a berth, there may be other ways."""
         assert self._participant is not None, "only who takes part is granted places"
         if self._participant.place in self._berths:
-            self._participant = None
-            self.enter(position, sees)
+            self.look_again(position, sees)
         else:
-            self.set_mobility(Mobility.BUSY)
-            self.set_mobility(Mobility.FREE)
+            self._return_way()
+
+    def _return_way(self) -> None:
+        self.set_mobility(Mobility.BUSY)
+        self.set_mobility(Mobility.FREE)
+
+    def look_again(self, position: Point, sees: Sees) -> bool:
+        """Something stands in the way to the next place: give back what was granted, and drive only to places that are in sight from here.
+
+        Between two places, the robot turns round. Returns False if it can drive nowhere.
+        """
+        participant = self._participant
+        assert participant is not None, "only who takes part is granted places"
+        if participant.towards is not None and sees(position, self.point(participant.place)):
+            return self._enter(Participant(self.robot, participant.towards, participant.place))
+        if self.zone is not None or self.next_zone is not None:  # a berth might be outside of the lift in which the robot is
+            self._return_way()
+            return participant.towards is None
+        berth = self.stop_at(position, sees) if participant.towards is not None else self._berth_instead(participant.place, position, sees)
+        self._participant = None
+        return self._enter_at(berth)
 
     def enter_again(self) -> None:
         """Take part again after a silence, from the same place."""
-        if self._participant is not None:
-            self._enter(Participant(self.robot, self._participant.place, self._participant.towards))
+        participant, self._participant = self._participant, None
+        if participant is not None:
+            self._enter(Participant(self.robot, participant.place, participant.towards))
 
     def stop_at(self, position: Point, sees: Sees) -> Berth | str | None:
         """The place at a position, or a berth there; None if no place is in sight."""
-        roadmap, radius = self.office.roadmap, self.office.roadmap.radius_for(self.radius)
-        near_places = [
-            (math.dist((place.x, place.y), position), place.name, roadmap.spacing(number))
-            for number in roadmap.near(position, self.level)
-            if (place := roadmap.roadmap.places[number]).radius == radius
-        ]
-        distance, nearest, _ = min(near_places, default=(math.inf, "", 0.0))
-        if distance <= AT_PLACE:
-            return nearest
-        places_within = sorted(entry for entry in near_places if entry[0] <= entry[2])
-        places = tuple(name for _, name, _ in places_within if sees(position, self._points_of(name)))
+        near_places = self._near_places(position)
+        distance, nearest = next(iter(near_places), (math.inf, ""))
+        return nearest if distance <= AT_PLACE else self._berth(position, near_places, partial(sees, position))
+
+    def _berth_instead(self, place: str, position: Point, sees: Sees) -> Berth | None:
+        """A berth where a place is, which leads to the other places that are in sight from the robot's position there."""
+        point = self.point(place)
+        return self._berth(point, [entry for entry in self._near_places(point) if entry[1] != place], partial(sees, position))
+
+    def _berth(self, point: Point, near_places: Iterable[tuple[float, str]], is_in_sight: Callable[[Point], bool]) -> Berth | None:
+        """A berth that leads to those of the places that are in sight; None if there are none."""
+        places = tuple(name for _, name in near_places if is_in_sight(self._points_of(name)))
         if not places:
             return None
         self._count += 1
-        berth = Berth(name=f"{self.robot}/{self._count}", x=position[0], y=position[1], radius=self.radius, places=places)
+        berth = Berth(name=f"{self.robot}/{self._count}", x=point[0], y=point[1], radius=self.radius, places=places)
         self._remember(berth)
         return berth
+
+    def _near_places(self, point: Point) -> list[tuple[float, str]]:
+        """The places for the robot's size to which a lane from a point may lead: their distances from it, and names; nearest first."""
+        roadmap, radius = self.office.roadmap, self.office.roadmap.radius_for(self.radius)
+        return sorted(
+            (distance, place.name)
+            for number in roadmap.near(point, self.level)
+            if (place := roadmap.roadmap.places[number]).radius == radius
+            and (distance := math.dist((place.x, place.y), point)) <= roadmap.spacing(number) + TOLERANCE
+        )
 
     def _remember(self, berth: Berth) -> None:
         """Keep a berth, and of the earlier ones those that may still occur in grants: where the robot is, and the last destinations."""
