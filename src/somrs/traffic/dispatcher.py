@@ -47,6 +47,8 @@ RENEWAL = 2.0
 EFFORT = 1_000
 """The steps that a search for ways takes at most. They double with each plan that moves nobody, up to `MOST_EFFORT`."""
 MOST_EFFORT = 16_000
+MOST_DOUBLINGS = 10
+"""After so many, both are at their limits: 2 to the power of the plans of a day is no number that a pause could be multiplied by."""
 CROWD = 20
 """Of so many robots; more robots get as many steps fewer, as each step takes longer: meanwhile, traffic stands still."""
 
@@ -200,7 +202,8 @@ class Dispatcher:
             return
         if state.hold and not self._leaving:
             return
-        pause = PAUSE * 2**state.failures if state.changed or not any(state.planned.values()) else RENEWAL
+        growth = 2 ** min(state.failures, MOST_DOUBLINGS)
+        pause = PAUSE * growth if state.changed or not any(state.planned.values()) else RENEWAL
         due_at = state.planned_at + min(pause, LONGEST_PAUSE)
         if now < due_at:
             yield SetTimer(PlanDue(), due_at)
@@ -213,7 +216,7 @@ class Dispatcher:
         searches = may_search and any(self._is_stalled(name, record, now, LONGEST_TURN) for name, record in state.robots.items())
         if any(robot.stalled for robot in robots):
             state.searched_at = now
-        effort = min(EFFORT * 2**state.failures, MOST_EFFORT) * CROWD // max(CROWD, len(robots))
+        effort = min(EFFORT * growth, MOST_EFFORT) * CROWD // max(CROWD, len(robots))
         problem = PlanTraffic(
             serial=state.serial,
             robots=robots,

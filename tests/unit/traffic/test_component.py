@@ -34,7 +34,7 @@ from somrs.traffic.component import SCHEMA, Traffic
 from somrs.traffic.notices import ClosedLane, ClosedPassage, CloseWays, HoldTraffic, RoadmapMade
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import Lane, Place, Roadmap
-from somrs.traffic.state import LeasesDue, PlanTraffic
+from somrs.traffic.state import LeasesDue, PlanTraffic, TrafficPlan
 
 LEASE = 30.0
 LINE = ("West", "A", "B", "C", "East")
@@ -76,7 +76,10 @@ class Harness:
 
     def _make_plan(self, effect: Ask) -> None:
         assert isinstance(effect.task, PlanTraffic)
-        self._handle(Answered(effect.question, self._planner.plan(effect.task)))
+        self.answer(effect, self._planner.plan(effect.task))
+
+    def answer(self, effect: Ask, plan: TrafficPlan) -> None:
+        self._handle(Answered(effect.question, plan))
 
     def make_postponed_plans(self) -> None:
         postponed, self.postponed = self.postponed or [], None
@@ -286,6 +289,24 @@ def test_where_nobody_can_make_room_the_trip_ends() -> None:
     harness.wait(1)
     harness.trip("R1", "East")
     assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.NO_ROOM, robots=("R2",)) in drive(harness)
+
+
+def test_a_robot_waits_for_hours_for_one_that_works_in_its_way() -> None:
+    harness = Harness(roadmap(("West", "A", "East"), ("A", "Bay")))
+    harness.enter("R1", "West")
+    harness.enter("R2", "A", Mobility.BUSY)
+    harness.postponed = []
+    harness.trip("R1", "East")
+    for _ in range(1100):
+        harness.report("R1", "West", 0)
+        harness.report("R2", "A", 0, Mobility.BUSY)
+        harness.wait(11)
+        for effect in harness.postponed:
+            harness.answer(effect, TrafficPlan(ways={}))
+        harness.postponed.clear()
+    harness.postponed = None
+    harness.report("R2", "A", 0)
+    assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.ARRIVED) in drive(harness)
 
 
 def test_a_cancelled_trip_is_not_driven() -> None:
