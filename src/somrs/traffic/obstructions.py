@@ -162,8 +162,8 @@ class Obstructions:
         blocked = clearances < floor.need
         lanes = lanes[~blocked[lanes[:, 1]]]
         starts, ends = floor.points[lanes[:, 0]], floor.points[lanes[:, 1]]
-        need = np.minimum(floor.need[lanes[:, 0]], clearances[lanes[:, 0]] - NO_NEARER)
-        shut_lanes = lanes[least_room(room, starts, ends) < need]
+        least_clearances = np.minimum(floor.need[lanes[:, 0]], clearances[lanes[:, 0]] - NO_NEARER)
+        shut_lanes = lanes[least_room(room, starts, ends) < least_clearances]
         closed: list[int] = floor.numbers[blocked].tolist()
         return closed, [(start, end) for start, end in floor.numbers[shut_lanes].tolist()]
 

@@ -72,13 +72,13 @@ def sees(robot: Robot, start: Point, end: Point, slack: float = 0.0) -> bool:
     One of the points may be nearer to something than robots are to be: then the robot does not come any nearer. `slack`: how much nearer it
     may come, m.
     """
-    need = robot.size.radius + MARGIN - slack
-    room = min(need, robot.free_space.clearance(start), robot.free_space.clearance(end))
+    clearance = robot.size.radius + MARGIN - slack
+    room = min(clearance, robot.free_space.clearance(start), robot.free_space.clearance(end))
     if not robot.free_space.is_clear(start, end, room):
         return False
     for disc in floor_things(robot, [robot.holding] if robot.holding else []):
         distance = point_distance((disc.x, disc.y), start, end) - disc.radius
-        if distance < min(need, disc.distance(start), disc.distance(end)) - NO_NEARER:
+        if distance < min(clearance, disc.distance(start), disc.distance(end)) - NO_NEARER:
             return False
     return True
 
@@ -158,12 +158,12 @@ def _travel_to(robot: Robot, stop: Berth | str | None, goal: Point, patience: fl
 
 def _is_free(robot: Robot, goal: Point, slack: float = 0.0) -> bool:
     """Whether nothing but robots stands at the goal. To a thing that it is too near to already, the robot may be as near there."""
-    need, position = robot.size.radius + MARGIN - slack, robot.pose()[:2]
+    clearance, position = robot.size.radius + MARGIN - slack, robot.pose()[:2]
     discs = floor_things(robot, [robot.holding] if robot.holding else [])
-    near_discs = [disc for disc in discs if disc.distance(position) < need]
+    near_discs = [disc for disc in discs if disc.distance(position) < clearance]
     if any(disc.distance(goal) < disc.distance(position) - NO_NEARER for disc in near_discs):
         return False
-    return robot.free_space.free(goal, need, [disc for disc in discs if disc not in near_discs])
+    return robot.free_space.free(goal, clearance, [disc for disc in discs if disc not in near_discs])
 
 
 def _can_go_on(robot: Robot, position: Point, following: Point) -> bool:
