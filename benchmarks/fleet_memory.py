@@ -13,7 +13,8 @@ from pathlib import Path
 
 from start import cpu, memory
 
-from somrs.deployment.system import System, devices
+from somrs.deployment.devices_of_map import devices
+from somrs.deployment.system import System
 from somrs.ontology.files.loading import load
 
 SPACING = 1.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import resources
 
-from somrs.deployment.system import devices
+from somrs.deployment.devices_of_map import devices
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, Grip, LookAround, Place, Sense, Stop
 from somrs.ontology.files.loading import LoadedModel, load
 from somrs.ontology.objects import Map, ValueSet

@@ -11,7 +11,8 @@ import pytest
 
 from somrs.cli.import_commands import import_sources
 from somrs.client.client import Client
-from somrs.deployment.system import System, symbolic
+from somrs.deployment.devices_of_map import symbolic
+from somrs.deployment.system import System
 from somrs.devices.symbolic.agent import Faults, Mishap, SymbolicAgent
 from somrs.devices.symbolic.lines import Apply, Begin, Estimate, Estimated, Hello, Result, Welcome
 from somrs.devices.symbolic.link import ask

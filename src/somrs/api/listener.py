@@ -33,7 +33,7 @@ class Listener:
         self.address = address
         self.replica = Replica(address, addresses.repository)
         self.ready = asyncio.Event()
-        self.services = ServiceReplica(address, addresses.registry)
+        self.services = ServiceReplica(address, addresses.registry, other_registries=addresses.further_registries)
         self._scheduler = addresses.scheduler
         self._scheduler_started_at: float | None = None
         self._hub = hub

@@ -12,10 +12,11 @@ from msgspec.structs import replace
 
 from somrs.api.context import Context
 from somrs.api.simulator_gateway import link
+from somrs.client.client import NOBODY
 from somrs.client.operations import operation
 from somrs.errors import SomrsError
 from somrs.ontology.types import ABSTRACT
-from somrs.protocol.messages.directory import NeighbourView
+from somrs.protocol.messages.directory import Discover, Discovered, NeighbourView
 from somrs.protocol.messages.knowledge import OntologyPage, ReadOntology
 from somrs.protocol.messages.orders import ReadTemplates, TemplatesPage
 from somrs.protocol.messages.task_news import ReadTasks, Tasks
@@ -31,8 +32,8 @@ OFFSET_BEYOND_ALL = 1_000_000
 NAME_BEYOND_ALL = "\U0010fffd"
 """A name that sorts after all others: the Scheduler returns an empty page quickly."""
 
-TASK_MANAGER = "Task Manager"
-"""The name of the Task Manager, or the kind of each if there are several."""
+TASK_MANAGER, REGISTRY = "Task Manager", "Service Registry"
+"""The name of the Task Manager, and of the Registry, or the kind of each if there are several."""
 
 TICK = 5.0
 """Seconds between two checks of the components while a client follows them."""
@@ -74,19 +75,17 @@ class SystemService:
         The topic `system` publishes the same every few seconds.
         """
         context, addresses = self._context, self._context.addresses
-        neighbours: list[NeighbourView] = []
-
-        async def ask_registry() -> None:
-            neighbours.extend(await context.client.neighbours())
-
         probes: list[tuple[str, str, Callable[[], Awaitable[object]]]] = [
             (
                 "Repository",
                 addresses.repository,
                 lambda: context.client.ask(addresses.repository, ReadOntology(after=OFFSET_BEYOND_ALL), OntologyPage),
             ),
-            ("Service Registry", addresses.registry, ask_registry),
         ]
+        registries = addresses.registries
+        for name, address in registries.items():
+            asking = partial(context.client.ask, address, Discover(provider=NOBODY), Discovered)
+            probes.append((name if len(registries) > 1 else REGISTRY, address, asking))
         managers = context.client.task_managers
         for name, address in managers.addresses.items():
             probes.append(
@@ -101,7 +100,8 @@ class SystemService:
         if (traffic := addresses.traffic) is not None:
             probes.append(("Traffic", traffic, lambda: context.client.ask(traffic, ReadRoadmap(after=OFFSET_BEYOND_ALL), RoadmapPage)))
         parts = await asyncio.gather(*(_probe_part(*probe) for probe in probes))
-        parts = [replace(part, kind=TASK_MANAGER) if part.name in managers.addresses else part for part in parts]
+        kinds = dict.fromkeys(registries, REGISTRY) | dict.fromkeys(managers.addresses, TASK_MANAGER)
+        parts = [replace(part, kind=kinds.get(part.name, "")) for part in parts]
         if addresses.api is not None:
             parts.append(PartView(name="API", address=addresses.api, milliseconds=0.0))  # this response proves that it answers
         map, ontology = context.map, context.ontology
@@ -114,8 +114,16 @@ class SystemService:
             types=len(ontology.types),
             map_version=context.version,
             parts=tuple(parts),
-            neighbours=tuple(neighbours),
+            neighbours=await self._neighbours(),
         )
+
+    async def _neighbours(self) -> tuple[NeighbourView, ...]:
+        """The neighbours of the Registry; none if it does not answer."""
+        try:
+            async with asyncio.timeout(PATIENCE):
+                return await self._context.client.neighbours()
+        except (TimeoutError, SomrsError):
+            return ()
 
     async def _feed(self, topic: str) -> None:
         while True:

@@ -150,6 +150,14 @@ def up(
             show_default=False,
         ),
     ] = None,
+    registries: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="How many Registries list the services. By default as many as in the last run with this data folder, at first one.",
+            show_default=False,
+        ),
+    ] = None,
     bus: Annotated[
         str | None,
         typer.Option(
@@ -182,6 +190,7 @@ def up(
             launcher=Launcher(launcher_process),
             devices_per_process=devices_per_process,
             task_managers=task_managers,
+            registries=registries,
             bus=bus,
             name=name,
             neighbours=neighbours,

@@ -79,6 +79,7 @@ def gateway(
 
 @run_app.command()
 def registry(
+    number: Annotated[int, typer.Option(min=1, help="Which one, in a system with several.")] = 1,
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
@@ -90,7 +91,7 @@ def registry(
     from somrs.deployment.components import run_registry
     from somrs.deployment.programs import run_program
 
-    guarded(lambda: run_program(run_registry(data, addresses_of(data, bus, name), host, port, neighbours)))
+    guarded(lambda: run_program(run_registry(data, addresses_of(data, bus, name), host, port, neighbours, number)))
 
 
 @run_app.command(name="task-manager")

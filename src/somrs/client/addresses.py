@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from zlib import crc32
 
 import msgspec
 
@@ -34,11 +35,24 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     """The bus on which the components are; None for a system without one."""
     further_task_managers: tuple[str, ...] = ()
     """The Task Managers besides `task_manager`, in a system with several."""
+    further_registries: tuple[str, ...] = ()
+    """The Registries besides `registry`, in a system with several."""
 
     @property
     def task_managers(self) -> dict[str, str]:
         """The addresses of all Task Managers, by their names."""
         return {task_manager_name(number): address for number, address in enumerate((self.task_manager, *self.further_task_managers), 1)}
+
+    @property
+    def registries(self) -> dict[str, str]:
+        """The addresses of all Registries, by their names. They list the same."""
+        return {registry_name(number): address for number, address in enumerate((self.registry, *self.further_registries), 1)}
+
+    def registries_for(self, user: str) -> tuple[str, ...]:
+        """The Registries in the order in which this device or Task Manager tries them: each begins with another one."""
+        addresses = [*self.registries.values()]
+        start = crc32(user.encode()) % len(addresses)
+        return (*addresses[start:], *addresses[:start])
 
     @classmethod
     def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:
@@ -53,6 +67,16 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
 
     def write(self, data: Path, name: str = SYSTEM_FILE) -> None:
         (data / name).write_bytes(msgspec.json.format(msgspec.json.encode(self)))
+
+
+def registry_path(number: int) -> str:
+    """The path of a Registry's address."""
+    return "/registry" if number == 1 else f"/registry-{number}"
+
+
+def registry_name(number: int) -> str:
+    """The name of the Registry with this number, counted from 1."""
+    return f"Registry{number}"
 
 
 def task_manager_path(number: int) -> str:

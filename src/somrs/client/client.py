@@ -13,7 +13,7 @@ from typing import TypeVar
 import msgspec
 
 from somrs.client.addresses import Addresses
-from somrs.client.task_managers import Answers, Listing, TaskManagers
+from somrs.client.task_managers import Answers, Listing, TaskManagers, first_answer
 from somrs.errors import FormulaError, RemoteError, UsageError
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Definition, Ontology
@@ -212,11 +212,15 @@ class Client:
 
     async def neighbours(self) -> tuple[directory.NeighbourView, ...]:
         """The neighbours whose offers the Registry lists with its own."""
-        return (await self.ask(self.addresses.registry, directory.Discover(provider=NOBODY), directory.Discovered)).neighbours
+        return (await self.ask_registry(directory.Discover(provider=NOBODY), directory.Discovered)).neighbours
+
+    async def ask_registry(self, question: Body, expected: type[Answer]) -> Answer:
+        """Ask the Registry, or another one of the system if it does not answer: they list the same."""
+        return await first_answer([*self.addresses.registries.values()], lambda address: self.ask(address, question, expected))
 
     async def _discover(self, question: directory.Discover) -> AsyncIterator[directory.Discovered]:
         while True:
-            page = await self.ask(self.addresses.registry, question, directory.Discovered)
+            page = await self.ask_registry(question, directory.Discovered)
             yield page
             if not page.more:
                 return
@@ -224,7 +228,7 @@ class Client:
 
     async def presence(self) -> tuple[directory.PresenceChange, ...]:
         """The latest arrivals and departures of devices, newest first."""
-        return (await self.ask(self.addresses.registry, directory.ReadPresence(), directory.PresenceLog)).changes
+        return (await self.ask_registry(directory.ReadPresence(), directory.PresenceLog)).changes
 
     # The Task Managers
 

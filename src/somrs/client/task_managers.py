@@ -187,7 +187,7 @@ class TaskManagers:
         id = id or uuid.uuid4().urn
         addresses = await self._by_load(id)
         ask_one = partial(self._ask, body=SubmitOnce(submission=task), expected=object, id=id, author=author)
-        answer = await retry_unanswered(lambda: _first_answer(addresses, ask_one), patience)
+        answer = await retry_unanswered(lambda: first_answer(addresses, ask_one), patience)
         if isinstance(answer, TaskAssigned):
             names = (name for name, address in self.addresses.items() if address == answer.task_manager)
             self.remember(answer.task, next(names, ""))
@@ -196,7 +196,7 @@ class TaskManagers:
     async def ask_any(self, request: Body, expected: type[Answer], timeout: float) -> Answer:
         """Ask the Task Manager with the fewest open tasks, or another one if that does not answer. The request changes nothing."""
         addresses = await self._by_load(uuid.uuid4().urn) if self.several else [*self.addresses.values()]
-        return await _first_answer(addresses, lambda address: self._ask(address, request, expected, timeout=timeout))
+        return await first_answer(addresses, lambda address: self._ask(address, request, expected, timeout=timeout))
 
     async def _by_load(self, id: str) -> list[str]:
         """The addresses, those with few open tasks first, and at last those that do not answer."""
@@ -221,7 +221,7 @@ async def _within(time: float, asking: Awaitable[T]) -> T | Unanswered:
         return error
 
 
-async def _first_answer(addresses: list[str], ask_one: Callable[[str], Awaitable[T]]) -> T:
+async def first_answer(addresses: list[str], ask_one: Callable[[str], Awaitable[T]]) -> T:
     """The answer of the first of the addresses that answers. Raises Unanswered if none does."""
     for address in addresses[:-1]:
         try:

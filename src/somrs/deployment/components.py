@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from somrs.client.addresses import Addresses, task_manager_path
+from somrs.client.addresses import Addresses, registry_name, registry_path, task_manager_path
 from somrs.client.trace import Trace, trace_file
 from somrs.deployment.continuation import continuing
 from somrs.deployment.programs import load_site
@@ -40,27 +40,34 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int,
         await continuation.serve("repository", node)
 
 
-async def run_registry(data: Path, addresses: Addresses, host: str, port: int, neighbours: Path | None = None) -> None:
-    """Run the Service Registry. Offers that were listed when its process ended remain listed until their leases expire.
+async def run_registry(data: Path, addresses: Addresses, host: str, port: int, neighbours: Path | None = None, number: int = 1) -> None:
+    """Run the Service Registry with this number. Offers that were listed when its process ended remain listed until their leases expire.
 
-    `neighbours`: the file of its neighbours; None: it has none.
+    `neighbours`: the file of its neighbours; None: it has none but the other Registries of the system.
     """
     from somrs.deployment.neighbours import read_neighbours
     from somrs.ontology.files.loading import upper
     from somrs.registry.component import SCHEMA, Registry
-    from somrs.registry.neighbours import Configured, check_neighbours
+    from somrs.registry.neighbours import Configured, Neighbour, check_neighbours
+    from somrs.registry.selection import Selection
     from somrs.storage.journal import Journal
 
-    configured = Configured(read_neighbours(neighbours) if neighbours is not None else ())
-    file = data / "registry.sqlite"
+    others = {name: address for name, address in addresses.registries.items() if name != registry_name(number)}
+    everything = Selection()
+    of_system = (
+        Neighbour(name=name, address=address, takes=everything, gives=everything, is_of_site=True) for name, address in others.items()
+    )
+    configured = Configured((*of_system, *(read_neighbours(neighbours) if neighbours is not None else ())))
+    path = registry_path(number)
+    file = data / f"{path.strip('/')}.sqlite"
     open_journal = partial(Journal, file, SCHEMA, f"the Repository at {addresses.repository}")
     async with (
-        continuing(addresses.bus, "registry", file, lambda log: open_journal(log=log)) as continuation,
+        continuing(addresses.bus, path.strip("/"), file, lambda log: open_journal(log=log)) as continuation,
         Host(host, port, bus=addresses.bus) as runtime,
     ):
-        check_neighbours(configured.neighbours, f"{runtime.url}/registry")
+        check_neighbours(configured.neighbours, f"{runtime.url}{path}")
         node = await continuation.add(
-            runtime, "/registry", lambda address: Registry(address, upper(), addresses.repository), notices=(configured,)
+            runtime, path, lambda address: Registry(address, upper(), addresses.repository), notices=(configured,)
         )
         await continuation.serve("registry", node)
 
@@ -101,7 +108,7 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
             node = await continuation.add(
                 runtime,
                 path,
-                lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
+                lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registries_for(path)[0]),
                 carry_out=carry_out,
             )
             async with clock_follower(node, runtime.clock, addresses.simulator):

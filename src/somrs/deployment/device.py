@@ -131,22 +131,21 @@ class DeviceRunner:
         self._was_opened = True
         await self.device.open()
         profile = self.device.profile()
-        repository, registry = self._addresses.repository, self._addresses.registry
+        repository, (registry, *further_registries) = self._addresses.repository, self._addresses.registries_for(self.device.name)
         self._node = runtime.add_journaled(
             f"/devices/{self.device.name}",
             lambda address: ServiceManager(profile, repository=repository, registry=registry),
             self._journal,
             carry_out=self._carry_out,
             # The author may have changed the device since its journal was written.
-            notices=(Equipped(profile, repository, registry), *self._early),
+            notices=(Equipped(profile, repository, registry, tuple(further_registries)), *self._early),
         )
         try:
             async with asyncio.timeout(JOIN_TIME):
                 await asyncio.shield(self._joined)
         except TimeoutError:
             raise RemoteError(
-                f"{self.device.name} could not join within {JOIN_TIME:.0f} s: "
-                f"no answer from {self._addresses.repository} or {self._addresses.registry}"
+                f"{self.device.name} could not join within {JOIN_TIME:.0f} s: no answer from {repository} or {registry}"
             ) from None
         if isinstance(self.device, PassageDevice) and self._addresses.traffic is not None:
             self._passage = add_passage(runtime, self.device, self._addresses.traffic)

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from enum import IntEnum
 from urllib.parse import urlsplit
 
-from somrs.client.addresses import Addresses, task_manager_path
+from somrs.client.addresses import Addresses, registry_path, task_manager_path
 from somrs.runtime.bus import BusAddress
 
 
 class Part(IntEnum):
-    """The parts of a system that have a port, in the order of the ports. Those of further Task Managers come behind them."""
+    """The parts of a system that have a port, in the order of the ports. Those of further Task Managers and Registries come behind them."""
 
     REPOSITORY = 0
     REGISTRY = 1
@@ -30,10 +30,10 @@ _WITHOUT_BUS = {Part.WORLD, Part.WINDOWS, Part.API}
 
 
 class Ports:
-    """The ports of a system's programs at this host, by the numbers of `Part`."""
+    """The ports of a system's programs at this host, by the numbers of `Part`. `registries`: how many Registries there are."""
 
-    def __init__(self, host: str, ports: Sequence[int]) -> None:
-        self._host, self._ports = host, ports
+    def __init__(self, host: str, ports: Sequence[int], registries: int = 1) -> None:
+        self._host, self._ports, self._further_start = host, ports, len(ports) - (registries - 1)
 
     def __getitem__(self, part: Part) -> int:
         return self._ports[part]
@@ -41,7 +41,12 @@ class Ports:
     @property
     def task_managers(self) -> list[int]:
         """The ports of all Task Managers."""
-        return [self[Part.TASK_MANAGER], *self._ports[len(Part) :]]
+        return [self[Part.TASK_MANAGER], *self._ports[len(Part) : self._further_start]]
+
+    @property
+    def registries(self) -> list[int]:
+        """The ports of all Registries."""
+        return [self[Part.REGISTRY], *self._ports[self._further_start :]]
 
     @property
     def world(self) -> str:
@@ -55,9 +60,12 @@ class Ports:
     def addresses(self, bus: BusAddress | None, *, has_windows: bool) -> Addresses:
         """The addresses of the components, but for the world's and traffic's, which depend on the map."""
         first, *further = (self._origin(port, bus) + task_manager_path(number) for number, port in enumerate(self.task_managers, start=1))
+        registries = (self._origin(port, bus) + registry_path(number) for number, port in enumerate(self.registries, start=1))
+        registry, *further_registries = registries
         return Addresses(
             repository=f"{self._origin(self[Part.REPOSITORY], bus)}/repository",
-            registry=f"{self._origin(self[Part.REGISTRY], bus)}/registry",
+            registry=registry,
+            further_registries=tuple(further_registries),
             task_manager=first,
             further_task_managers=tuple(further),
             gui=self._origin(self[Part.WINDOWS]) if has_windows else None,
@@ -70,7 +78,7 @@ class Ports:
         return bus.gateway if bus is not None else f"http://{self._host}:{port}"
 
 
-def ports_before(addresses: Addresses, *, is_on_bus: bool, has_own_bus: bool) -> list[int]:
+def ports_before(addresses: Addresses, *, task_managers: int, is_on_bus: bool, has_own_bus: bool) -> list[int]:
     """The ports of an earlier run that had these addresses, as far as this run can have them; 0 for the others."""
     places = {
         Part.REPOSITORY: addresses.repository,
@@ -86,7 +94,11 @@ def ports_before(addresses: Addresses, *, is_on_bus: bool, has_own_bus: bool) ->
     }
     ports = {part: urlsplit(place).port or 0 for part, place in places.items()}
     if addresses.bus is None:
-        return [*ports.values(), *(urlsplit(address).port or 0 for address in addresses.further_task_managers)]
+        further_managers, further_registries = (
+            [urlsplit(address).port or 0 for address in further]
+            for further in (addresses.further_task_managers, addresses.further_registries)
+        )
+        return [*ports.values(), *[*further_managers, *[0] * task_managers][: task_managers - 1], *further_registries]
     # The components had the port of the gateway, and devices without a bus take it if nobody reserves it.
     kept = _WITHOUT_BUS | ({Part.GATEWAY} if is_on_bus else set()) | ({Part.BUS} if has_own_bus else set())
     return [port if part in kept else 0 for part, port in ports.items()]

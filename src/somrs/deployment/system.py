@@ -18,15 +18,13 @@ from somrs.client.addresses import SYSTEM_FILE, Addresses
 from somrs.client.client import Client
 from somrs.deployment.bus import bus_address, check_reachable, discard_site, list_site, site_name
 from somrs.deployment.device_groups import DeviceGroup, group_devices
+from somrs.deployment.devices_of_map import devices, symbolic, unsimulated
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.ports_of_programs import Part, Ports, ports_before
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_windows
 from somrs.deployment.task_managers import task_manager_count
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError, UsageError
-from somrs.ontology.modes import DOOR, LIFT
-from somrs.ontology.objects import Map
-from somrs.ontology.types import Ontology
 from somrs.ports import Reservation
 from somrs.runtime.bus import BusAddress
 from somrs.storage.disk import is_in_use
@@ -43,7 +41,7 @@ LAST_FILE = "last.json"
 """File in the data folder: the addresses of the last run. Programs listen there again if they can, because parties to open
 contracts know each other by these addresses."""
 
-TASK_MANAGER, DEVICES = "task-manager", "devices"
+REGISTRY, TASK_MANAGER, DEVICES = "registry", "task-manager", "devices"
 """Commands of `somrs run` of which a system may have several programs."""
 
 BUS, GATEWAY = "bus", "gateway"
@@ -112,7 +110,7 @@ class System:
     system starts its own.
     `launcher`: starts the programs; None: the system makes its own. `stop` ends it in either case.
     `devices_per_process`: how many devices share a process; None: as `group_devices` says.
-    `task_managers`: the number of Task Managers; None: as many as in the last run.
+    `task_managers`, `registries`: the number of Task Managers, and of Registries; None: as many as in the last run.
     `bus`: the URLs of the NATS servers on which the components are, `OWN_BUS` for one that is started with them, None for no bus; `name`:
     the site's name there.
     `neighbours`: the file of the Registry's neighbours; None: it has none.
@@ -132,6 +130,7 @@ class System:
         launcher: Launcher | None = None,
         devices_per_process: int | None = None,
         task_managers: int | None = None,
+        registries: int | None = None,
         bus: str | None = None,
         name: str | None = None,
         neighbours: Path | None = None,
@@ -141,7 +140,7 @@ class System:
         self.speed, self.world, self.simulates = speed, world, simulates
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
-        self._task_managers, self._neighbours = task_managers, neighbours
+        self._task_managers, self._registries, self._neighbours = task_managers, registries, neighbours
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._listed = False
         self._reservation: Reservation | None = None
@@ -203,8 +202,8 @@ class System:
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         neighbours = ["--neighbours", str(self._neighbours.resolve())] if self._neighbours is not None else []
-        first = [self._start("registry", "--port", str(ports[Part.REGISTRY]), *neighbours)]
-        first += [self._start_task_manager(number, port) for number, port in enumerate(ports.task_managers, 1)]
+        first = [self._start_one_of(REGISTRY, number, port, *neighbours) for number, port in enumerate(ports.registries, 1)]
+        first += [self._start_one_of(TASK_MANAGER, number, port) for number, port in enumerate(ports.task_managers, 1)]
         if not has_world:
             first.append(self._start("traffic", "--port", str(ports[Part.TRAFFIC])))
         elif self._world_address is None:
@@ -230,15 +229,15 @@ class System:
             last_addresses = Addresses.read(self.data, LAST_FILE)
         except UsageError:  # there was none
             last_addresses = None
-        last_count = len(last_addresses.task_managers) if last_addresses is not None else 1
-        count = len(Part) - 1 + task_manager_count(self.data, self._task_managers, last_count)
+        last_counts = (len(last_addresses.task_managers), len(last_addresses.registries)) if last_addresses is not None else (1, 1)
+        managers, registries = task_manager_count(self.data, self._task_managers, last_counts[0]), self._registries or last_counts[1]
         preferred_ports = (
-            ports_before(last_addresses, is_on_bus=self._bus is not None, has_own_bus=self._bus == OWN_BUS)
+            ports_before(last_addresses, task_managers=managers, is_on_bus=self._bus is not None, has_own_bus=self._bus == OWN_BUS)
             if last_addresses is not None
             else []
         )
-        self._reservation = Reservation(self.host, count, preferred_ports)
-        return Ports(self.host, self._reservation.ports)
+        self._reservation = Reservation(self.host, len(Part) + managers - 1 + registries - 1, preferred_ports)
+        return Ports(self.host, self._reservation.ports, registries)
 
     async def _start_bus(self, ports: Ports) -> BusAddress | None:
         """Start the bus, if it is to be the system's own, and the site's gateway. Returns where the bus is, if there is one."""
@@ -257,10 +256,11 @@ class System:
         await self._start(GATEWAY, "--bus", servers, "--name", name, "--port", str(gateway_port))
         return bus
 
-    async def _start_task_manager(self, number: int, port: int) -> Program:
+    async def _start_one_of(self, command: str, number: int, port: int, *arguments: str) -> Program:
+        """Start the component with this number, of which a system may have several."""
         if number == 1:
-            return await self._start(TASK_MANAGER, "--port", str(port))
-        return await self._start(TASK_MANAGER, "--port", str(port), "--number", str(number), label=f"{TASK_MANAGER}-{number}")
+            return await self._start(command, "--port", str(port), *arguments)
+        return await self._start(command, "--port", str(port), "--number", str(number), *arguments, label=f"{command}-{number}")
 
     async def _start_devices(self, group: DeviceGroup) -> Program:
         return await self._start(DEVICES, *(f"{name}={driver}" for name, driver in group.drivers.items()), label=group.name)
@@ -360,36 +360,3 @@ async def _end(program: Program) -> None:
     except TimeoutError:
         program.process.kill()
         await program.process.wait()
-
-
-def devices(map: Map, ontology: Ontology) -> list[tuple[str, str]]:
-    """The devices of the map that have a driver, as pairs of name and driver. The object types name the drivers."""
-    drivers = ((name, ontology.driver(object.type)) for name, object in sorted(map.objects.items()))
-    return [(name, driver) for name, driver in drivers if driver is not None]
-
-
-def symbolic(driven: Sequence[tuple[str, str]]) -> bool:
-    """Whether the devices belong to a symbolic world and not to the simulator. Raises UsageError if the map mixes them."""
-    bodiless = [name for name, driver in driven if driver.startswith("somrs.devices.symbolic.")]
-    simulated = [name for name, driver in driven if driver.startswith("somrs.devices.simulator.")]
-    if bodiless and simulated:
-        conflict = f"{bodiless[0]} is a device of a symbolic world, and {simulated[0]} is a device of the simulator"
-        raise UsageError(f"{conflict}; a system has only one of the two, so remove one of the devices from the map")
-    return bool(bodiless)
-
-
-def unsimulated(driven: Sequence[tuple[str, str]], map: Map, ontology: Ontology) -> list[tuple[str, str]]:
-    """The devices of a building without a simulator. Nobody drives its lifts and doors unless their types have drivers of their own.
-
-    Raises UsageError if another device needs a simulator.
-    """
-    kept: list[tuple[str, str]] = []
-    for name, driver in driven:
-        if not driver.startswith("somrs.devices.simulator."):
-            kept.append((name, driver))
-        elif not any(ontology.is_subtype(map.objects[name].type, kind) for kind in (LIFT, DOOR)):
-            raise UsageError(
-                f"{name} is a device of the simulator, by the driver of its type, {driver}: start the system with a simulator, or give it "
-                "a type without this driver"
-            )
-    return kept

@@ -67,8 +67,9 @@ class Finder:
         return copy is not None and any(self._now < time for time in copy.expected.values())
 
     def _neighbours(self) -> Iterator[NeighbourView]:
+        """The neighbours of the site, without its other Registries."""
         for name, neighbour in self._state.neighbours.items():
-            if neighbour.copy is None:
+            if neighbour.copy is None or neighbour.settings.is_of_site:
                 continue
             is_silent = neighbour.is_silent(self._now)
             keys = [] if is_silent else [key for key in self._listing.keys if key[0] == name]

@@ -252,9 +252,10 @@ class ServiceManager:
 
     def _notified(self, notice: Notice, now: float) -> Effects:
         match notice:
-            case Equipped(profile, repository, registry):
+            case Equipped(profile, repository, registry, other_registries):
                 joining = self._joining
                 joining.profile, joining.repository, joining.registry = profile, repository, registry
+                joining.other_registries = other_registries
             case Observed(situation, observation):
                 yield from self._reports.add(self.profile.name, situation, now, OBSERVATION_REPORT_TIME, observed_at(observation, now))
             case ServicesChanged(profile):

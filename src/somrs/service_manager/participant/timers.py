@@ -69,11 +69,15 @@ NodeTask = Quote | Perform | Halt | Undo | Report
 
 
 class Equipped(Struct, frozen=True, tag=True):
-    """The profile of the device, and the addresses of its Repository and Registry; sent before every start."""
+    """The profile of the device, and the addresses of its Repository and Registry; sent before every start.
+
+    `other_registries`: those of the site at which it may publish instead.
+    """
 
     profile: Profile
     repository: str
     registry: str
+    other_registries: tuple[str, ...] = ()
 
 
 class Observed(Struct, frozen=True, tag=True):

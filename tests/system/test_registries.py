@@ -1,0 +1,75 @@
+"""A system with several Registries: devices publish at one of them each, all list everything, and one of them may be lost."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from somrs.cli.import_commands import import_sources
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
+from somrs.deployment.system import System
+from somrs.protocol.messages.directory import Discover, Discovered
+from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import TaskView
+from tests.support import warm
+from tests.support.command import somrs
+from tests.support.hang import HANG_TIME
+from tests.support.paths import ROOT
+
+pytestmark = pytest.mark.long
+
+PARCELS = ROOT / "examples" / "parcels"
+
+
+async def services(client: Client, address: str) -> set[str]:
+    return {offer.service for offer in (await client.ask(address, Discover(), Discovered)).offers}
+
+
+async def accomplish(client: Client, effect: str) -> TaskView:
+    view: TaskView | None = None
+    task = await client.submit(Submit(effect=effect))
+    async for news in client.news(task):
+        view = news.view
+    assert view is not None
+    return view
+
+
+def test_when_a_registry_is_lost_the_devices_are_on_offer_at_the_others(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        data = tmp_path / "run"
+        data.mkdir()
+        files = import_sources([PARCELS / "domain.pddl", PARCELS / "problem.pddl"], data)
+        async with asyncio.timeout(HANG_TIME):
+            async with (
+                System(files, data, speed="20", registries=2, launcher=warm.launcher()) as system,
+                Client(system.addresses) as client,
+            ):
+                registries = system.addresses.registries
+                assert [*registries] == ["Registry1", "Registry2"]
+                while (listed := await services(client, registries["Registry1"])) != await services(client, registries["Registry2"]):
+                    await asyncio.sleep(0.1)
+                assert len({offer.provider for offer in await client.services()}) == 2
+                answers = await asyncio.to_thread(somrs, "status", "--data", data)
+                assert "Registry2" in answers.stdout
+                # Which one the devices and the Task Manager began with follows from their names.
+                first = [*registries].index(
+                    next(name for name, address in registries.items() if address == system.addresses.registries_for("/task-manager")[0])
+                )
+                program = system.programs["registry" if first == 0 else "registry-2"]
+                program.process.send_signal(9)
+                await program.process.wait()
+                view = await accomplish(client, "letter lies market")
+                assert view.outcome is Outcome.ACCOMPLISHED, view
+                other = [*registries.values()][1 - first]
+                while await services(client, other) != listed or any(offer.registry for offer in await client.services()):
+                    await asyncio.sleep(0.5)
+                assert (await accomplish(client, "crate lies mill")).outcome is Outcome.ACCOMPLISHED
+            async with System(files, data, speed="20", launcher=warm.launcher()) as system:
+                assert len(system.addresses.registries) == 2, "as many as in the last run"
+        assert len(Addresses.read(data, "last.json").registries) == 2
+
+    asyncio.run(scenario())
