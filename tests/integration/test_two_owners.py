@@ -82,7 +82,7 @@ def test_a_goal_is_reached_by_a_device_of_a_neighbour(tmp_path: Path, capsys: py
     run_scenario(tmp_path, scenario, device=name)
     output = capsys.readouterr().out
     assert "from There" in output
-    assert "1 of its services" in output
+    assert "1 of its services is listed" in output
 
 
 def test_a_neighbour_that_is_away_is_left_out_and_a_task_goes_on_when_it_is_back(

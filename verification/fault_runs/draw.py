@@ -30,6 +30,7 @@ from verification.fault_runs.scenario import (
     Undo,
     WorkFault,
     WorkFaultKind,
+    registry_addresses,
 )
 from verification.fault_runs.site import FLOOR, RECOGNITION, RESERVATION, SERVICES, WEIGHING
 
@@ -53,6 +54,8 @@ class _Draw:
         self.waiting_dice = random.Random(f"{seed}: which tasks wait, and which devices are mended late")
         self.questions = random.Random(f"{seed}: what is asked, and what is not known")
         self.telling_dice = random.Random(f"{seed}: what is weighed, computed and sighted, and what undoing costs")
+        self.registry_dice = random.Random(f"{seed}: how many Registries there are, and what happens to them")
+        self.registries = 2 if self.registry_dice.random() < OFTEN else 1
         self.setting = dice.choice(list(Setting))
         self.managers = [f"tm{number}" for number in range(1, dice.choice((1, 1, 2, 3, 4)) + 1)]
         self.tables = [f"Table{number}" for number in range(1, dice.randint(2, 4) + 1)]
@@ -80,13 +83,14 @@ class _Draw:
             seed=self.seed,
             setting=self.setting,
             managers=len(self.managers),
+            registries=self.registries,
             tables=tuple(self.tables),
             shelves=tuple(self.shelves),
             doors=tuple(self.doors),
             things=tuple(self.things),
             devices=(*self.devices, *self._tellers()),
             requests=tuple(self._requests()),
-            faults=tuple(self._faults()),
+            faults=(*self._faults(), *self._registry_kills()),
             planning=self.dice.choice((0.0, 0.0, 0.5, 8.0)),
             hidden=tuple((thing, self.telling_dice.choice(self.supports)) for thing in self.hidden),
             weights=tuple(self._weights()),
@@ -259,6 +263,19 @@ class _Draw:
             yield self._killing(self.dice.choice(("repository", "registry")), final=False)
         else:
             yield self._killing(AT_WORK if self.chance(OFTEN) else self._device().address, final=True)
+
+    def _registry_kills(self) -> Iterator[Fault]:
+        """One of two Registries is killed, perhaps for good."""
+        dice = self.registry_dice
+        if self.registries > 1 and dice.random() < OFTEN:
+            yield Kill(
+                at=round(dice.random() * EVENTFUL, 2),
+                target=dice.choice(registry_addresses(self.registries)),
+                moment=dice.choice(list(KillPoint)),
+                effects=dice.randint(0, 4),
+                seconds=dice.choice((None, None, 2.0, 25.0, 90.0)),
+                snapshot=dice.random() < OFTEN,
+            )
 
     def _killing(self, target: str, *, final: bool) -> Kill:
         dice = self.dice

@@ -316,15 +316,19 @@ class Witness:
         """Check that Task Managers know the map and the services on offer as they are at the end, when all news has had time to arrive."""
         scenario_run, contents = self._scenario_run, self._scenario_run.contents
         assert contents is not None, "the Repository runs at the end of a run"
-        offers = scenario_run.offers
+        listed = {address: offers for address in scenario_run.registries if (offers := scenario_run.offers_at(address)) is not None}
+        services = {address: {offer.service for offer in offers} for address, offers in listed.items()}
+        if any(names != services[address] for address in services for names in services.values()):
+            raise Violation(Property.COPIES, f"the Registries do not list the same: {services}")
         for address in scenario_run.managers:
             manager = scenario_run.task_manager(address)
             assert manager is not None, "it has ended all its tasks"
             if manager.state.replica.map != contents.map:
                 raise Violation(Property.COPIES, f"the map of {address} is not that of the Repository")
             directory = manager.state.discovery.directory
+            offers = listed.get(directory.registry) if directory is not None else None
             if directory is None or directory.offers != offers:
-                raise Violation(Property.COPIES, f"{address} knows {directory and directory.offers}, and the Registry lists {offers}")
+                raise Violation(Property.COPIES, f"{address} knows {directory and directory.offers}, and its Registry lists {offers}")
 
     def _check_map(self) -> None:
         """Check property 5 at the end, when every action has been reported or observed. Two cases are exempt: objects last moved by a

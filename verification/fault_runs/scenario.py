@@ -13,6 +13,11 @@ AT_WORK = "the device at work"
 """The target of a fault: the device that works at that moment, if there is one."""
 
 
+def registry_addresses(count: int) -> list[str]:
+    """The addresses of so many Registries."""
+    return ["registry", *(f"registry-{number}" for number in range(2, count + 1))]
+
+
 class Setting(StrEnum):
     """The available service types, which determine the length of plans."""
 
@@ -213,6 +218,7 @@ Fault = Kill | Cut | Disturbance | WorkFault | Move | Slam | Sight | Survey | Lo
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """A scenario. `planning`: seconds that the planner takes. `things` with their supports, `doors` open or not, `shelves` with doors.
+    `registries`: how many Registries list the services; devices and Task Managers begin with one or another.
 
     `hidden`: things with their supports that the map does not have. `weights`: in kg, of each thing, if the map has none.
     """
@@ -230,6 +236,7 @@ class Scenario:
     planning: float = 0.0
     hidden: tuple[tuple[str, str], ...] = ()
     weights: tuple[tuple[str, float], ...] = ()
+    registries: int = 1
 
     @property
     def thing_type(self) -> str:
@@ -239,6 +246,7 @@ class Scenario:
         """Return the scenario as text for people."""
         lines = [
             f"{self.setting}; {self.managers} Task Manager{'s' if self.managers > 1 else ''}, planning takes {self.planning:g} s",
+            *([f"{self.registries} Registries"] if self.registries > 1 else []),
             f"on tables {', '.join(self.tables)}; shelves {', '.join(f'{s} behind {d}' for s, d in self.shelves)}",
             f"doors: {', '.join(f'{door} open' if is_open else f'{door} closed' for door, is_open in self.doors)}",
             f"things: {', '.join(f'{thing} on {place}' for thing, place in self.things)}",

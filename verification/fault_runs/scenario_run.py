@@ -11,6 +11,7 @@ from functools import partial
 from msgspec import structs
 
 from somrs.kernel.component import Component, Input, Received, Send
+from somrs.kernel.following import LEASE
 from somrs.kernel.offers import Offers
 from somrs.kernel.replica import Replica
 from somrs.ontology.objects import Map
@@ -20,6 +21,8 @@ from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
+from somrs.registry.neighbours import Neighbour
+from somrs.registry.selection import Selection
 from somrs.repository.component import SCHEMA as REPOSITORY
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
@@ -51,6 +54,7 @@ from verification.fault_runs.scenario import (
     Undo,
     WorkFault,
     WorkFaultKind,
+    registry_addresses,
 )
 from verification.fault_runs.simulated_device import DeviceManager, DeviceWork, InputObserver, SimulatedDevice
 from verification.fault_runs.site import map_of, ontology, service_type
@@ -116,7 +120,9 @@ class ScenarioRun:
         self._bystanders = Bystanders(self)
         self.managers = [f"tm{number}" for number in range(1, scenario.managers + 1)]
         self.world.add("repository", self._repository(), journaled=REPOSITORY)
-        self.world.add("registry", self._registry(), journaled=REGISTRY)
+        self.registries = registry_addresses(scenario.registries)
+        for address in self.registries:
+            self.world.add(address, self._registry(address), journaled=REGISTRY)
         self.world.add("client", self.client)
         self._scheduled: list[tuple[float, Callable[[], None]]] = []
         for traits in scenario.devices:
@@ -124,15 +130,26 @@ class ScenarioRun:
                 self._schedule(traits.joins, partial(self._join, traits))
             else:
                 self._join(traits)
-        for address in self.managers:
+        for number, address in enumerate(self.managers):
             manager = self.factory.task_manager(address)
+            manager.state.requests.registry = self._registry_of(number)
             schema = structs.replace(SCHEMA, restore=type(manager).restored)
             self.world.add(address, manager, partial(self._plan, address), journaled=schema)
 
     # Components
 
-    def _registry(self) -> Registry:
-        return Registry("registry", ontology(), "repository")
+    def _registry(self, address: str) -> Registry:
+        everything = Selection()
+        neighbours = (
+            Neighbour(name=other, address=other, takes=everything, gives=everything, is_of_site=True)
+            for other in self.registries
+            if other != address
+        )
+        return Registry(address, ontology(), "repository", neighbours)
+
+    def _registry_of(self, number: int) -> str:
+        """The Registry with which the Task Manager or the device with this number begins."""
+        return self.registries[number % len(self.registries)]
 
     def _repository(self) -> Repository:
         return Repository("repository", Contents(ontology=ontology(), map=map_of(self.scenario)))
@@ -147,7 +164,9 @@ class ScenarioRun:
         self.world.add(traits.address, self._device(traits), simulated_device.carry_out, journaled=schema)
 
     def _device(self, traits: DeviceTraits) -> ServiceManager:
-        return self.factory.service_manager(profile(traits), self.simulated_devices[traits.address], self.witness.observe_input)
+        manager = self.factory.service_manager(profile(traits), self.simulated_devices[traits.address], self.witness.observe_input)
+        manager.state.joining.registry = self._registry_of(self.scenario.devices.index(traits))
+        return manager
 
     def task_manager(self, address: str) -> TaskManager | None:
         """Return the Task Manager at the address; None while it is down."""
@@ -164,11 +183,12 @@ class ScenarioRun:
         repository = self.world.components.get("repository")
         return repository.contents if isinstance(repository, Repository) else None
 
-    @property
-    def offers(self) -> Offers:
-        """What the Registry lists. All of it fits on a page."""
-        header = Header(sender=ANONYMOUS, recipient="registry", message_id="urn:so-mrs:all-offers")
-        effects = self.world.components["registry"].handle(Received(Message(header=header, body=Discover())), self.world.now)
+    def offers_at(self, registry: str) -> Offers | None:
+        """What a Registry lists; None if it is down for good. All of it fits on a page."""
+        if not self.world.alive(registry):
+            return None
+        header = Header(sender=ANONYMOUS, recipient=registry, message_id="urn:so-mrs:all-offers")
+        effects = self.world.components[registry].handle(Received(Message(header=header, body=Discover())), self.world.now)
         (page,) = (effect.message.body for effect in effects if isinstance(effect, Send))
         assert isinstance(page, Discovered)
         assert not page.more
@@ -208,7 +228,7 @@ class ScenarioRun:
         self.reap()
         if not self._run(LONG, self.witness.settled):
             raise Violation(Property.TERMINATION, f"{LONG / 3600:.0f} hours after the last fault: {self.witness.unsettled()}")
-        self._run(AFTERWARDS)
+        self._run(AFTERWARDS if len(self.registries) == 1 else AFTERWARDS + 2 * LEASE)
         self.witness.finish()
 
     def add_listener(self, listener: Callable[[float, Input], None]) -> None:

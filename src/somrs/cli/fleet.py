@@ -14,6 +14,7 @@ from somrs.api.service import open_api_service
 from somrs.client import terminal
 from somrs.client.addresses import Addresses
 from somrs.client.refusals import ErrorReport
+from somrs.protocol.messages.directory import PresenceChange
 from somrs.protocol.messages.event_text import short_id
 
 MAX_LOG_LINES = 5
@@ -64,11 +65,12 @@ def _render_fleet(fleet_state: Devices) -> Group:
     columns = ("device", "state", "work", "services and their reliability")
     least = {"device": terminal.column_width(device.name for device in fleet_state.devices)}
     table = terminal.table("Fleet", columns, rows, least=least)
-    log = [
-        Text(f"{terminal.clock(change.at)}  {change.device} {'joined' if change.joined else f'left: {change.reason}'}", style="dim")
-        for change in fleet_state.log[:MAX_LOG_LINES]
-    ]
-    return Group(table, *log)
+    return Group(table, *map(_log_line, fleet_state.log[:MAX_LOG_LINES]))
+
+
+def _log_line(change: PresenceChange) -> Text:
+    device = f"{change.device} of {change.registry}" if change.registry else change.device
+    return Text(f"{terminal.clock(change.at)}  {device} {'joined' if change.joined else f'left: {change.reason}'}", style="dim")
 
 
 def _state(device: DeviceView) -> Text:

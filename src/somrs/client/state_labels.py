@@ -37,7 +37,7 @@ def task_state(phase: Phase, outcome: Outcome | None) -> str:
 def neighbour_text(neighbour: NeighbourView, clock: Callable[[float], str]) -> str:
     """How it stands with a neighbour of the Registry. `clock`: the text for a time."""
     if neighbour.away_since is None:
-        state = f"{neighbour.services} of its services are listed"
+        state = f"{neighbour.services} of its services {'is' if neighbour.services == 1 else 'are'} listed"
     else:
         state = f"no answer since {clock(neighbour.away_since)}; its services are left out"
     return f"{state}; it says: {neighbour.problem}" if neighbour.problem else state

@@ -133,5 +133,6 @@ def _log_row(entry: PresenceChange) -> None:
     with ui.element("div").classes("somrs-fleet-coming"):
         ui.icon("login" if entry.joined else "logout").props('aria-hidden="true"').classes("somrs-good" if entry.joined else "somrs-plain")
         with ui.element("div"):
-            ui.label(f"{entry.device} {'joined' if entry.joined else LEAVING.get(entry.reason, entry.reason)}")
+            origin = f" of {entry.registry}" if entry.registry else ""
+            ui.label(f"{entry.device}{origin} {'joined' if entry.joined else LEAVING.get(entry.reason, entry.reason)}")
             ui.label(f"{format_time(entry.at)} · {services}").classes("somrs-soft")
