@@ -379,10 +379,11 @@ class TaskManager:
             if report.task in state.tasks:
                 yield from self._transaction(report.task).settled(report.result, now)
         for task in state.running:
-            yield from self._transaction(task).map_changed(now)
-        if news.changes:
+            if state.tasks[task].has_invariants:
+                yield from self._transaction(task).map_changed(now)
+        if news.changes and (waiting_tasks := [task for task in state.running if state.tasks[task].goal.retry_at is not None]):
             changed_objects = {name for change in news.changes for name in objects_of(change)}
-            for task in state.running:
+            for task in waiting_tasks:
                 yield from self._transaction(task).objects_changed(changed_objects, now)
         if freed := freed_devices(news.changes, state.replica.map, state.replica.ontology):
             for task in state.running:

@@ -77,7 +77,7 @@ def service_of(participant: str) -> str:
     return participant.rpartition("#")[0]
 
 
-class MessageRecord(Struct, frozen=True, kw_only=True):
+class MessageRecord(Struct, frozen=True, kw_only=True, gc=False):
     """The last message of its type in one direction, and the state of the session at that time."""
 
     id: str

@@ -19,7 +19,7 @@ _NAMESPACE = uuid.UUID("6f1c9f0e-5a58-5b5e-9a36-50e4c0a0f5f1").bytes
 _VARIANT = {digit: "89ab"[int(digit, 16) % 4] for digit in "0123456789abcdef"}
 
 
-class Header(Struct, frozen=True, kw_only=True):
+class Header(Struct, frozen=True, kw_only=True, gc=False):
     """The sender, the recipient, and what the message belongs to (paper, "Protocol for failure handling and recovery").
 
     Addresses are URLs. `transaction` and `participant` are set in messages of the Failure Recovery Protocol only; together with
@@ -36,7 +36,9 @@ class Header(Struct, frozen=True, kw_only=True):
     version: str = VERSION
 
 
-class Message(Struct, frozen=True, kw_only=True):
+class Message(Struct, frozen=True, kw_only=True, gc=False):
+    # A message is a tree of values: the collector of cycles has nothing to find in the thousands that tasks keep.
+
     header: Header
     body: Body
 

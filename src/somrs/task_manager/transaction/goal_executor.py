@@ -129,7 +129,7 @@ class GoalExecutor:
         """Wait until the tasks that hold the objects have ended. Contracts are cancelled, because a waiting task holds nothing."""
         execution = self._execution
         yield from self._dismiss_arranged("the task has to wait for others", now)
-        self._scope.end_attempt(is_news=True)
+        self._scope.log.end_attempt(is_news=True)
         execution.phase, execution.waiting_to_retry = Phase.WAITING, None
         execution.waiting_for = waits.WaitsForTasks.on(blocked_plan.holders)
         self._log_event(execution.waiting_for, now)

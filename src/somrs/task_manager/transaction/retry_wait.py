@@ -39,7 +39,7 @@ class RetryWait:
         yield from self._scope.reserving.release(now)
         wait = next_wait(execution.waiting_to_retry, hindrances, now)
         is_news = not is_repeated(wait, execution.waiting_to_retry)
-        self._scope.end_attempt(is_news=is_news)
+        self._scope.log.end_attempt(is_news=is_news)
         if is_news:
             self._scope.log_event(wait, now)
         execution.replans.wait()
@@ -70,7 +70,7 @@ class RetryWait:
         if self._execution.retry_at is None:
             return False
         self._execution.retry_at = None
-        self._scope.begin_attempt()
+        self._scope.log.begin_attempt()
         self._scope.services.readmit_refused()
         return True
 
@@ -78,12 +78,12 @@ class RetryWait:
         """End the wait, if there is one: the plan is arranged."""
         waited, self._execution.waiting_to_retry = self._execution.waiting_to_retry, None
         if waited is not None:
-            self._scope.end_attempt(is_news=True)
+            self._scope.log.end_attempt(is_news=True)
             self._scope.log_event(waits.WaitOver(attempts=waited.attempts, seconds=now - waited.since), now)
 
     def abandon(self) -> Effects:
         """End the wait of a goal that is given up."""
         self._execution.waiting_to_retry = self._execution.retry_at = None
         if self._execution.kind is GoalKind.TASK:
-            self._scope.end_attempt(is_news=True)
+            self._scope.log.end_attempt(is_news=True)
             yield SetTimer(RetryDue(self._scope.state.id), None)

@@ -108,7 +108,7 @@ def waiting_texts(execution: GoalExecution) -> tuple[str, ...]:
     return (retry_text(execution.waiting_to_retry),) if execution.waiting_to_retry is not None else ()
 
 
-class LoggedEvent(Struct, frozen=True):
+class LoggedEvent(Struct, frozen=True, gc=False):
     """An event of a task. `step` is the label of the step that it concerns, `goal` the kind of goal of that step."""
 
     at: float
@@ -121,7 +121,7 @@ class LoggedEvent(Struct, frozen=True):
         return kind_of(self.event)
 
 
-class LoggedMessage(Struct, frozen=True):
+class LoggedMessage(Struct, frozen=True, gc=False):
     """A protocol message that was sent or received."""
 
     at: float

@@ -175,14 +175,14 @@ class Transaction:
         yield from Deadline(self._scope).watch(now)
 
     def map_changed(self, now: float) -> Effects:
-        """Handle a change of the map: services whose invariant it breaks are stopped."""
-        if self.state.ending is None and self.state.has_invariants:
+        """Handle a change of the map, for a task with invariants: services whose invariant it breaks are stopped."""
+        if self.state.ending is None:
             for execution in self.state.executions:
                 yield from StepExecutor(execution, self._scope).stop_where_broken(now)
 
     def objects_changed(self, objects: AbstractSet[str], now: float) -> Effects:
-        """Handle a change of the map: a task that waits for a device which changed tries again."""
-        if self.state.goal.retry_at is not None and not objects.isdisjoint(self._scope.services.excluded_providers):
+        """Handle a change of the map, for a task that waits: if it waits for a device which changed, it tries again."""
+        if not objects.isdisjoint(self._scope.services.excluded_providers):
             yield from RetryWait(self.state.goal, self._scope).hasten(now)
 
     def devices_freed(self, devices: AbstractSet[str], now: float) -> Effects:
