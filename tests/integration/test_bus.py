@@ -284,14 +284,14 @@ def test_a_site_is_discarded_and_others_on_the_bus_are_not(tmp_path: Path) -> No
             await log.open()
             assert await log.acquire()
             assert await log.begin_writing(0)
-            await asyncio.to_thread(log.append, 1, 1, b"one")
+            await log.append(1, 1, b"one")
             (tmp_path / "copy").write_bytes(b"a copy")
             await log.store_copy(tmp_path / "copy", 0, "http://127.0.0.1:1/registry")
         with pytest.raises(UsageError, match="registry of the site yard runs on"):
             await discard_site(server.address.servers, "yard")
         for log in logs:
             await log.resign()
-            log.close()
+            await log.close()
         await discard_site(server.address.servers, "yard")
         logs = [StreamLog(server.address.servers, site, "registry", "second") for site in ("yard", "yard-2")]
         for log, bounds, number in zip(logs, ((1, 0), (1, 2)), (None, 0), strict=True):
@@ -299,7 +299,7 @@ def test_a_site_is_discarded_and_others_on_the_bus_are_not(tmp_path: Path) -> No
             assert await log.bounds() == bounds
             assert await log.copied_number() == number
             assert await log.acquire()
-            log.close()
+            await log.close()
 
     on_bus(tmp_path, scenario)
 
@@ -352,6 +352,6 @@ def test_a_name_that_another_site_has_is_refused(tmp_path: Path) -> None:
             await run_gateway(rival, "127.0.0.1", 0)
         assert await find_site(servers) == addresses_on(server.address)
         await log.resign()
-        log.close()
+        await log.close()
 
     on_bus(tmp_path, scenario)

@@ -117,7 +117,7 @@ def test_what_was_acknowledged_is_there_once_whoever_goes_on(tmp_path: Path, mon
         log = StreamLog(server.address.servers, "yard", "ledger", "somebody")
         await log.open()
         first, _ = await log.bounds()
-        log.close()
+        await log.close()
         assert first > 1, "what a copy has is deleted from the stream"
         for process in processes:
             await process.end()

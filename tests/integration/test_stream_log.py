@@ -26,7 +26,7 @@ def with_logs(folder: Path, scenario: Callable[[NatsServer, StreamLog, StreamLog
                 await scenario(server, *logs)
         finally:
             for log in logs:
-                log.close()
+                await log.close()
 
     with NatsServer(folder) as server:
         asyncio.run(run())
@@ -43,7 +43,7 @@ async def read_all(log: StreamLog) -> list[Batch]:
 
 
 async def append(log: StreamLog, number: int, document: bytes) -> None:
-    await asyncio.to_thread(log.append, number, 1, document)
+    await log.append(number, 1, document)
 
 
 def test_one_leads_until_another_has_read_all_that_it_has_written(tmp_path: Path) -> None:
@@ -76,12 +76,12 @@ def test_one_leads_until_another_has_read_all_that_it_has_written(tmp_path: Path
 def test_a_lease_ends_with_its_process_and_is_its_own_again_after_a_restart(tmp_path: Path) -> None:
     async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
         assert await first.acquire()
-        first.close()  # as if it was killed: it does not resign
+        await first.close()  # as if it was killed: it does not resign
         again = StreamLog(server.address.servers, "yard", "registry", "first")
         await again.open()
         assert not await second.acquire()
         assert await again.acquire(), "a restarted process does not wait for its own lease to end"
-        again.close()
+        await again.close()
         while not await second.acquire():
             await asyncio.sleep(0.05)
         first.__init__(server.address.servers, "yard", "registry", "first")  # type: ignore[misc]  # it is closed once more
@@ -96,16 +96,16 @@ def test_what_is_written_while_the_server_is_killed_is_there_once_and_in_order(t
 
     async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
         assert await first.begin_writing(0)
-        half = threading.Event()
+        half = asyncio.Event()
 
-        def write() -> None:
+        async def write() -> None:
             for number, document in enumerate(documents, start=1):
-                first.append(number, 1, document)
+                await append(first, number, document)
                 if number == 50:
                     half.set()
 
-        writing = asyncio.create_task(asyncio.to_thread(write))
-        await asyncio.to_thread(half.wait)
+        writing = asyncio.create_task(write())
+        await half.wait()
         server.kill()
         await asyncio.sleep(0.1)
         await asyncio.to_thread(server.start)

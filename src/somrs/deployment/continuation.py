@@ -134,7 +134,8 @@ class Continuation:
 
     async def _copy(self, stream: StreamLog) -> None:
         """Store a copy of the file on the bus, and delete the entries that it has from the stream."""
-        place, number = stream.last, self.journal.number
+        await self.journal.disk.stored()
+        place, number = stream.last, stream.number
         file = self.journal.disk.path.with_suffix(".copy")
         file.unlink(missing_ok=True)
         await asyncio.wrap_future(self.journal.disk.read(lambda db: db.execute("VACUUM INTO ?", (str(file),)) and None))
@@ -166,7 +167,7 @@ async def continuing(bus: BusAddress | None, component: str, file: Path, open_jo
                 await stream.resign()
     finally:
         if stream is not None:
-            stream.close()
+            await stream.close()
 
 
 async def _opened(stream: StreamLog | None, file: Path, open_journal: OpenJournal) -> Journal:

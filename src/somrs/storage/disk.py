@@ -1,7 +1,7 @@
 """A SQLite file with one writer thread, which commits all writes that were requested since the last commit at once.
 
-The file uses a write-ahead log: a write that is `durable` survives a kill and, unless it is kept elsewhere, a power failure. One process at
-a time has the file open. The owner, such as a journal with its archive, defines the contents.
+The file uses a write-ahead log: a write that is `durable` survives a kill and a power failure. One process at a time has the file open. The
+owner, such as a journal with its archive, defines the contents; it may keep them elsewhere first (`store_first`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import contextlib
 import queue
 import sqlite3
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -70,6 +70,9 @@ class Disk:
         self.failed: UsageError | None = None
         self._batch: list[_Write] = []
         self._jobs: queue.SimpleQueue[list[_Write] | _ImmediateJob | None] = queue.SimpleQueue()
+        self._store: Callable[[], Awaitable[None]] | None = None
+        self._unstored: list[_Write] = []
+        self._storing: asyncio.Task[None] | None = None
         self._listeners: dict[asyncio.AbstractEventLoop, list[Callable[[], None]]] = {}
         opened: Future[None] = Future()
         self._thread = threading.Thread(target=self._run, args=(opened,), name=f"disk {path.name}", daemon=True)
@@ -92,15 +95,47 @@ class Disk:
 
     def _hand_over(self) -> None:
         batch, self._batch = self._batch, []
-        if batch:
+        if not batch:
+            return
+        if self._store is None:
             self._jobs.put(batch)
+            return
+        self._unstored += batch
+        if self._storing is None:
+            self._storing = asyncio.create_task(self._store_batches(self._store))
+
+    def store_first(self, store: Callable[[], Awaitable[None]]) -> None:
+        """Have `store` keep elsewhere what has been requested to be written, each time before it is written here. It is durable then."""
+        self._store = store
+
+    async def stored(self) -> None:
+        """Return when all writes requested so far are durable or have failed. Only with `store_first`."""
+        last_position = self.position
+        self._hand_over()
+        while self._storing is not None and self.durable < last_position:
+            await asyncio.wait([self._storing])
+
+    async def _store_batches(self, store: Callable[[], Awaitable[None]]) -> None:
+        while self._unstored and self.failed is None:
+            batch, self._unstored = self._unstored, []
+            try:
+                await store()
+            except UsageError as error:
+                self.failed = error
+            except Exception as error:  # noqa: BLE001  # a defect of the owner: the owner gets the error
+                self.failed = UsageError(f"{self.path}: {type(error).__name__}: {error}")
+            else:
+                self.durable = batch[-1].position
+                self._jobs.put(batch)
+            _notify(self._listeners.get(asyncio.get_running_loop(), []))
+        self._storing = None
 
     def write_and_wait(self, job: Job[T]) -> T:
         """Write at once, in a transaction of its own, and wait: for starts and tools, not for an event loop."""
         return self._enqueue(job, writes=True).result()
 
     def read(self, job: Job[T]) -> Future[T]:
-        """Request a read; it includes all writes requested before."""
+        """Request a read; it includes all writes requested before, and with `store_first` those that are durable."""
         return self._enqueue(job, writes=False)
 
     def listen(self, listener: Callable[[], None]) -> None:
@@ -108,8 +143,9 @@ class Disk:
         self._listeners.setdefault(asyncio.get_running_loop(), []).append(listener)
 
     def close(self) -> None:
-        """Complete the requested writes, and close the file."""
-        self._hand_over()
+        """Complete the requested writes, with `store_first` those that are durable, and close the file."""
+        if self._store is None:
+            self._hand_over()
         self._jobs.put(None)
         self._thread.join()
 
@@ -170,6 +206,8 @@ class Disk:
         except BaseException as error:  # noqa: BLE001  # a defect of the owner: the owner gets the error, and the thread continues
             self.failed = UsageError(f"{self.path}: {type(error).__name__}: {error}")
         else:
+            if self._store is not None:
+                return  # nobody has waited for it
             self.durable = writes[-1].position
         for loop, listeners in [*self._listeners.items()]:
             with contextlib.suppress(RuntimeError):  # the loop was closed: no listener waits there any more

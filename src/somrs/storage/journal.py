@@ -67,10 +67,10 @@ class Archive(Protocol):
 
 
 class Log(Protocol):
-    """Where entries are kept besides the file, before they count as written: `stream_log.StreamLog`."""
+    """Where entries are kept besides the file, and before they are written to it: `stream_log.StreamLog`."""
 
-    def append(self, number: int, version: int, document: bytes) -> None:
-        """Write a batch of entries, the last of which has this number. Called in the thread of the disk. Raises UsageError."""
+    async def append(self, number: int, version: int, document: bytes) -> None:
+        """Write a batch of entries, the last of which has this number. Raises UsageError."""
         ...
 
 
@@ -103,6 +103,10 @@ class Journal:
         self._written, self._archive = JournalCodec(schema), archive
         self._setting, self._component = setting, component
         self._queued: deque[tuple[int, bytes]] = deque()
+        self._logged: deque[tuple[int, bytes]] = deque()
+        """Batches that are in the log, and are to be written to the file."""
+        if log is not None:
+            self.disk.store_first(self._write_to_log)
         self._entry_count = 0
         self._next_snapshot_time = 0.0
         self._stored_parts: Parts = {}
@@ -236,19 +240,30 @@ class Journal:
         """Complete the requested writes, and close the file."""
         self.disk.close()
 
-    def _flush(self, db: sqlite3.Connection) -> None:
-        """Write all queued entries, including those of later requests, which then find nothing to write."""
+    async def _write_to_log(self) -> None:
+        """Write all queued entries to the log."""
+        assert self._log is not None, "only a journal with a log calls this"
         while self._queued:
-            entries: list[bytes] = []
-            size = last_number = 0
-            while self._queued and (not entries or size + len(self._queued[0][1]) <= MOST_BATCH):
-                last_number, entry = self._queued.popleft()
-                entries.append(entry)
-                size += len(entry)
-            document = JournalCodec.encode_batch(entries)
-            if self._log is not None:
-                self._log.append(last_number, self._written.schema.version, document)
-            write_batch(db, self._component, last_number, document)
+            last_number, document = self._next_batch()
+            await self._log.append(last_number, self._written.schema.version, document)
+            self._logged.append((last_number, document))
+
+    def _flush(self, db: sqlite3.Connection) -> None:
+        """Write all entries that are to be written, including those of later requests, which then find nothing to write."""
+        while self._logged:
+            write_batch(db, self._component, *self._logged.popleft())
+        while self._queued and self._log is None:
+            write_batch(db, self._component, *self._next_batch())
+
+    def _next_batch(self) -> tuple[int, bytes]:
+        """The first queued entries as one document, and the number of the last of them."""
+        entries: list[bytes] = []
+        size = last_number = 0
+        while self._queued and (not entries or size + len(self._queued[0][1]) <= MOST_BATCH):
+            last_number, entry = self._queued.popleft()
+            entries.append(entry)
+            size += len(entry)
+        return last_number, JournalCodec.encode_batch(entries)
 
     def follow(self, journaled: JournaledComponent, document: bytes, version: int) -> None:
         """Handle a batch of entries that another process has written, and request that they are written to disk here.

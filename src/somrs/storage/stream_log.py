@@ -45,6 +45,9 @@ ADDRESS = "Somrs-Address"
 
 _EXPECTED = "Nats-Expected-Last-Sequence"
 _WRONG_SEQUENCE = 10071
+_CLOSE_TIME = 2.0
+"""Seconds for connections to be closed."""
+
 _WRITE_TIME = 2.0
 """Seconds after which a write without an answer is repeated. If it was done, the repetition is refused and recognised."""
 
@@ -75,8 +78,9 @@ class RunningComponent(msgspec.Struct, frozen=True, kw_only=True):
 class StreamLog:
     """The entries of one component. `identity`: of this process with its file; its lease is its own again after a restart.
 
-    It has a thread with a connection of its own, so that the thread of a disk can wait for it. `last`: the place of the last entry that is
-    known here, and `number` its number. `on_lost` is called, in that thread, when another process has become the leader.
+    Entries are written in the event loop that has opened it. Everything else is done by a thread with a connection of its own, so that the
+    lease is renewed when that loop is busy. `last`: the place of the last entry that is known here, and `number` its number. `on_lost` is
+    called, in that thread, when another process has become the leader.
     """
 
     def __init__(self, servers: str, site: str, component: str, identity: str) -> None:
@@ -87,6 +91,8 @@ class StreamLog:
         self.last = self.number = 0
         self.on_lost: Callable[[], object] = lambda: None
         self._is_ending = False
+        self._client: Client | None = None
+        self._writer: Client | None = None
         self._news = asyncio.Event()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name=f"log {component}", daemon=True)
@@ -105,19 +111,21 @@ class StreamLog:
     async def open(self) -> None:
         """Connect, and make the stream and the buckets if they are not there. However long the bus cannot be reached."""
         await self.call(self._open())
+        self._writer = await connect(self._servers)
+        self._writing: JetStreamContext = self._writer.jetstream(timeout=_WRITE_TIME)
 
     async def _open(self) -> None:
         from nats.js.api import StreamConfig
 
-        self._client = await connect(self._servers)
-        self._js: JetStreamContext = self._client.jetstream(timeout=_WRITE_TIME)
+        self._client = client = await connect(self._servers)
+        self._js: JetStreamContext = client.jetstream(timeout=_WRITE_TIME)
         stream = StreamConfig(name=self._stream, subjects=[self._subject])
         await made_with_copies(lambda copies: self._js.add_stream(stream, num_replicas=copies))
         self._objects: ObjectStore = await made_with_copies(lambda copies: self._js.create_object_store(COPIES, replicas=copies))
         self.lease = Lease(await leases(self._js), self._key, self._identity, lambda: self.on_lost())
-        self._followed = await self._client.subscribe(self._subject, cb=self._on_news)
-        await self._client.subscribe(self._resignation, cb=self._on_news)
-        await self._client.subscribe(status_subject(self._key.partition(".")[0]), cb=self._on_question)
+        self._followed = await client.subscribe(self._subject, cb=self._on_news)
+        await client.subscribe(self._resignation, cb=self._on_news)
+        await client.subscribe(status_subject(self._key.partition(".")[0]), cb=self._on_question)
 
     async def _on_question(self, question: Msg) -> None:
         answer = RunningComponent(
@@ -132,17 +140,18 @@ class StreamLog:
     async def _on_news(self, message: object) -> None:
         self._news.set()
 
-    def close(self) -> None:
-        """Close the connection, and end the thread."""
+    async def close(self) -> None:
+        """Close the connections, and end the thread."""
         with contextlib.suppress(TimeoutError):
-            asyncio.run_coroutine_threadsafe(self._close(), self._loop).result(2.0)
+            async with asyncio.timeout(_CLOSE_TIME):
+                await _end_connection(self._writer)
+                await self.call(self._close())
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
 
     async def _close(self) -> None:
-        with contextlib.suppress(OSError, RuntimeError, AttributeError):  # the connection is lost just now, or not made yet
-            await self._client.close()
+        await _end_connection(self._client)
         unfinished = asyncio.all_tasks() - {asyncio.current_task()}
         for task in unfinished:
             task.cancel()
@@ -150,26 +159,27 @@ class StreamLog:
 
     # Entries
 
-    def append(self, number: int, version: int, document: bytes) -> None:
-        """Write entries, the last of which has this number, and wait until the servers have stored them.
+    async def append(self, number: int, version: int, document: bytes) -> None:
+        """Write entries, the last of which has this number, and return when the servers have stored them. One call at a time.
 
         Raises Replaced when another process has written, and UsageError when the servers do not accept messages of this size, or cannot be
         reached after `end_writing`.
         """
-        asyncio.run_coroutine_threadsafe(self._append(number, version, document), self._loop).result()
+        await self._append(number, version, document)
+        self.number = number
 
     async def _append(self, number: int, version: int, document: bytes) -> None:
         from nats import errors
         from nats.js.errors import APIError
 
-        self.number = number
         headers = {_EXPECTED: str(self.last), NUMBER: str(number), VERSION: str(version), WRITER: self._identity}
         pause = FIRST_PAUSE
         while True:
             try:
-                self.last = (await self._js.publish(self._subject, document, timeout=_WRITE_TIME, headers=headers)).seq
+                self.last = (await self._writing.publish(self._subject, document, timeout=_WRITE_TIME, headers=headers)).seq
             except errors.MaxPayloadError:
-                advice = f"raise max_payload of the NATS servers, now {self._client.max_payload}"
+                assert self._writer is not None, "it is open"
+                advice = f"raise max_payload of the NATS servers, now {self._writer.max_payload}"
                 raise UsageError(f"an input of {self._key} has {len(document)} bytes; {advice}") from None
             except APIError as error:
                 if error.err_code == _WRONG_SEQUENCE:
@@ -196,7 +206,7 @@ class StreamLog:
         from nats.js.errors import NotFoundError
 
         try:
-            message = await patiently(lambda: self._js.get_msg(self._stream, sequence))
+            message = await patiently(lambda: self._writing.get_msg(self._stream, sequence))
         except NotFoundError:
             return False
         return message.data == document and (message.headers or {}).get(WRITER) == self._identity
@@ -239,15 +249,11 @@ class StreamLog:
 
     async def begin_writing(self, number: int) -> bool:
         """Write that this process leads from here on, with the entries up to this number. False if there are others, not read yet."""
-
-        async def begin() -> None:
-            await self._append(number, 0, b"")
-            await self._followed.unsubscribe()  # a leader knows what it writes
-
         try:
-            await self.call(begin())
+            await self.append(number, 0, b"")
         except Replaced:
             return False
+        await self.call(self._followed.unsubscribe())  # a leader knows what it writes
         return True
 
     async def wait_for_news(self, seconds: float) -> None:
@@ -323,9 +329,16 @@ class StreamLog:
 
             if await self.lease.resign():
                 with contextlib.suppress(errors.Error, OSError):  # standbys look by themselves
+                    assert self._client is not None, "it is open"
                     await self._client.publish(self._resignation)
 
         await self.call(give_up())
+
+
+async def _end_connection(client: Client | None) -> None:
+    if client is not None:
+        with contextlib.suppress(OSError, RuntimeError):  # the connection is lost just now
+            await client.close()
 
 
 async def discard_journals(client: Client, site: str) -> None:
