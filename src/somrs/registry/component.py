@@ -307,7 +307,8 @@ class Registry:
                 return update.effects
             new_listing = self._listing()
             old_taken, new_taken = listing.taken_from(name), new_listing.taken_from(name)
-            concerned = [*old_taken.values(), *new_taken.values()]
+            changes = ((old_taken.get(service), new_taken.get(service)) for service in {**old_taken, **new_taken})
+            concerned = [offer for old, new in changes if old != new for offer in (old, new) if offer is not None]
             old_views = listing.views(sorted(listing.rivals(concerned) | new_listing.rivals(concerned)))
             left_services = ((service, news.reason) for news in update.news if isinstance(news, ServicesLeft) for service in news.services)
             reasons = {old_taken[service].service: reason for service, reason in left_services if service in old_taken}
