@@ -43,9 +43,11 @@ def test_when_a_registry_is_lost_the_devices_are_on_offer_at_the_others(tmp_path
         data = tmp_path / "run"
         data.mkdir()
         files = import_sources([PARCELS / "domain.pddl", PARCELS / "problem.pddl"], data)
+        neighbours = tmp_path / "neighbours.yaml"
+        neighbours.write_text("Harbour: {registry: 'http://127.0.0.1:9/registry', takes: all, gives: nothing}")
         async with asyncio.timeout(HANG_TIME):
             async with (
-                System(files, data, speed="20", registries=2, launcher=warm.launcher()) as system,
+                System(files, data, speed="20", registries=2, neighbours=neighbours, launcher=warm.launcher()) as system,
                 Client(system.addresses) as client,
             ):
                 registries = system.addresses.registries
@@ -53,8 +55,10 @@ def test_when_a_registry_is_lost_the_devices_are_on_offer_at_the_others(tmp_path
                 while (listed := await services(client, registries["Registry1"])) != await services(client, registries["Registry2"]):
                     await asyncio.sleep(0.1)
                 assert len({offer.provider for offer in await client.services()}) == 2
-                answers = await asyncio.to_thread(somrs, "status", "--data", data)
-                assert "Registry2" in answers.stdout
+                output = (await asyncio.to_thread(somrs, "status", "--data", data)).stdout
+                assert "Registry2" in output
+                assert "Harbour" in output
+                assert "no answer since" in output
                 # Which one the devices and the Task Manager began with follows from their names.
                 first = [*registries].index(
                     next(name for name, address in registries.items() if address == system.addresses.registries_for("/task-manager")[0])
