@@ -53,6 +53,8 @@ SCREENSHOTS = ROOT / "out" / "screenshots"
 WIDTHS = {"1280": (1280, 800), "1920": (1920, 1080), "820": (820, 1180)}
 SIZES = {**WIDTHS, "640": (640, 480), "390": (390, 844)}
 """640 is for pages that take long to draw and whose layout is not tested; 390 is a telephone."""
+SIZE = "1280"
+"""The size of a new page, unless a test selects another."""
 Scheme = Literal["light", "dark"]
 SCHEMES: tuple[Scheme, ...] = ("light", "dark")
 UP_TIME = 300.0
@@ -251,13 +253,22 @@ def profiles(browser: Browser) -> list[BrowserContext]:
 
 def new_profile(browser: Browser) -> BrowserContext:
     """Return a profile with an empty page that keeps its process, in which all pages of this machine run."""
-    profile = browser.new_context()
+    width, height = SIZES[SIZE]
+    profile = browser.new_context(viewport={"width": width, "height": height}, color_scheme="light", reduced_motion="reduce")
     if LATENCY:
         profile.add_init_script(slow_network(LATENCY))
     page = profile.new_page()
     page.route("**", lambda route: route.fulfill(body="", content_type="text/html"))
     page.goto("http://127.0.0.1/")
     return profile
+
+
+def empty_page(profile: BrowserContext) -> Page:
+    """Open a page from the one that keeps the profile's process. Playwright's `new_page` starts another process for a page, which ends when
+    the page goes to its first address: that takes a third of the time of a small page."""
+    with profile.expect_page() as opened:
+        profile.pages[0].evaluate("() => void open('about:blank')")
+    return opened.value
 
 
 FAILED = pytest.StashKey[bool]()
@@ -285,16 +296,18 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
     pages: list[Page] = []
     errors: list[str] = []
 
-    def open_page(url: str, size: str = "1280", *, dark: bool = False, may_reload: bool = False, webgl: bool = True) -> Page:
+    def open_page(url: str, size: str = SIZE, *, dark: bool = False, may_reload: bool = False, webgl: bool = True) -> Page:
         if len(pages) == len(profiles):
             profiles.append(new_profile(browser))
-        page = profiles[len(pages)].new_page()
+        page = empty_page(profiles[len(pages)])
         pages.append(page)
         page.set_default_timeout(1000 * PATIENCE)
         if not webgl:
             page.add_init_script(f"{{{WITHOUT_WEBGL}}}")
-        resize(page, size)
-        page.emulate_media(color_scheme="dark" if dark else "light", reduced_motion="reduce")
+        if size != SIZE:
+            resize(page, size)
+        if dark:
+            page.emulate_media(color_scheme="dark")
 
         def check_console(message: ConsoleMessage) -> None:
             wrong = message.type == "error" and "ERR_CONNECTION" not in message.text
