@@ -72,19 +72,27 @@ def lines_of(folder: Path) -> list[Line]:
     return [msgspec.json.decode(line, type=Line) for line in (folder / "messages.jsonl").read_bytes().splitlines()]
 
 
-def test_a_transaction_survives_dead_robots_a_dead_task_manager_and_a_client_that_changes_its_mind(tmp_path: Path) -> None:
+EACH_WORLD = pytest.mark.parametrize("world", [WorldKind.KINEMATIC, pytest.param(WorldKind.PHYSICS, marks=pytest.mark.slow)])
+"""The scenarios that are not in the paper are about messages: in `make test`, things move without contacts and friction."""
+
+
+@EACH_WORLD
+def test_a_transaction_survives_dead_robots_a_dead_task_manager_and_a_client_that_changes_its_mind(
+    tmp_path: Path, world: WorldKind
+) -> None:
     console = Console(file=(tmp_path / "said.txt").open("w"), width=150)
-    code = asyncio.run(play("2", tmp_path / "out", None, console, launcher=warm.launcher()))
+    code = asyncio.run(play("2", tmp_path / "out", None, console, launcher=warm.launcher(), world=world))
     assert code == 0, (tmp_path / "said.txt").read_text()
     output = (tmp_path / "said.txt").read_text()
     assert "NO" not in output.split("Checks")[1]
     assert "<svg" in (tmp_path / "out" / "timeline.svg").read_text()
 
 
-def test_robots_and_a_person_achieve_together_what_none_can_alone(tmp_path: Path) -> None:
+@EACH_WORLD
+def test_robots_and_a_person_achieve_together_what_none_can_alone(tmp_path: Path, world: WorldKind) -> None:
     console = Console(file=(tmp_path / "said.txt").open("w"), width=150)
     folder = tmp_path / "out"
-    code = asyncio.run(play("3", folder, None, console, launcher=warm.launcher()))
+    code = asyncio.run(play("3", folder, None, console, launcher=warm.launcher(), world=world))
     output = (tmp_path / "said.txt").read_text()
     assert code == 0, output
     assert "NO" not in output.split("Checks")[1]
@@ -330,7 +338,7 @@ def test_devices_that_share_a_process_come_back_with_it_and_one_that_does_not_st
 
     async def run() -> None:
         async with (
-            System([site], data, speed="max", launcher=warm.launcher(), devices_per_process=10) as system,
+            System([site], data, speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher(), devices_per_process=10) as system,
             Client(system.addresses) as client,
         ):
             assert "Lamp001 did not start: the lamp is not connected; it is tried again" in caplog.messages

@@ -82,10 +82,19 @@ class _ScenarioResult:
         return all(self.checks.values())
 
 
-async def play(scenario: str, folder: Path, seed: int | None, console: Console | None = None, *, launcher: Launcher | None = None) -> int:
+async def play(
+    scenario: str,
+    folder: Path,
+    seed: int | None,
+    console: Console | None = None,
+    *,
+    launcher: Launcher | None = None,
+    world: WorldKind = WorldKind.PHYSICS,
+) -> int:
     """Play a scenario, print its messages, and write its results to `folder`. Return the exit code: 0 if all checks pass.
 
-    `seed`: vary the positions and the time of the failure; None: as in the paper. Raises UsageError for an unknown scenario.
+    `seed`: vary the positions and the time of the failure; None: as in the paper. `world`: what moves robots and things; that of scenario 4
+    is kinematic. Raises UsageError for an unknown scenario.
     """
     if scenario not in _SCENARIOS:
         raise UsageError(f"there is no scenario {scenario}; there are {' and '.join(_SCENARIOS)}")
@@ -95,7 +104,7 @@ async def play(scenario: str, folder: Path, seed: int | None, console: Console |
     folder.mkdir(parents=True)
     site, distance = prepare(scenario, folder, seed)
     speed = {"2": recovery_demo.SPEED, "4": hotel_demo.SPEED}.get(scenario, SPEED)
-    world = WorldKind.KINEMATIC if scenario == "4" else WorldKind.PHYSICS
+    world = WorldKind.KINEMATIC if scenario == "4" else world
     system = System([site], folder / "run", speed=speed, world=world, launcher=launcher, devices_per_process=1)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the Service Managers ..."):
