@@ -35,7 +35,7 @@ class ServiceUpdate:
     reloaded: bool = False
 
 
-class _Reading(Reading, kw_only=True):
+class OffersReading(Reading, kw_only=True):
     """The pages read so far. `unsettled`: providers were about to publish again."""
 
     offers: list[Offer] = field(default_factory=list)
@@ -46,7 +46,7 @@ class ServicesDue(Struct, frozen=True, tag=True):
     """The timer of a component's copy of the offers."""
 
 
-class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
+class ServiceReplica(Following[ServicesJoined | ServicesLeft, OffersReading]):
     """`offers` are the Registry's as far as received. The owner passes every input to `handle` first."""
 
     SUBSCRIBED = ServicesSubscribed
@@ -116,8 +116,8 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
             self._begin_anew()
         return super()._subscribed(answer, now)
 
-    def _new_reading(self) -> _Reading:
-        return _Reading()
+    def _new_reading(self) -> OffersReading:
+        return OffersReading()
 
     def _first_question(self) -> Body:
         return Discover()
@@ -125,12 +125,12 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, _Reading]):
     def _version_of(self, event: ServicesJoined | ServicesLeft) -> int:
         return event.version
 
-    def _add_page(self, reading: _Reading, page: Discovered) -> Body | None:
+    def _add_page(self, reading: OffersReading, page: Discovered) -> Body | None:
         reading.offers += page.offers
         reading.unsettled = reading.unsettled or page.unsettled
         return Discover(after=page.offers[-1].service) if page.more and page.offers else None
 
-    def _adopt(self, reading: _Reading, now: float) -> None:
+    def _adopt(self, reading: OffersReading, now: float) -> None:
         self.offers, self.copied_from = Offers(reading.offers), self.registry
         self.expected = {"": now + REPUBLISHING_TIME} if reading.unsettled else {}
 

@@ -78,7 +78,7 @@ class Finder:
                 address=neighbour.settings.address,
                 services=sum(1 for key in keys for _ in self._listing.offers_of(key)),
                 away_since=neighbour.answered_at if is_silent else None,
-                problem=neighbour.copy.problem,
+                problem=neighbour.copy.complaint,
             )
 
     def _fits(self, offer: Offer, query: Discover, effect: Formula | None) -> bool:

@@ -7,6 +7,7 @@ round in a circle nor reaches somebody to whom its owner does not give it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from typing import Any
 
 from msgspec import Struct, structs
@@ -15,14 +16,17 @@ from somrs.errors import UsageError
 from somrs.kernel.component import Effect, Input, Received
 from somrs.kernel.following import LEASE
 from somrs.kernel.offers import Offers
-from somrs.kernel.service_replica import ServiceReplica, ServiceUpdate
+from somrs.kernel.service_replica import OffersReading, ServiceReplica, ServiceUpdate
 from somrs.ontology.objects import Map
 from somrs.ontology.qualified_names import SEPARATOR
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.directory import Offer, SubscribeServices
+from somrs.protocol.messages.directory import Discovered, Offer, ServicesJoined, ServicesLeft, SubscribeServices
 from somrs.protocol.messages.frp import Fault
 from somrs.registry.selection import Selection, Selector
+
+MOST_OFFERS = 10_000
+"""How many offers of a neighbour are kept: what another owner sends must not take up all memory."""
 
 
 class Neighbour(Struct, frozen=True, kw_only=True):
@@ -62,6 +66,21 @@ class NeighbourReplica(ServiceReplica, kw_only=True):
     @property
     def timer(self) -> Any:
         return NeighbourDue(self.name)
+
+    @property
+    def complaint(self) -> str:
+        """Why not all of its offers are listed: what it answered last instead of giving them, or that it gives too many."""
+        return self.problem or (f"only {MOST_OFFERS} of its offers are kept" if len(self.offers) >= MOST_OFFERS else "")
+
+    def _add_page(self, reading: OffersReading, page: Discovered) -> Body | None:
+        question = super()._add_page(reading, page)
+        del reading.offers[MOST_OFFERS:]
+        return question if len(reading.offers) < MOST_OFFERS else None
+
+    def _apply(self, event: ServicesJoined | ServicesLeft, now: float) -> None:
+        super()._apply(event, now)
+        if len(self.offers) > MOST_OFFERS:
+            self.offers = Offers(islice(self.offers, MOST_OFFERS))
 
     def _subscription(self) -> Body:
         return SubscribeServices(lease=LEASE, neighbour=True)

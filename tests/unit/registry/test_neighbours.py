@@ -34,6 +34,7 @@ from somrs.protocol.messages.directory import (
 )
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Define, Definitions, UpdateMap
+from somrs.registry import neighbours
 from somrs.registry.component import SCHEMA, Registry
 from somrs.registry.neighbours import Configured, Neighbour
 from somrs.registry.selection import Selection, Selector
@@ -402,6 +403,25 @@ def test_new_settings_take_effect_at_the_next_start_for_both() -> None:
     assert system.services() == []
     assert system.discover().neighbours == ()
     assert system.log()[0] == ("Robot2", "There", "retracted")
+
+
+@pytest.mark.parametrize("is_there_first", [True, False])
+def test_a_neighbour_that_gives_more_than_can_be_kept_is_listed_in_part(monkeypatch: pytest.MonkeyPatch, *, is_there_first: bool) -> None:
+    monkeypatch.setattr(neighbours, "MOST_OFFERS", 5)
+    system = Neighbours()
+    if is_there_first:  # it is read, and not told
+        system.world.kill(HERE)
+    for number in range(8):
+        system.send(publish(f"Robot{number}"))
+    if is_there_first:
+        system.world.revive(HERE)
+        system.world.run(5.0)
+    assert len(system.services()) == 5
+    assert system.discover().neighbours[0].problem == "only 5 of its offers are kept"
+    for number in range(8):
+        system.send(Retract(provider=f"Robot{number}"))
+    assert system.services() == []
+    assert system.discover().neighbours[0].problem == ""
 
 
 # Several Registries of one site
