@@ -96,6 +96,9 @@ class WindowPlanner:
         stuck: list[int] = []
         for number, aim in aims.items():
             try:
+                if self._is_shut_off(number, aim, robots, effort):
+                    stuck.append(number)
+                    continue
                 ways = search_all(self.graph, places, aim, ALL * effort, dict(staying))
                 if ways is None and self._is_stuck(places, aim, effort, robots):
                     stuck.append(number)
@@ -128,6 +131,19 @@ class WindowPlanner:
         SearchLimit."""
         fixed = [number for number, robot in enumerate(robots) if not robot.movable and not robot.busy]
         return not any(robot.busy for robot in robots) or search_all(self.graph, places, aim, ALL * effort, fixed) is None
+
+    def _is_shut_off(self, number: int, aim: Goals, robots: Sequence[Traveller], effort: int) -> bool:
+        """Whether a robot cannot get past one that stands in its way even if they were alone: among many, they can do no more, and this is
+        proved in fewer steps. Raises SearchLimit."""
+        robot, goal = robots[number], aim[number]
+        assert goal is not None, "it is on its way"
+        way = {robot.place, *self.graph.way(robot.place, goal, number)}
+        standing = (other for other, blocker in enumerate(robots) if other != number and blocker.goal in (None, blocker.place))
+        for blocker in (other for other in standing if not way.isdisjoint(self._taken(robots[other].place))):
+            start, staying = (robot.place, robots[blocker].place), () if robots[blocker].movable or robots[blocker].busy else (1,)
+            if search_all(self.graph, start, (goal, None), ALL * effort, staying, (number, blocker)) is None:
+                return True
+        return False
 
     def _search(self, places: Configuration, goals: Goals, effort: int, staying: Sequence[tuple[int, int]]) -> list[Configuration] | None:
         """Ways to the goals; None if none are found."""

@@ -46,6 +46,28 @@ def plan_until_all_were_there(graph: Graph, places: Configuration, goals: Goals,
     return 200
 
 
+@examples(100)
+@given(st.data(), graphs(6))
+def test_a_robot_is_stuck_only_if_there_are_no_ways(data: st.DataObject, graph: Graph) -> None:
+    places = data.draw(configurations(graph, 3))
+    goals: Goals = [data.draw(st.none() | st.integers(0, graph.size - 1)) for _ in places]
+    for robot in WindowPlanner(graph, Random(0).shuffle).plan(travellers(places, goals), 10).stuck:
+        aim: Goals = [goal if number == robot else None for number, goal in enumerate(goals)]
+        assert shortest_course(graph, places, aim, rotations=False) is None
+
+
+def test_a_robot_that_is_shut_in_keeps_another_one_from_its_goal_however_many_others_there_are() -> None:
+    side = 10
+    hall = [(y * side + x, y * side + x + step) for y in range(side) for x, step in ((x, step) for x in range(side) for step in (1, side))]
+    lanes = [(start, end) for start, end in hall if end < side * side and (end == start + side or end % side)]
+    shut_in, goal = side * side, side * side + 1
+    graph = Graph(side * side + 2, [(a, b, 1.0) for lane in [*lanes, (0, goal)] for a, b in (lane, lane[::-1])], [(shut_in, goal)])
+    places = (shut_in, *range(9, 89, 10))
+    waiting = Traveller(place=0, goal=goal, nearest=graph.distance(0, goal))  # it has come as near as it can
+    others = travellers(places, [None] * len(places))
+    assert WindowPlanner(graph, Random(0).shuffle).plan([waiting, *others], 20).stuck == (0,)
+
+
 def test_two_robots_do_not_step_aside_for_each_other_for_ever() -> None:
     """PIBT alone moves both to and fro: the one that is at its goal comes back to it each time."""
     graph, at = grid("A...B.C", "#####D#")
