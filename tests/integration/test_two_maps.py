@@ -10,7 +10,7 @@ from somrs.ontology.files.loading import load_text
 from somrs.ontology.objects import Map
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.protocol.messages.neighbours import Neighbour, Neighbours, SetNeighbour
+from somrs.protocol.messages.neighbours import Neighbour
 from somrs.protocol.messages.submission import Submit, Submitted
 from somrs.protocol.messages.task_views import TaskView
 from somrs.registry.component import SCHEMA as REGISTRY
@@ -20,6 +20,7 @@ from somrs.registry.neighbours import Neighbour as NeighbouringRegistry
 from somrs.registry.selection import Selection
 from somrs.repository.component import SCHEMA as REPOSITORY
 from somrs.repository.component import Repository
+from somrs.repository.neighbouring import NeighboursConfigured
 from somrs.repository.state import Contents
 from somrs.runtime.virtual_time import Work, World
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
@@ -94,7 +95,7 @@ class TwoOwners:
         self.barn, self.yard = Owner(self.world, "Barn"), Owner(self.world, "Yard")
         for owner, other in ((self.barn, self.yard), (self.yard, self.barn)):
             neighbour = Neighbour(map=other.name, address=other.repository_address)
-            self.client.ask(owner.repository_address, SetNeighbour(neighbour=neighbour), Neighbours)
+            self.world.notify(owner.repository_address, NeighboursConfigured(map=owner.name, neighbours=(neighbour,)))
             registry = NeighbouringRegistry(name=other.name, address=other.registry_address, takes=Selection(), gives=Selection())
             self.world.notify(owner.registry_address, Configured((registry,)))
             self.world.revive(owner.registry_address)

@@ -276,7 +276,8 @@ class Registry:
                 yield from self._announcements.announce(old_views, AWAY, now)
 
     def _ontology_changed(self, listing: Listing, now: float) -> Effects:
-        old_views = listing.views(listing.keys)
+        # With the map of a neighbour, its devices get other names.
+        old_views = listing.views((*listing.keys, *self._listing().keys))
         if self._listing().version < listing.version:  # the Repository's store begins anew: its versions say nothing about earlier ones
             for provider in self.state.providers.values():
                 provider.ontology_version = 0

@@ -22,6 +22,7 @@ from somrs.kernel.component import (
     Effects,
     ErrorAnswer,
     Input,
+    Notified,
     Received,
     Send,
     SetTimer,
@@ -53,7 +54,7 @@ from somrs.protocol.messages.knowledge import (
     Updated,
     UpdateMap,
 )
-from somrs.protocol.messages.neighbours import Adopt, Adopted, AdoptionRefused, NameMap, ReadNeighbours, RemoveNeighbour, SetNeighbour
+from somrs.protocol.messages.neighbours import Adopt, Adopted, AdoptionRefused, ReadNeighbours
 from somrs.protocol.messages.reservations import AssignTask, ClaimReservations, Release, ReservationMode, Reserve, TaskAssigned
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.committing import Committing
@@ -66,7 +67,7 @@ from somrs.repository.map_answers import MapAnswers
 from somrs.repository.merging import merge_outcome
 from somrs.repository.neighbour_state import NeighbourDue
 from somrs.repository.neighbour_view import View
-from somrs.repository.neighbouring import Neighbouring
+from somrs.repository.neighbouring import Neighbouring, NeighboursConfigured
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
 from somrs.repository.pages import ontology_page
 from somrs.repository.publishing import Publishing
@@ -87,7 +88,7 @@ from somrs.repository.undo import undo_outcome
 from somrs.repository.update import changes_outcome, update_outcome
 from somrs.repository.version_conflict import version_conflicts
 
-READS = ReadOntology | ReadMap | QueryMap | Consider | ReadHistory | ReadEvents
+READS = ReadOntology | ReadMap | QueryMap | Consider | ReadHistory | ReadEvents | ReadNeighbours
 """Requests that change nothing."""
 
 
@@ -152,6 +153,8 @@ class Repository:
                 self.contents.address = address
                 yield from self._publishing.start(now)
                 yield from self._neighbouring.start(now)
+            case Notified(NeighboursConfigured() as configured):
+                yield from self._neighbouring.configure(configured, now)
             case Received(message):
                 try:
                     yield from self._received(message, now)
@@ -210,8 +213,7 @@ class Repository:
             case SubscribeMap(lease=lease):
                 self._reserving.heard_of(message.header.sender, now)
                 yield from self._publishing.subscribe(message, lease, now)
-            case NameMap() | SetNeighbour() | RemoveNeighbour() | ReadNeighbours() as body:
-                yield from self._neighbouring.serve(body, now)
+            case ReadNeighbours():
                 yield self._answer(message, self._neighbouring.views())
             case Adopt() as adopt:
                 yield from self._run_once(message, lambda: self._adopt(message, adopt, now))
@@ -387,6 +389,7 @@ SCHEMA = Schema(
     questions=ArchiveWanted,
     tasks=Task,
     answers=ArchivedEvents | MapPage | OntologyPage | ErrorAnswer,
+    notices=NeighboursConfigured,
     restore=Repository.restored,
     relocatable=True,
     irreplaceable=True,

@@ -39,7 +39,8 @@ class View:
         """Whether the neighbour sees the object."""
         if home_of(name) or name not in self._map.objects:
             return False
-        return not self._neighbour.shows or any(place in self._neighbour.shows for place in self._whereabouts(name))
+        places = self._neighbour.shows
+        return places is not None and (not places or any(place in places for place in self._whereabouts(name)))
 
     def shows_fact(self, fact: Fact) -> bool:
         """Whether it sees the fact. The neighbour knows its own objects in it."""

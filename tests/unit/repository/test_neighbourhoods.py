@@ -13,8 +13,9 @@ from somrs.ontology.objects import Map
 from somrs.ontology.qualified_names import home_of, translated
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
-from somrs.protocol.messages.neighbours import Neighbour, Neighbours, SetNeighbour
+from somrs.protocol.messages.neighbours import Neighbour
 from somrs.repository.component import SCHEMA, Repository
+from somrs.repository.neighbouring import NeighboursConfigured
 from somrs.repository.state import Contents
 from somrs.runtime.virtual_time import KillPoint, World
 from tests.support.answer_client import AnswerClient
@@ -49,9 +50,8 @@ class Neighbourhood:
         for map in MAPS:
             self.world.add(address(map), repository(map), journaled=SCHEMA)
         for map in MAPS:
-            for other in MAPS:
-                if other != map:
-                    self.client.ask(address(map), SetNeighbour(neighbour=Neighbour(map=other, address=address(other))), Neighbours)
+            neighbours = tuple(Neighbour(map=other, address=address(other)) for other in MAPS if other != map)
+            self.world.notify(address(map), NeighboursConfigured(map=map, neighbours=neighbours))
         self.world.run(120.0)
         self.calm = False
 

@@ -6,8 +6,9 @@ from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Change, Fact, FactAdded, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Value
 from somrs.protocol.messages.knowledge import QueryMap, Rejected, RenameObject, Rows, Updated, UpdateMap
-from somrs.protocol.messages.neighbours import Neighbour, Neighbours, ReadNeighbours, RemoveNeighbour, SetNeighbour
+from somrs.protocol.messages.neighbours import Neighbour, Neighbours, ReadNeighbours
 from somrs.repository.component import SCHEMA, Repository
+from somrs.repository.neighbouring import NeighboursConfigured
 from somrs.repository.state import Contents
 from somrs.runtime.virtual_time import World
 from tests.support.answer_client import AnswerClient
@@ -34,14 +35,17 @@ def repository(name: str, address: str, **tables: str) -> Repository:
 class Neighbourhood:
     """A barn and a yard."""
 
-    def __init__(self, *, shows: tuple[str, ...] = (), may_change: bool = True) -> None:
+    def __init__(self, *, shows: tuple[str, ...] | None = (), may_change: bool = True) -> None:
         self.world = World()
         self.ask = AnswerClient(self.world).ask
         self.world.add(BARN, repository("Barn", BARN, Table1="Bench1", Table2="Bench2"), journaled=SCHEMA)
         self.world.add(YARD, repository("Yard", YARD, Table1="Ramp1", Table2="Ramp2"), journaled=SCHEMA)
-        self.ask(YARD, SetNeighbour(neighbour=Neighbour(map="Barn", address=BARN)), Neighbours)
-        self.ask(BARN, SetNeighbour(neighbour=Neighbour(map="Yard", address=YARD, shows=shows, may_change=may_change)), Neighbours)
+        self.configure(YARD, "Yard", Neighbour(map="Barn", address=BARN))
+        self.configure(BARN, "Barn", Neighbour(map="Yard", address=YARD, shows=shows, may_change=may_change))
         self.settle()
+
+    def configure(self, address: str, map: str, *neighbours: Neighbour) -> None:
+        self.world.notify(address, NeighboursConfigured(map=map, neighbours=neighbours))
 
     def update(self, address: str, *changes: Change, situation: str | None = None) -> Updated:
         return self.ask(address, UpdateMap(changes=changes, situation=situation, author="test"), Updated)
@@ -139,9 +143,24 @@ def test_what_is_put_at_a_neighbour_s_place_gets_its_home_there() -> None:
 
 def test_a_neighbour_that_is_removed_leaves_nothing_behind() -> None:
     two = Neighbourhood()
-    two.ask(YARD, RemoveNeighbour(map="Barn"), Neighbours)
+    two.configure(YARD, "Yard")
     assert not any(":" in name for name in two.names(YARD))
     assert two.ask(YARD, ReadNeighbours(), Neighbours).neighbours == ()
 
 
 POSITION: dict[str, Value] = {"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.0}
+
+
+def test_a_neighbour_to_which_nothing_is_shown_sees_nothing() -> None:
+    two = Neighbourhood(shows=None)
+    assert not any(name.startswith("Barn:") for name in two.names(YARD))
+    assert "Yard:Jar1" in two.names(BARN)
+
+
+def test_what_is_wrong_with_a_neighbour_is_said() -> None:
+    two = Neighbourhood()
+    two.configure(YARD, "Yard", Neighbour(map="Farm", address=BARN, shows=("Attic",)))
+    two.settle()
+    (neighbour,) = two.ask(YARD, ReadNeighbours(), Neighbours).neighbours
+    assert neighbour.problems[0] == f"the map at {BARN} has the name Barn, and not Farm"
+    assert "there is no place Attic on the map Yard that could be shown" in neighbour.problems

@@ -39,8 +39,7 @@ KnowledgeBody = (
     | reservations.Reserve | reservations.Reserved | reservations.ReservationDenied | reservations.ReservationFree
     | reservations.ReservationLost | reservations.Release | reservations.ClaimReservations
     | reservations.AssignTask | reservations.TaskAssigned
-    | neighbours.NameMap | neighbours.SetNeighbour | neighbours.RemoveNeighbour | neighbours.ReadNeighbours
-    | neighbours.Neighbours | neighbours.Adopt | neighbours.Adopted | neighbours.AdoptionRefused
+    | neighbours.ReadNeighbours | neighbours.Neighbours | neighbours.Adopt | neighbours.Adopted | neighbours.AdoptionRefused
 )  # fmt: skip
 ClientBody = (
     submission.Submit | submission.SubmitOnce | submission.Submitted | submission.TaskRejected | submission.CancelTask
@@ -89,9 +88,6 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     knowledge.SubscribeMap: (knowledge.MapSubscribed,),
     reservations.Reserve: (reservations.Reserved, reservations.ReservationDenied),
     reservations.AssignTask: (reservations.TaskAssigned,),
-    neighbours.NameMap: (neighbours.Neighbours,),
-    neighbours.SetNeighbour: (neighbours.Neighbours,),
-    neighbours.RemoveNeighbour: (neighbours.Neighbours,),
     neighbours.ReadNeighbours: (neighbours.Neighbours,),
     neighbours.Adopt: (neighbours.Adopted, neighbours.AdoptionRefused),
     submission.Submit: (submission.Submitted, submission.TaskRejected),

@@ -1,4 +1,4 @@
-"""The bodies with which a Repository is told of its neighbours: other Repositories, each with a map of its own.
+"""The bodies about neighbours of a Repository: other Repositories, each with a map of its own.
 
 A Repository follows the maps of its neighbours, and has their objects on its own map, with qualified names (`Barn:Jar9`). What it is asked
 to change or to reserve of them, it passes on to their homes.
@@ -16,39 +16,21 @@ from somrs.protocol.messages.reservations import Claim
 class Neighbour(Struct, frozen=True, kw_only=True):
     """Another Repository, at an address. Its map has the name `map`.
 
-    `shows`: the places that the neighbour sees of this map, with what is in them; empty: all. `may_change`: whether it may change and
-    reserve objects of this map.
+    `shows`: the places that the neighbour sees of this map, with what is in them; empty: all; None: nothing. `may_change`: whether it may
+    change and reserve objects of this map, and give it others.
     """
 
     map: str
     address: str
-    shows: tuple[str, ...] = ()
+    shows: tuple[str, ...] | None = ()
     may_change: bool = True
-
-
-class NameMap(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Name the map. Its neighbours know it under this name; so it cannot change while it has any."""
-
-    name: str
-
-
-class SetNeighbour(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Follow a neighbour, and let it follow; or change what it sees and may do. Either side does that for itself."""
-
-    neighbour: Neighbour
-
-
-class RemoveNeighbour(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Follow a neighbour no more, and remove its objects from the map. It sees nothing of the map any more."""
-
-    map: str
 
 
 class ReadNeighbours(MessageBody, frozen=True, kw_only=True, tag=True):
     """Read the neighbours."""
 
 
-class NeighbourView(Struct, frozen=True, kw_only=True):
+class MapNeighbourView(Struct, frozen=True, kw_only=True):
     """A neighbour, and what there is of it: its `objects` on this map, by number. `heard_at`: when its version was heard last (seconds
     since 1970); None: never. `problems`: what is not on this map, and why."""
 
@@ -59,10 +41,10 @@ class NeighbourView(Struct, frozen=True, kw_only=True):
 
 
 class Neighbours(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The answer to all of these: the name of the map, and its neighbours."""
+    """The answer to ReadNeighbours: the name of the map, and its neighbours."""
 
     map: str
-    neighbours: tuple[NeighbourView, ...] = ()
+    neighbours: tuple[MapNeighbourView, ...] = ()
 
 
 class Adopt(MessageBody, frozen=True, kw_only=True, tag=True):
