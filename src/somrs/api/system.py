@@ -17,7 +17,7 @@ from somrs.client.operations import operation
 from somrs.errors import SomrsError
 from somrs.ontology.types import ABSTRACT
 from somrs.protocol.messages.directory import Discover, Discovered, NeighbourView
-from somrs.protocol.messages.knowledge import OntologyPage, ReadOntology
+from somrs.protocol.messages.neighbours import MapNeighbourView
 from somrs.protocol.messages.orders import ReadTemplates, TemplatesPage
 from somrs.protocol.messages.task_news import ReadTasks, Tasks
 from somrs.protocol.messages.traffic import ReadRoadmap, RoadmapPage
@@ -51,7 +51,8 @@ class PartView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SystemView(msgspec.Struct, frozen=True, kw_only=True):
-    """The running system. `site`: the label of its site; `data`: its data folder; `neighbours`: those of its Registry."""
+    """The running system. `site`: the label of its site; `data`: its data folder; `neighbours`: those of its Registry; `map`: the name of
+    its map; `neighbouring_maps`: those of neighbours whose objects are on it."""
 
     version: str
     site: str
@@ -61,6 +62,8 @@ class SystemView(msgspec.Struct, frozen=True, kw_only=True):
     map_version: int
     parts: tuple[PartView, ...]
     neighbours: tuple[NeighbourView, ...] = ()
+    map: str = ""
+    neighbouring_maps: tuple[MapNeighbourView, ...] = ()
 
 
 class SystemService:
@@ -75,13 +78,12 @@ class SystemService:
         The topic `system` publishes the same every few seconds.
         """
         context, addresses = self._context, self._context.addresses
-        probes: list[tuple[str, str, Callable[[], Awaitable[object]]]] = [
-            (
-                "Repository",
-                addresses.repository,
-                lambda: context.client.ask(addresses.repository, ReadOntology(after=OFFSET_BEYOND_ALL), OntologyPage),
-            ),
-        ]
+        neighbouring_maps: list[MapNeighbourView] = []
+
+        async def ask_repository() -> None:
+            neighbouring_maps.extend((await context.client.map_neighbours()).neighbours)
+
+        probes: list[tuple[str, str, Callable[[], Awaitable[object]]]] = [("Repository", addresses.repository, ask_repository)]
         registries = addresses.registries
         for name, address in registries.items():
             asking = partial(context.client.ask, address, Discover(provider=NOBODY), Discovered)
@@ -115,6 +117,8 @@ class SystemService:
             map_version=context.version,
             parts=tuple(parts),
             neighbours=await self._neighbours(),
+            map=map.name,
+            neighbouring_maps=tuple(neighbouring_maps),
         )
 
     async def _neighbours(self) -> tuple[NeighbourView, ...]:

@@ -43,7 +43,7 @@ Neighbours = Annotated[
     typer.Option(
         "--neighbours",
         envvar="SOMRS_NEIGHBOURS",
-        help="The file of the Registry's neighbours: whose offers it lists, and what it gives them.",
+        help="The file of the neighbours: whose offers are listed and whose objects are on the map, and what they are given and shown.",
         show_default=False,
     ),
 ]

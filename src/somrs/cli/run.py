@@ -23,6 +23,7 @@ def repository(
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
+    neighbours: Neighbours = None,
     bus: BusOption = None,
     name: SiteName = None,
 ) -> None:
@@ -31,7 +32,7 @@ def repository(
     from somrs.deployment.programs import run_program
 
     def run() -> None:
-        run_program(run_repository(data, site, host, port, addresses_of(data, bus, name).bus if bus is not None else None))
+        run_program(run_repository(data, site, host, port, addresses_of(data, bus, name).bus if bus is not None else None, neighbours))
 
     guarded(run)
 

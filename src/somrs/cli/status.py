@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,10 +15,11 @@ from somrs.api.system import PartView
 from somrs.client import terminal
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
-from somrs.client.state_labels import neighbour_text
+from somrs.client.state_labels import map_neighbour_is_away, map_neighbour_text, neighbour_text
 from somrs.deployment.bus import running_components
 from somrs.errors import RemoteError
 from somrs.protocol.messages.directory import NeighbourView
+from somrs.protocol.messages.neighbours import MapNeighbourView
 from somrs.storage.stream_log import RunningComponent
 
 
@@ -32,6 +34,7 @@ async def status(addresses: Addresses, data: Path, *, json: bool) -> None:
             with contextlib.suppress(RemoteError):  # the table says what does not run
                 async with Client(addresses) as client:
                     _print_neighbours(await client.neighbours())
+                    _print_neighbouring_maps((await client.map_neighbours()).neighbours)
         else:
             print(f"no component of the site {addresses.bus.site} runs on the bus at {addresses.bus.servers}")
         return
@@ -42,6 +45,7 @@ async def status(addresses: Addresses, data: Path, *, json: bool) -> None:
     else:
         terminal.console().print(_render_parts(system.parts))
         _print_neighbours(system.neighbours)
+        _print_neighbouring_maps(system.neighbouring_maps)
 
 
 def _print_neighbours(neighbours: Sequence[NeighbourView]) -> None:
@@ -50,6 +54,17 @@ def _print_neighbours(neighbours: Sequence[NeighbourView]) -> None:
     for neighbour in neighbours:
         sign = "[green]✔[/]" if neighbour.away_since is None else "[red]✘[/]"
         table.add_row(escape(neighbour.name), escape(neighbour.address), f"{sign} {escape(neighbour_text(neighbour, terminal.clock))}")
+    if neighbours:
+        terminal.console().print(table)
+
+
+def _print_neighbouring_maps(neighbours: Sequence[MapNeighbourView]) -> None:
+    """Print the maps of neighbours, if there are some."""
+    table, now = Table("map", "address", "state"), time.time()
+    for neighbour in neighbours:
+        sign = "[red]✘[/]" if map_neighbour_is_away(neighbour, now) else "[yellow]![/]" if neighbour.problems else "[green]✔[/]"
+        state = escape(map_neighbour_text(neighbour, now, terminal.clock))
+        table.add_row(escape(neighbour.neighbour.map), escape(neighbour.neighbour.address), f"{sign} {state}")
     if neighbours:
         terminal.console().print(table)
 

@@ -20,6 +20,7 @@ from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages import directory, frp, knowledge, previews, records, reservations, submission, task_news, task_views
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.neighbours import Neighbours, ReadNeighbours
 from somrs.protocol.messages.people import client_address
 from somrs.runtime.wire import Wire, retry_unanswered
 
@@ -217,6 +218,10 @@ class Client:
     async def ask_registry(self, question: Body, expected: type[Answer]) -> Answer:
         """Ask the Registry, or another one of the system if it does not answer: they list the same."""
         return await first_answer([*self.addresses.registries.values()], lambda address: self.ask(address, question, expected))
+
+    async def map_neighbours(self) -> Neighbours:
+        """The name of the map, and the neighbours whose objects it has."""
+        return await self.ask(self.addresses.repository, ReadNeighbours(), Neighbours)
 
     async def _discover(self, question: directory.Discover) -> AsyncIterator[directory.Discovered]:
         while True:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from somrs.errors import UsageError
 from somrs.protocol.messages.directory import NeighbourView
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.neighbours import MapNeighbourView
 from somrs.protocol.messages.task_views import Phase
 
 PHASES: Mapping[Phase, str] = {
@@ -41,6 +42,31 @@ def neighbour_text(neighbour: NeighbourView, clock: Callable[[float], str]) -> s
     else:
         state = f"no answer since {clock(neighbour.away_since)}; its services are left out"
     return f"{state}; it says: {neighbour.problem}" if neighbour.problem else state
+
+
+MAP_AWAY_TIME = 90.0
+"""Seconds after its last answer after which it is said that the Repository of a neighbour does not answer; it is asked every 20 s."""
+
+
+def map_neighbour_is_away(neighbour: MapNeighbourView, now: float) -> bool:
+    """Whether the Repository of a neighbour has not answered for long, or never."""
+    return neighbour.heard_at is None or now - neighbour.heard_at > MAP_AWAY_TIME
+
+
+def map_neighbour_text(neighbour: MapNeighbourView, now: float, clock: Callable[[float], str]) -> str:
+    """How it stands with a neighbour of the Repository. `clock`: the text for a time."""
+    count = f"{neighbour.objects} object{'' if neighbour.objects == 1 else 's'} of {neighbour.neighbour.map} on the map"
+    if not map_neighbour_is_away(neighbour, now):
+        state = count
+    elif neighbour.heard_at is None:
+        state = f"its Repository has never answered; {count}"
+    else:
+        state = f"no answer of its Repository since {clock(neighbour.heard_at)}; {count}, as it was then"
+    return f"{state}; {neighbour.problems[0]}{_more(len(neighbour.problems) - 1)}" if neighbour.problems else state
+
+
+def _more(count: int) -> str:
+    return f" (and {count} more)" if count else ""
 
 
 def priority_text(priority: int) -> str:

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 from somrs.client.addresses import Addresses, registry_name, registry_path, task_manager_path
 from somrs.client.trace import Trace, trace_file
 from somrs.deployment.continuation import continuing
-from somrs.deployment.programs import load_site
+from somrs.deployment.programs import load_site, map_name
 from somrs.errors import UsageError
 from somrs.runtime.bus import BusAddress
 from somrs.runtime.host import Host
@@ -22,9 +22,16 @@ if TYPE_CHECKING:
     from somrs.storage.journal import Journal
 
 
-async def run_repository(data: Path, site: Sequence[Path], host: str, port: int, bus: BusAddress | None = None) -> None:
-    """Run the Repository. It continues from its journal, or starts with the site's files when there is none."""
+async def run_repository(
+    data: Path, site: Sequence[Path], host: str, port: int, bus: BusAddress | None = None, neighbours: Path | None = None
+) -> None:
+    """Run the Repository. It continues from its journal, or starts with the site's files when there is none.
+
+    `neighbours`: the file of its neighbours; None: it has none.
+    """
+    from somrs.deployment.neighbours import read_neighbouring_maps
     from somrs.repository.component import Repository
+    from somrs.repository.neighbouring import NeighboursConfigured
     from somrs.repository.state import Contents
     from somrs.storage.repository_store import repository_journal
 
@@ -33,10 +40,14 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int,
         assert loaded.map is not None, "load_site returns a map"
         return Repository(address, Contents(ontology=loaded.ontology, map=loaded.map))
 
+    map = map_name(site) if neighbours is not None else ""
+    configured = NeighboursConfigured(map=map, neighbours=read_neighbouring_maps(neighbours, map) if neighbours is not None else ())
     file = data / "repository.sqlite"
     open_journal = partial(repository_journal, file)
     async with continuing(bus, "repository", file, open_journal) as continuation, Host(host, port, bus=bus) as runtime:
-        node = await continuation.add(runtime, "/repository", create_repository, carry_out=continuation.journal.carry_out)
+        node = await continuation.add(
+            runtime, "/repository", create_repository, carry_out=continuation.journal.carry_out, notices=(configured,)
+        )
         await continuation.serve("repository", node)
 
 

@@ -102,6 +102,12 @@ def load_site(site: Sequence[Path]) -> LoadedModel:
     return loaded
 
 
+def map_name(site: Sequence[Path]) -> str:
+    """The name of the map of a site, by which neighbours know it; empty if the site is not given, as to a standby."""
+    map = load_site(site).map if site else None
+    return map.name if map is not None else ""
+
+
 def speed_of(text: str) -> float | None:
     """Simulated seconds per second; None for `max`, which is as fast as the processor allows. Raises UsageError."""
     if text == "max":

@@ -113,7 +113,7 @@ class System:
     `task_managers`, `registries`: the number of Task Managers, and of Registries; None: as many as in the last run.
     `bus`: the URLs of the NATS servers on which the components are, `OWN_BUS` for one that is started with them, None for no bus; `name`:
     the site's name there.
-    `neighbours`: the file of the Registry's neighbours; None: it has none.
+    `neighbours`: the file of the neighbours of Registry and Repository; None: they have none.
     """
 
     def __init__(
@@ -180,7 +180,8 @@ class System:
         self.addresses = ports.addresses(bus, has_windows=self._windows and has_windows())
         site = [argument for path in self.site for argument in ("--site", str(path))]
         entrance = ["--port", str(ports[Part.REPOSITORY])] if bus is None else ["--bus", bus.servers, "--name", bus.site]
-        await self._start("repository", *entrance, *site)
+        neighbours = ["--neighbours", str(self._neighbours.resolve())] if self._neighbours is not None else []
+        await self._start("repository", *entrance, *site, *neighbours)
         async with Client(self.addresses) as client:
             ontology, map = await client.ontology(), await client.map()
         driven = devices(map, ontology)
@@ -201,7 +202,6 @@ class System:
         self.addresses.write(self.data)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
-        neighbours = ["--neighbours", str(self._neighbours.resolve())] if self._neighbours is not None else []
         first = [self._start_one_of(REGISTRY, number, port, *neighbours) for number, port in enumerate(ports.registries, 1)]
         first += [self._start_one_of(TASK_MANAGER, number, port) for number, port in enumerate(ports.task_managers, 1)]
         if not has_world:

@@ -68,7 +68,10 @@ class ReplicaDue(Struct, frozen=True, tag=True):
 
 
 class Replica(Following[MapChanged | OntologyChanged, MapReading]):
-    """`ontology` and `map` are the Repository's as far as received. The owner passes every input to `handle` first."""
+    """`ontology` and `map` are the Repository's as far as received. The owner passes every input to `handle` first.
+
+    `own`: the map has only objects that have their home there, and none of the Repository's neighbours.
+    """
 
     SUBSCRIBED = MapSubscribed
     QUESTIONS = (SubscribeMap, ReadMap, ReadOntology)
@@ -79,6 +82,7 @@ class Replica(Following[MapChanged | OntologyChanged, MapReading]):
     repository: str
     ontology: Ontology = field(default_factory=Ontology)
     map: Map = field(default_factory=Map)
+    own: bool = False
 
     def handle(self, event: Input, now: float) -> ReplicaUpdate | None:
         """Handle an input; None if it does not concern the replica."""
@@ -94,7 +98,7 @@ class Replica(Following[MapChanged | OntologyChanged, MapReading]):
         return self.repository
 
     def _subscription(self) -> Body:
-        return SubscribeMap(lease=LEASE)
+        return SubscribeMap(lease=LEASE, own=self.own)
 
     def _new_reading(self) -> MapReading:
         return MapReading()
@@ -113,11 +117,11 @@ class Replica(Following[MapChanged | OntologyChanged, MapReading]):
         if isinstance(page, OntologyPage):
             reading.changed_at = page.changed_at
             reading.ontology = reading.ontology.extended(page.definitions.all_definitions())
-            return ReadOntology(after=page.next) if page.more else ReadMap()
+            return ReadOntology(after=page.next) if page.more else ReadMap(own=self.own)
         reading.objects += page.objects
         reading.facts += page.facts
         reading.map_name = page.map
-        return ReadMap(after=page.objects[-1].name) if page.more else None
+        return ReadMap(after=page.objects[-1].name, own=self.own) if page.more else None
 
     def _adopt(self, reading: MapReading, now: float) -> None:
         self.ontology, self.map = reading.ontology, Map(reading.objects, reading.facts, reading.map_name)

@@ -285,8 +285,8 @@ class Map:
         return next((arguments[1] for arguments in self.facts_with(PART_OF, 0, part)), None)
 
     def roots(self) -> list[str]:
-        """The objects that are part of no other; a valid map has one abstract object among them."""
-        return [name for name in self.objects if self._is_whole(name)]
+        """The own objects that are part of no other; a valid map has one abstract object among them."""
+        return [name for name in self.objects if self._is_whole(name) and not home_of(name)]
 
     def changed(self, changes: Iterable[Change]) -> Map:
         """The map after the changes. `conformance.py` checks whether it conforms to the ontology."""

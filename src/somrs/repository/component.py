@@ -70,7 +70,7 @@ from somrs.repository.neighbour_view import View
 from somrs.repository.neighbouring import Neighbouring, NeighboursConfigured
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
 from somrs.repository.pages import ontology_page
-from somrs.repository.publishing import Publishing
+from somrs.repository.publishing import OWN, Publishing
 from somrs.repository.reserving import Reserving, lost_reservation
 from somrs.repository.shared_reserving import SharedReserving
 from somrs.repository.state import (
@@ -132,9 +132,15 @@ class Repository:
 
     def _continue(self, now: float) -> Effects:
         """Go on with updates that waited for neighbours."""
-        while messages := (yield from self._forwarding.proceed(now)):
-            for message in messages:
+        has_more = True
+        while has_more:
+            complete = yield from self._forwarding.proceed(now)
+            for message in complete:
                 yield from self._finish(message, now)
+            deferred = yield from self._handing_over.proceed(now)
+            for message in deferred:
+                yield from self._received(message, now)
+            has_more = bool(complete or deferred)
         is_waiting = self._forwarding.is_waiting or self._shared_reserving.is_waiting or self._handing_over.is_waiting
         if is_waiting is not (self.contents.repeats_at is not None):
             self.contents.repeats_at = now + REPETITION_TIME if is_waiting else None
@@ -210,16 +216,15 @@ class Repository:
             case ClaimReservations() as claims:
                 yield from self._reserving.claim(claims, message.header.sender, now)
                 yield from self._shared_reserving.forget_unclaimed(claims, message.header.sender, now)
-            case SubscribeMap(lease=lease):
+            case SubscribeMap() as subscribe:
                 self._reserving.heard_of(message.header.sender, now)
-                yield from self._publishing.subscribe(message, lease, now)
+                yield from self._publishing.subscribe(message, subscribe, now)
             case ReadNeighbours():
                 yield self._answer(message, self._neighbouring.views())
             case Adopt() as adopt:
                 yield from self._run_once(message, lambda: self._adopt(message, adopt, now))
             case Adopted() | AdoptionRefused():
-                for deferred in (yield from self._handing_over.answered(message, now)):
-                    yield from self._received(deferred, now)
+                self._handing_over.answered(message)
             case Fault():
                 pass  # a Fault gets no reply
             case body:
@@ -240,7 +245,7 @@ class Repository:
         if isinstance(question, ReadOntology):
             page = ontology_page(contents.ontology, contents.version, question.after, contents.ontology_changed_at)
             return self._answer(message, page)
-        neighbour = self._neighbouring.at(message.header.sender)
+        neighbour = self._neighbouring.at(message.header.sender) or (OWN if question.own and contents.map.homes else None)
         if neighbour is not None and question.situation is None:
             leaving = {handover.object for handover in contents.handovers.values() if handover.map == neighbour.map}
             return self._answer(message, View(neighbour, contents.map, contents.ontology).page(contents.version, question.after, leaving))

@@ -81,39 +81,60 @@ class HandingOver:
         """The handover for which an update of these objects has to wait."""
         return next((handover for name in names if (handover := self._contents.handovers.get(name)) is not None), None)
 
-    def answered(self, message: Message, now: float) -> EffectsReturning[list[Message]]:
-        """The new home has the object, or refuses it. Returns the updates that have waited for that."""
+    def answered(self, message: Message) -> None:
+        """The new home has the object, or refuses it."""
         contents = self._contents
         handover = next((pending for pending in contents.handovers.values() if pending.id == message.header.relates_to), None)
-        if handover is None:
-            return []  # it was answered before
-        del contents.handovers[handover.object]
-        neighbour = contents.neighbours[handover.map]
+        if handover is None or handover.adopted is not None:
+            return  # it was answered before
         if isinstance(message.body, Adopted):
-            yield from self._leave(handover, message.body, now)
+            handover.adopted = message.body
         elif isinstance(message.body, AdoptionRefused):
-            neighbour.left_out[handover.object] = "; ".join(message.body.problems)
-        if not any(pending.map == handover.map for pending in contents.handovers.values()):
-            yield from self._importing.add_postponed(neighbour, now)
-        return handover.deferred
+            contents.neighbours[handover.map].left_out[handover.object] = "; ".join(message.body.problems)
+            handover.refused = True
+
+    def proceed(self, now: float) -> EffectsReturning[list[Message]]:
+        """End the handovers whose objects the new homes have, as the copies of their maps show, or refuse. Returns the updates that have
+        waited for that."""
+        contents = self._contents
+        deferred: list[Message] = []
+        for handover in [*contents.handovers.values()]:
+            neighbour, adopted = contents.neighbours[handover.map], handover.adopted
+            if not handover.refused and (adopted is None or neighbour.copy.version < adopted.version):
+                continue
+            del contents.handovers[handover.object]
+            if adopted is not None:
+                yield from self._leave(handover, adopted, now)
+            if not any(pending.map == handover.map for pending in contents.handovers.values()):
+                yield from self._importing.add_postponed(neighbour, now)
+            deferred += handover.deferred
+        return deferred
 
     @property
     def is_waiting(self) -> bool:
         """Whether an answer of a neighbour is due."""
-        return bool(self._contents.handovers)
+        return any(handover.adopted is None for handover in self._contents.handovers.values())
 
     def repeat(self, now: float) -> Effects:
         """Ask again, in case that an answer was lost. A home that cannot be reached is asked for ever: it may have the object already."""
         for handover in self._contents.handovers.values():
-            yield from self._ask(handover, now)
+            if handover.adopted is None:
+                yield from self._ask(handover, now)
 
     def _leave(self, handover: Handover, adopted: Adopted, now: float) -> Effects:
-        contents, name = self._contents, handover.object
+        """The object is not one of this map any more. What the neighbour shows of it stays, under its name there."""
+        contents, name, neighbour = self._contents, handover.object, self._contents.neighbours[handover.map]
         new_name = translated(adopted.name, handover.map, contents.map.name)
         contained = [thing for thing in things_at(name, contents.map, contents.ontology) if not home_of(thing)]
-        changes = tuple(self._renaming(name, structs.replace(contents.map.objects[name], name=new_name), ()))
-        yield from self._commit(changes, name, new_name, handover.map, now)
-        contents.neighbours[handover.map].adopted.pop(adopted.name, None)
+        neighbour.adopted.pop(adopted.name, None)
+        neighbour.postponed.pop(adopted.name, None)
+        if adopted.name in neighbour.copy.map.objects:
+            changes = tuple(self._renaming(name, structs.replace(contents.map.objects[name], name=new_name), ()))
+            yield from self._commit(changes, name, new_name, handover.map, now)
+            yield from self._importing.refresh(neighbour, adopted.name, now)
+        else:
+            facts = [*contents.map.facts_about(name)]
+            yield from self._commit((*map(FactRemoved, facts), ObjectRemoved(name)), "", "", handover.map, now)
         for task, fence in adopted.fences.items():
             claimant = contents.reservations.claimants.get(task)
             if claimant is not None:
@@ -142,7 +163,7 @@ class HandingOver:
         contents.provenance.times[name] = dict(body.times)
         neighbour.adopted[body.object.name] = None
         fences = dict(self._reserve(name, body.claims, sender, now))
-        return Adopted(handover=body.handover, name=name, fences=fences)
+        return Adopted(handover=body.handover, name=name, fences=fences, version=contents.version)
 
     def _here(self, name: str, neighbour: NeighbourState) -> str:
         return translated(name, neighbour.settings.map, self._contents.map.name)
@@ -176,7 +197,7 @@ class HandingOver:
         if object.name not in map.objects:
             yield ObjectAdded(object)
         renamed = (renamed_fact(fact, lambda name: object.name if name == old_name else name) for fact in facts)
-        if stated:
+        if stated or object.name in map.objects:
             renamed = (fact for fact in renamed if fact.arguments[0] != object.name)
         for fact in dict.fromkeys((*renamed, *stated)):
             if all(name in map.objects or name == object.name for name in fact.arguments):

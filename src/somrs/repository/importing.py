@@ -46,6 +46,10 @@ class Importing:
         names, neighbour.postponed = [*neighbour.postponed], {}
         yield from self._take_over(neighbour, names, (), (), now)
 
+    def refresh(self, neighbour: NeighbourState, name: str, now: float) -> Effects:
+        """Have an object as the copy has it."""
+        yield from self._take_over(neighbour, [name], (), (), now)
+
     def remove_all(self, home: str, now: float) -> Effects:
         """Remove the objects of a neighbour."""
         names = [name for name in self._contents.map.objects if home_of(name) == home]

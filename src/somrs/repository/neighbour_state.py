@@ -10,7 +10,7 @@ from somrs.kernel.replica import MapReading, Replica
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import MapPage, OntologyPage, UpdateMap
-from somrs.protocol.messages.neighbours import Neighbour
+from somrs.protocol.messages.neighbours import Adopted, Neighbour
 from somrs.protocol.messages.reservations import Reserve, Reserved
 from somrs.protocol.messages.waits import Holder
 
@@ -73,11 +73,14 @@ class ForwardedUpdate(Struct, kw_only=True):
 
 
 class Handover(Struct, kw_only=True):
-    """An object that gets its home with the neighbour `map`. `deferred`: updates of it that wait for the end."""
+    """An object that gets its home with the neighbour `map`. `adopted`: it has it; the copy of the map has still to show it. `deferred`:
+    updates of it that wait for the end."""
 
     id: str
     object: str
     map: str
+    adopted: Adopted | None = None
+    refused: bool = False
     deferred: list[Message] = field(default_factory=list)
 
 

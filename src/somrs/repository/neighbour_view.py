@@ -112,7 +112,7 @@ def view_of_news(
 
 
 def _is_seen(renaming: Renaming, view_before: View, view_after: View) -> bool:
-    return view_before.shows(renaming.name) and view_after.shows(renaming.to)
+    return view_before.shows(renaming.name) and (view_after.shows(renaming.to) or bool(home_of(renaming.to)))
 
 
 def _seen_changes(changes: Sequence[Change], view_before: View, view_after: View, map_before: Map, map_after: Map) -> Iterator[Change]:

@@ -9,11 +9,15 @@ from somrs.kernel.component import Effects, Send, SetTimer
 from somrs.kernel.subscription import Subscription
 from somrs.ontology.objects import Map
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
-from somrs.protocol.messages.knowledge import MapChanged, MapSubscribed, OntologyChanged
+from somrs.protocol.messages.knowledge import MapChanged, MapSubscribed, OntologyChanged, SubscribeMap
 from somrs.protocol.messages.leases import grant_lease
+from somrs.protocol.messages.neighbours import Neighbour
 from somrs.protocol.messages.paging import PAGE_BYTES, size
 from somrs.repository.neighbour_view import view_of_news
 from somrs.repository.state import Contents, LeasesDue
+
+OWN = Neighbour(map="", address="")
+"""A reader that is not interested in objects of neighbours: all others are shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +40,14 @@ class Publishing:
             yield self._notify(subscriber, self._subscribed(subscriber), now)
         yield self._next_expiry()
 
-    def subscribe(self, message: Message, lease: float, now: float) -> Effects:
+    def subscribe(self, message: Message, subscribe: SubscribeMap, now: float) -> Effects:
         """Raises InputError for a client without an address."""
         subscriber = message.header.sender
         if subscriber == ANONYMOUS:
             raise InputError("changes can only be sent to a client that has an address: set the sender to one that can be reached")
-        self._contents.subscriptions[subscriber] = Subscription(until=now + grant_lease(lease), version=self._contents.version)
+        self._contents.subscriptions[subscriber] = Subscription(
+            until=now + grant_lease(subscribe.lease), version=self._contents.version, own=subscribe.own
+        )
         yield Send(reply(message, self._subscribed(subscriber), self._contents.address))
         yield self._next_expiry()
 
@@ -51,11 +57,12 @@ class Publishing:
             return
         contents, news = self._contents, change.news
         neighbours = {neighbour.settings.address: neighbour.settings for neighbour in contents.neighbours.values()}
+        has_others = bool(change.map_before.homes or contents.map.homes)
         # A change that is too large for one message is read by pages: the new version shows the subscriber that it missed a change.
         large = size(news) > PAGE_BYTES * 1.25
         for address, subscription in contents.subscriptions.items():
             if subscription.until > now:
-                neighbour = neighbours.get(address)
+                neighbour = neighbours.get(address) or (OWN if subscription.own and has_others else None)
                 neighbour_news = (
                     news
                     if neighbour is None or large

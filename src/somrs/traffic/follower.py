@@ -37,7 +37,7 @@ class MapFollower:
     is nothing to do."""
 
     def __init__(self, address: str, repository: str) -> None:
-        self.replica = Replica(address, repository)
+        self.replica = Replica(address, repository, own=True)
         self._closing: CloseWays | None = None
         self._hold: str | None = None
         """The reason that traffic was told last; None before the first."""

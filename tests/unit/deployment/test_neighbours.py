@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from somrs.deployment.neighbours import read_neighbours
+from somrs.deployment.neighbours import read_neighbouring_maps, read_neighbours
 from somrs.errors import UsageError
+from somrs.protocol.messages.neighbours import Neighbour as NeighbouringMap
 from somrs.registry.neighbours import Neighbour
 from somrs.registry.selection import Selection
 
@@ -57,5 +58,51 @@ Airport:
 def test_a_mistake_is_told_with_its_place(tmp_path: Path, text: str, expected_text: str) -> None:
     with pytest.raises(UsageError) as raised:
         neighbours_in(tmp_path, text)
+    assert "neighbours.yaml" in str(raised.value)
+    assert expected_text in str(raised.value)
+
+
+MAPS = """
+Harbour:
+  repository: http://harbour.example:8500/repository
+  shows: [Yard, Ramp1]
+  changes: true
+Airport:
+  registry: http://airport.example:8600/registry
+  takes: all
+  gives: all
+  repository: http://airport.example:8500/repository
+  shows: nothing
+  changes: false
+Mill: {repository: 'http://mill.example:8500/repository', shows: all, changes: false}
+Farm: {registry: 'http://farm.example:8600/registry', takes: all, gives: nothing}
+"""
+
+
+def test_a_neighbour_may_have_a_map_or_services_or_both(tmp_path: Path) -> None:
+    assert [neighbour.name for neighbour in neighbours_in(tmp_path, MAPS)] == ["Airport", "Farm"]
+    assert read_neighbouring_maps(tmp_path / "neighbours.yaml", "Town") == (
+        NeighbouringMap(map="Harbour", address="http://harbour.example:8500/repository", shows=("Yard", "Ramp1")),
+        NeighbouringMap(map="Airport", address="http://airport.example:8500/repository", shows=None, may_change=False),
+        NeighbouringMap(map="Mill", address="http://mill.example:8500/repository", shows=(), may_change=False),
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "expected_text"),
+    [
+        ("Harbour: {repository: 'http://a:1/r', shows: all}", "missing required field `changes`"),
+        ("Harbour: {repository: harbour, shows: all, changes: true}", "`repository` is a URL such as http://HOST:PORT/repository"),
+        ("Harbour: {repository: 'http://a:1/r', shows: some, changes: true}", "`shows` is all, nothing, or a list of places"),
+        ("Harbour: {repository: 'http://a:1/r', shows: all, changes: true, hides: all}", "unknown field `hides`"),
+        ("Town: {repository: 'http://a:1/r', shows: all, changes: true}", "Town is the name of the own map"),
+        ("My town: {repository: 'http://a:1/r', shows: all, changes: true}", "a neighbour with a map has the map's name"),
+    ],
+)
+def test_a_mistake_about_a_map_is_told_with_its_place(tmp_path: Path, text: str, expected_text: str) -> None:
+    file = tmp_path / "neighbours.yaml"
+    file.write_text(text, "utf-8")
+    with pytest.raises(UsageError) as raised:
+        read_neighbouring_maps(file, "Town")
     assert "neighbours.yaml" in str(raised.value)
     assert expected_text in str(raised.value)

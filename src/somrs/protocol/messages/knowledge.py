@@ -92,12 +92,13 @@ class ReadMap(MessageBody, frozen=True, kw_only=True, tag=True):
     """Read a page of objects in the order of their names, with the facts whose first argument is on the page.
 
     `at_version`: as they were in that version; None: as they are now. `situation`: as they would be if this formula held, too; not
-    together with `at_version`.
+    together with `at_version`. `own`: only objects that have their home on this map, as they are now.
     """
 
     after: str = ""
     at_version: int | None = None
     situation: str | None = None
+    own: bool = False
 
 
 class MapPage(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -330,9 +331,11 @@ class Events(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class SubscribeMap(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Send the sender every change as it happens, for `lease` seconds."""
+    """Send the sender every change as it happens, for `lease` seconds. `own`: only changes of objects that have their home on this map;
+    other versions come without changes."""
 
     lease: float
+    own: bool = False
 
 
 class MapSubscribed(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -62,10 +62,12 @@ class Adopt(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Adopted(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The object has its home here now, under this name. `fences`: the numbers of the reservations, by task."""
+    """The object has its home here now, under this name. `fences`: the numbers of the reservations, by task. `version`: that of the map
+    with it."""
 
     handover: str
     name: str
+    version: int
     fences: dict[str, int] = {}
 
 

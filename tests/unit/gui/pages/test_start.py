@@ -30,6 +30,7 @@ from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, ObjectRemo
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.directory import NeighbourView
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.neighbours import MapNeighbourView, Neighbour
 from somrs.protocol.messages.orders import Every, Run, RunState, StandingOrder
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import Phase, TaskRow
@@ -75,6 +76,19 @@ def test_neighbours_that_are_away_need_attention() -> None:
     assert silent[:2] == ("No response", "Neighbour Airport")
     assert silent[2].endswith("its services are left out; it says: Airport gives nothing")
     assert texts(outage_rows([], [near, away])) == [silent]
+
+
+def test_maps_of_neighbours_that_are_away_need_attention() -> None:
+    def map_neighbour(name: str, heard_at: float | None, *problems: str) -> MapNeighbourView:
+        return MapNeighbourView(neighbour=Neighbour(map=name, address="a"), objects=1, heard_at=heard_at, problems=problems)
+
+    maps = [map_neighbour("Barn", NOW - 10, "Jar1: the type Pot is not defined here", "Jar2: so"), map_neighbour("Mill", NOW - 1000)]
+    odd, silent, unheard = texts(part_rows([], [], [*maps, map_neighbour("Farm", None)], NOW))
+    assert odd == ("Problems", "Map Barn", "1 object of Barn on the map; Jar1: the type Pot is not defined here (and 1 more)", "")
+    assert silent[:2] == ("No response", "Map Mill")
+    assert silent[2].endswith("1 object of Mill on the map, as it was then")
+    assert unheard[2].startswith("its Repository has never answered")
+    assert texts(outage_rows([], [], maps, NOW)) == [silent]
 
 
 def test_running_tasks_have_phase_and_progress_and_lead_to_their_pages() -> None:

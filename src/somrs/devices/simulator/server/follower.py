@@ -41,7 +41,7 @@ class Follower:
 
     def __init__(self, address: str, repository: str, kind: WorldKind = WorldKind.PHYSICS, traffic: str = ADDRESS) -> None:
         self._kind, self._traffic = kind, traffic
-        self.replica = Replica(address, repository)
+        self.replica = Replica(address, repository, own=True)
         self.read = asyncio.Event()
         self.simulation: Simulation | None = None
         self._map = Map()

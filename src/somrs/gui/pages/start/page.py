@@ -102,8 +102,9 @@ class _Board:
     def _show_system(self, system: SystemView) -> None:
         self._site.set_text(system.site or "SO-MRS")
         self._size.set_text(f"{system.objects} objects of {system.types} types, map version {system.map_version}")
-        self._parts.show(rows.part_rows(system.parts, system.neighbours))
-        self._outages.show(rows.outage_rows(system.parts, system.neighbours))
+        now = time.time()
+        self._parts.show(rows.part_rows(system.parts, system.neighbours, system.neighbouring_maps, now))
+        self._outages.show(rows.outage_rows(system.parts, system.neighbours, system.neighbouring_maps, now))
         self._show_quiet("system")
 
     # Questions

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from somrs.api.device_state import FAULT_LABELS, DeviceState
 from somrs.api.fleet import DeviceView
 from somrs.api.system import PartView
-from somrs.client.state_labels import neighbour_text
+from somrs.client.state_labels import map_neighbour_is_away, map_neighbour_text, neighbour_text
 from somrs.client.task_report import reasons
 from somrs.gui.device_card import LEAVING, activity_text, state
 from somrs.gui.icons import OUTCOMES, Sign, format_time
 from somrs.gui.pages.task_text import count_text, gist, task_path, task_sign
 from somrs.protocol.messages.directory import NeighbourView
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.neighbours import MapNeighbourView
 from somrs.protocol.messages.orders import RunState, StandingOrder
 from somrs.protocol.messages.task_views import Phase, TaskRow
 
@@ -26,6 +27,7 @@ MOST_NAMES = 12
 
 RESPONDS = Sign("check_circle", "Responds", "good")
 NO_RESPONSE = Sign("error", "No response", "bad")
+PROBLEMS = Sign("warning", "Problems", "busy")
 REFUSED = Sign("block", "Refused", "bad")
 
 
@@ -42,15 +44,20 @@ class Row:
     progress: tuple[float, str] | None = None
 
 
-def part_rows(parts: Sequence[PartView], neighbours: Iterable[NeighbourView] = ()) -> list[Row]:
-    """The parts that respond, and those that do not; and the neighbours of the Registry."""
+def part_rows(
+    parts: Sequence[PartView],
+    neighbours: Iterable[NeighbourView] = (),
+    maps: Iterable[MapNeighbourView] = (),
+    now: float = 0.0,
+) -> list[Row]:
+    """The parts that respond, and those that do not; the neighbours of the Registry, and the maps of neighbours."""
     responding = [part.name for part in parts if part.milliseconds is not None]
     silent = [part.name for part in parts if part.milliseconds is None]
     return [
         Row(sign.text, sign, ", ".join(names), count_text(len(names), "part"))
         for sign, names in ((NO_RESPONSE, silent), (RESPONDS, responding))
         if names
-    ] + [neighbour_row(neighbour) for neighbour in neighbours]
+    ] + [*(neighbour_row(neighbour) for neighbour in neighbours), *(map_row(neighbour, now) for neighbour in maps)]
 
 
 def neighbour_row(neighbour: NeighbourView) -> Row:
@@ -59,10 +66,24 @@ def neighbour_row(neighbour: NeighbourView) -> Row:
     return Row(f"neighbour {neighbour.name}", sign, f"Neighbour {neighbour.name}", neighbour_text(neighbour, format_time))
 
 
-def outage_rows(parts: Iterable[PartView], neighbours: Iterable[NeighbourView] = ()) -> list[Row]:
+def map_row(neighbour: MapNeighbourView, now: float) -> Row:
+    """The map of a neighbour, and whether its Repository answers."""
+    is_away = map_neighbour_is_away(neighbour, now)
+    sign = NO_RESPONSE if is_away else PROBLEMS if neighbour.problems else RESPONDS
+    name = neighbour.neighbour.map
+    return Row(f"map {name}", sign, f"Map {name}", map_neighbour_text(neighbour, now, format_time))
+
+
+def outage_rows(
+    parts: Iterable[PartView],
+    neighbours: Iterable[NeighbourView] = (),
+    maps: Iterable[MapNeighbourView] = (),
+    now: float = 0.0,
+) -> list[Row]:
     """The parts that do not respond, and the neighbours that do not."""
     silent_parts = [Row(part.name, NO_RESPONSE, part.name, part.problem) for part in parts if part.milliseconds is None]
-    return silent_parts + [neighbour_row(neighbour) for neighbour in neighbours if neighbour.away_since is not None]
+    silent_neighbours = [neighbour_row(neighbour) for neighbour in neighbours if neighbour.away_since is not None]
+    return silent_parts + silent_neighbours + [map_row(neighbour, now) for neighbour in maps if map_neighbour_is_away(neighbour, now)]
 
 
 def running_rows(tasks: Iterable[TaskRow]) -> list[Row]:
