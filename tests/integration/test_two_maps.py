@@ -94,7 +94,7 @@ class TwoOwners:
         self.client = AnswerClient(self.world)
         self.barn, self.yard = Owner(self.world, "Barn"), Owner(self.world, "Yard")
         for owner, other in ((self.barn, self.yard), (self.yard, self.barn)):
-            neighbour = Neighbour(map=other.name, address=other.repository_address)
+            neighbour = Neighbour(map=other.name, address=other.repository_address, shows_all=True)
             self.world.notify(owner.repository_address, NeighboursConfigured(map=owner.name, neighbours=(neighbour,)))
             registry = NeighbouringRegistry(name=other.name, address=other.registry_address, takes=Selection(), gives=Selection())
             self.world.notify(owner.registry_address, Configured((registry,)))

@@ -69,7 +69,13 @@ def read_neighbouring_maps(file: Path, map: str) -> tuple[NeighbouringMap, ...]:
         if name == map:
             raise UsageError(f"{file}: {name} is the name of the own map; maps of neighbours have different names")
     return tuple(
-        NeighbouringMap(map=name, address=entry.repository, shows=_places(entry.shows), may_change=entry.changes)
+        NeighbouringMap(
+            map=name,
+            address=entry.repository,
+            shows=entry.shows if isinstance(entry.shows, tuple) else (),
+            shows_all=entry.shows == "all",
+            may_change=entry.changes,
+        )
         for name, entry in entries.items()
     )
 
@@ -109,12 +115,6 @@ def _entry(source: Source, name: str, written: object, kind: type[_E]) -> _E | N
     if not name.strip():
         raise UsageError(f"{place}: a neighbour has a name")
     return entry
-
-
-def _places(shows: Literal["all", "nothing"] | tuple[str, ...]) -> tuple[str, ...] | None:
-    if isinstance(shows, tuple):
-        return shows or None
-    return () if shows == "all" else None
 
 
 def _selection(passing: Passing) -> Selection | None:

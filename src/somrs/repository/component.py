@@ -70,7 +70,7 @@ from somrs.repository.neighbour_view import View
 from somrs.repository.neighbouring import Neighbouring, NeighboursConfigured
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
 from somrs.repository.pages import ontology_page
-from somrs.repository.publishing import OWN, Publishing
+from somrs.repository.publishing import OWN_OBJECTS, Publishing
 from somrs.repository.reserving import Reserving, lost_reservation
 from somrs.repository.shared_reserving import SharedReserving
 from somrs.repository.state import (
@@ -245,7 +245,7 @@ class Repository:
         if isinstance(question, ReadOntology):
             page = ontology_page(contents.ontology, contents.version, question.after, contents.ontology_changed_at)
             return self._answer(message, page)
-        neighbour = self._neighbouring.at(message.header.sender) or (OWN if question.own and contents.map.homes else None)
+        neighbour = self._neighbouring.at(message.header.sender) or (OWN_OBJECTS if question.own and contents.map.homes else None)
         if neighbour is not None and question.situation is None:
             leaving = {handover.object for handover in contents.handovers.values() if handover.map == neighbour.map}
             return self._answer(message, View(neighbour, contents.map, contents.ontology).page(contents.version, question.after, leaving))

@@ -88,11 +88,11 @@ def refusals(alteration: Alteration, outcome: Outcome, sender: str, contents: Co
 def _overreaching(neighbour: Neighbour, outcome: Outcome, contents: Contents) -> Iterator[Violation]:
     """Violations for what a neighbour may not change."""
     view = View(neighbour, contents.map, contents.ontology)
-    added = {change.object.name for change in outcome.changes if isinstance(change, ObjectAdded)}
+    added_names = {change.object.name for change in outcome.changes if isinstance(change, ObjectAdded)}
     for name in outcome.subjects:
         if not neighbour.may_change:
             yield Violation(subject=name, rule=HOME, message=f"is not for {neighbour.map} to change, as the map {contents.map.name} has it")
-        elif name not in added and not view.shows(name):
+        elif name not in added_names and not view.shows(name):
             yield Violation(subject=name, rule=HOME, message=f"is nothing that {neighbour.map} sees of the map {contents.map.name}")
 
 

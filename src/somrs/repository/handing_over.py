@@ -90,7 +90,7 @@ class HandingOver:
         if isinstance(message.body, Adopted):
             handover.adopted = message.body
         elif isinstance(message.body, AdoptionRefused):
-            contents.neighbours[handover.map].left_out[handover.object] = "; ".join(message.body.problems)
+            contents.neighbours[handover.map].omissions[handover.object] = "; ".join(message.body.problems)
             handover.refused = True
 
     def proceed(self, now: float) -> EffectsReturning[list[Message]]:
@@ -205,8 +205,8 @@ class HandingOver:
 
     def _commit(self, changes: tuple[Change, ...], old_name: str, new_name: str, author: str, now: float) -> Effects:
         contents = self._contents
-        was_known = old_name in contents.map.objects
-        renamed = (Renaming(section=Section.OBJECTS, name=old_name, to=new_name),) if was_known else ()
+        is_renamed = old_name in contents.map.objects
+        renamed = (Renaming(section=Section.OBJECTS, name=old_name, to=new_name),) if is_renamed else ()
         outcome = Outcome(map=contents.map.changed(changes), ontology=contents.ontology, changes=changes, renamed=renamed)
         news = yield from self._committing.commit(outcome, author, now)
         yield from self._publishing.publish(news, now)

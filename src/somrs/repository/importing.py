@@ -105,7 +105,7 @@ class Importing:
         """Have these objects as the copy has them. `names`: at the neighbour."""
         own_names = [name for name in names if not home_of(name)]
         for name in own_names:
-            neighbour.left_out.pop(name, None)
+            neighbour.omissions.pop(name, None)
         if any(handover.map == neighbour.settings.map for handover in self._contents.handovers.values()):
             new_names = [name for name in own_names if self._name(neighbour, name) not in self._contents.map.objects]
             neighbour.postponed.update(dict.fromkeys(new_names))
@@ -144,14 +144,14 @@ class Importing:
         existing_names = [name for name in names if name in copied_map.objects and name not in neighbour.adopted]
         new_objects: list[Object] = []
         values: list[Change] = []
-        gone = [
+        removed_names = [
             self._name(neighbour, name) for name in names if name not in existing_names and self._name(neighbour, name) in own_map.objects
         ]
         for name in existing_names:
             object = renamed_object(copied_map.objects[name], lambda name: self._name(neighbour, name))
             old_object = own_map.objects.get(object.name)
             if old_object is not None and old_object.type != object.type:
-                gone.append(object.name)
+                removed_names.append(object.name)
             if old_object is None or old_object.type != object.type:
                 new_objects.append(object)
             else:
@@ -165,18 +165,18 @@ class Importing:
         for object in new_objects:
             subjects.update(dict.fromkeys(fact.arguments[0] for fact in copied_map.facts_about(plain_name(object.name))))
         old_facts = dict.fromkeys(fact for name in names for fact in own_map.facts_from(self._name(neighbour, name)))
-        old_facts.update(dict.fromkeys(fact for name in gone for fact in own_map.facts_about(name)))
+        old_facts.update(dict.fromkeys(fact for name in removed_names for fact in own_map.facts_about(name)))
         new_facts = dict.fromkeys(
             renamed_fact(fact, lambda name: self._name(neighbour, name))
             for subject in subjects
             if not home_of(subject)
             for fact in copied_map.facts_from(subject)
         )
-        yield from (FactRemoved(fact) for fact in old_facts if fact not in new_facts or not {*gone}.isdisjoint(fact.arguments))
-        yield from map(ObjectRemoved, gone)
+        yield from (FactRemoved(fact) for fact in old_facts if fact not in new_facts or not {*removed_names}.isdisjoint(fact.arguments))
+        yield from map(ObjectRemoved, removed_names)
         yield from map(ObjectAdded, new_objects)
         yield from values
-        yield from (FactAdded(fact) for fact in new_facts if fact not in old_facts or not {*gone}.isdisjoint(fact.arguments))
+        yield from (FactAdded(fact) for fact in new_facts if fact not in old_facts or not {*removed_names}.isdisjoint(fact.arguments))
 
     def _fitting(self, neighbour: NeighbourState, changes: list[Change]) -> tuple[Change, ...]:
         """The changes without what does not fit the ontology."""
@@ -197,7 +197,7 @@ class Importing:
     def _without(self, neighbour: NeighbourState, changes: list[Change], violation: Violation) -> list[Change]:
         """The changes without the subject of the violation: an object that is not there yet, or what is said of it."""
         subject = violation.subject
-        neighbour.left_out[plain_name(subject) if subject in self._added(changes) else subject] = violation.message
+        neighbour.omissions[plain_name(subject) if subject in self._added(changes) else subject] = violation.message
         return [change for change in changes if _subject(change) != subject and objects_of(change)[0] != subject]
 
     def _added(self, changes: list[Change]) -> set[str]:
@@ -209,7 +209,7 @@ class Importing:
         for change in changes:
             match change:
                 case ObjectAdded(object) if object.type not in ontology.types:
-                    neighbour.left_out[plain_name(object.name)] = f"the type {object.type} is not defined here"
+                    neighbour.omissions[plain_name(object.name)] = f"the type {object.type} is not defined here"
                     continue
                 case ObjectAdded(object):
                     present[object.name] = True

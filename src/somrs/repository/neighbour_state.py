@@ -47,13 +47,13 @@ class NeighbourCopy(Replica):
 class NeighbourState(Struct, kw_only=True):
     """A neighbour.
 
-    `left_out`: its objects that are not on this map, by their names there, and why. `adopted`: its objects that have their home here now,
+    `omissions`: its objects that are not on this map, by their names there, and why. `adopted`: its objects that have their home here now,
     by their names there, as long as its copy still has them. `postponed`: its objects that are added when a handover to it has ended.
     """
 
     settings: Neighbour
     copy: NeighbourCopy
-    left_out: dict[str, str] = field(default_factory=dict)
+    omissions: dict[str, str] = field(default_factory=dict)
     adopted: dict[str, None] = field(default_factory=dict)
     postponed: dict[str, None] = field(default_factory=dict)
     disagreements: dict[str, str] = field(default_factory=dict)

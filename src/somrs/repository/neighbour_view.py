@@ -39,8 +39,7 @@ class View:
         """Whether the neighbour sees the object."""
         if home_of(name) or name not in self._map.objects:
             return False
-        places = self._neighbour.shows
-        return places is not None and (not places or any(place in places for place in self._whereabouts(name)))
+        return self._neighbour.shows_all or any(place in self._neighbour.shows for place in self._whereabouts(name))
 
     def shows_fact(self, fact: Fact) -> bool:
         """Whether it sees the fact. The neighbour knows its own objects in it."""
@@ -57,13 +56,13 @@ class View:
         """The page that follows an object, in the order of names. `leaving`: the objects that the neighbour is getting."""
         names = (name for name in self._map.names_after(last_name) if self.shows(name))
         page = list(fit_page((self._map.objects[name], [*self.facts_from(name)]) for name in names))
-        has_more = bool(page) and any(self.shows(name) for name in self._map.names_after(page[-1][0].name))
+        has_next_page = bool(page) and any(self.shows(name) for name in self._map.names_after(page[-1][0].name))
         facts = tuple(chain.from_iterable(facts for _, facts in page))
         return MapPage(
             objects=tuple(object for object, _ in page),
             facts=facts,
             version=version,
-            more=has_more,
+            more=has_next_page,
             map=self._map.name,
             leaving=tuple(object.name for object, _ in page if object.name in leaving),
         )
@@ -71,7 +70,7 @@ class View:
     def within(self, names: Iterable[str]) -> set[str]:
         """The objects, and all that is in or on them, if it depends on the place what the neighbour sees."""
         reached = set(names)
-        pending = [*reached] if self._neighbour.shows else []
+        pending = [*reached] if not self._neighbour.shows_all else []
         while pending:
             place = pending.pop()
             for relation in self._locating:
@@ -118,26 +117,26 @@ def _is_seen(renaming: Renaming, view_before: View, view_after: View) -> bool:
 def _seen_changes(changes: Sequence[Change], view_before: View, view_after: View, map_before: Map, map_after: Map) -> Iterator[Change]:
     touched = [objects_of(change)[0] for change in changes if objects_of(change)]
     names = sorted(view_before.within(touched) | view_after.within(touched))
-    seen_before, seen_after = {name: view_before.shows(name) for name in names}, {name: view_after.shows(name) for name in names}
+    visible_before, visible_after = {name: view_before.shows(name) for name in names}, {name: view_after.shows(name) for name in names}
     yield from (change for change in changes if isinstance(change, FactRemoved) and view_before.shows_fact(change.fact))
     for name in names:
-        replaced = seen_before[name] and seen_after[name] and map_before.objects[name].type != map_after.objects[name].type
-        if seen_before[name] and (not seen_after[name] or replaced):
+        replaced = visible_before[name] and visible_after[name] and map_before.objects[name].type != map_after.objects[name].type
+        if visible_before[name] and (not visible_after[name] or replaced):
             yield ObjectRemoved(name)
     appeared: list[Object] = []
     for name in names:
-        if seen_after[name] and (not seen_before[name] or map_before.objects[name].type != map_after.objects[name].type):
+        if visible_after[name] and (not visible_before[name] or map_before.objects[name].type != map_after.objects[name].type):
             appeared.append(map_after.objects[name])
     yield from map(ObjectAdded, appeared)
     appeared_names = {object.name for object in appeared}
     for change in changes:
         match change:
-            case ValueSet(name) if name not in appeared_names and seen_after[name]:
+            case ValueSet(name) if name not in appeared_names and visible_after[name]:
                 yield change
             case FactAdded(fact) if fact.arguments and fact.arguments[0] not in appeared_names and view_after.shows_fact(fact):
                 yield change
     told_facts = {change.fact for change in changes if isinstance(change, FactAdded)}
     for name in (object.name for object in appeared):
         yield from map(FactAdded, view_after.facts_from(name))
-        about = (fact for fact in map_after.facts_about(name) if fact.arguments[0] not in appeared_names and fact not in told_facts)
-        yield from (FactAdded(fact) for fact in about if view_after.shows_fact(fact))
+        facts_about = (fact for fact in map_after.facts_about(name) if fact not in told_facts and view_after.shows_fact(fact))
+        yield from (FactAdded(fact) for fact in facts_about if fact.arguments[0] not in appeared_names)

@@ -79,8 +79,8 @@ class Neighbouring:
             yield "the map here has no name by which the neighbour could know it; write `map: NAME` in its file"
         if copy.ready and copy.map.name != settings.map:
             yield f"the map at {settings.address} has the name {copy.map.name or '(none)'}, and not {settings.map}"
-        for place in settings.shows or ():
+        for place in settings.shows:
             if place not in contents.map.objects:
                 yield f"there is no place {place} on the map {contents.map.name} that could be shown"
-        for name, reason in (*neighbour.left_out.items(), *neighbour.disagreements.items()):
+        for name, reason in (*neighbour.omissions.items(), *neighbour.disagreements.items()):
             yield f"{name}: {reason}"

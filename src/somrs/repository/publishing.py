@@ -16,7 +16,7 @@ from somrs.protocol.messages.paging import PAGE_BYTES, size
 from somrs.repository.neighbour_view import view_of_news
 from somrs.repository.state import Contents, LeasesDue
 
-OWN = Neighbour(map="", address="")
+OWN_OBJECTS = Neighbour(map="", address="", shows_all=True)
 """A reader that is not interested in objects of neighbours: all others are shown."""
 
 
@@ -57,12 +57,12 @@ class Publishing:
             return
         contents, news = self._contents, change.news
         neighbours = {neighbour.settings.address: neighbour.settings for neighbour in contents.neighbours.values()}
-        has_others = bool(change.map_before.homes or contents.map.homes)
+        has_foreign_objects = bool(change.map_before.homes or contents.map.homes)
         # A change that is too large for one message is read by pages: the new version shows the subscriber that it missed a change.
         large = size(news) > PAGE_BYTES * 1.25
         for address, subscription in contents.subscriptions.items():
             if subscription.until > now:
-                neighbour = neighbours.get(address) or (OWN if subscription.own and has_others else None)
+                neighbour = neighbours.get(address) or (OWN_OBJECTS if subscription.own and has_foreign_objects else None)
                 neighbour_news = (
                     news
                     if neighbour is None or large

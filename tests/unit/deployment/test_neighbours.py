@@ -83,8 +83,8 @@ def test_a_neighbour_may_have_a_map_or_services_or_both(tmp_path: Path) -> None:
     assert [neighbour.name for neighbour in neighbours_in(tmp_path, MAPS)] == ["Airport", "Farm"]
     assert read_neighbouring_maps(tmp_path / "neighbours.yaml", "Town") == (
         NeighbouringMap(map="Harbour", address="http://harbour.example:8500/repository", shows=("Yard", "Ramp1")),
-        NeighbouringMap(map="Airport", address="http://airport.example:8500/repository", shows=None, may_change=False),
-        NeighbouringMap(map="Mill", address="http://mill.example:8500/repository", shows=(), may_change=False),
+        NeighbouringMap(map="Airport", address="http://airport.example:8500/repository", may_change=False),
+        NeighbouringMap(map="Mill", address="http://mill.example:8500/repository", shows_all=True, may_change=False),
     )
 
 

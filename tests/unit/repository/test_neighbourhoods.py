@@ -50,7 +50,7 @@ class Neighbourhood:
         for map in MAPS:
             self.world.add(address(map), repository(map), journaled=SCHEMA)
         for map in MAPS:
-            neighbours = tuple(Neighbour(map=other, address=address(other)) for other in MAPS if other != map)
+            neighbours = tuple(Neighbour(map=other, address=address(other), shows_all=True) for other in MAPS if other != map)
             self.world.notify(address(map), NeighboursConfigured(map=map, neighbours=neighbours))
         self.world.run(120.0)
         self.calm = False

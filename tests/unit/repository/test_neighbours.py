@@ -35,13 +35,13 @@ def repository(name: str, address: str, **tables: str) -> Repository:
 class Neighbourhood:
     """A barn and a yard."""
 
-    def __init__(self, *, shows: tuple[str, ...] | None = (), may_change: bool = True) -> None:
+    def __init__(self, *, shows: tuple[str, ...] | None = None, may_change: bool = True) -> None:
         self.world = World()
         self.ask = AnswerClient(self.world).ask
         self.world.add(BARN, repository("Barn", BARN, Table1="Bench1", Table2="Bench2"), journaled=SCHEMA)
         self.world.add(YARD, repository("Yard", YARD, Table1="Ramp1", Table2="Ramp2"), journaled=SCHEMA)
-        self.configure(YARD, "Yard", Neighbour(map="Barn", address=BARN))
-        self.configure(BARN, "Barn", Neighbour(map="Yard", address=YARD, shows=shows, may_change=may_change))
+        self.configure(YARD, "Yard", Neighbour(map="Barn", address=BARN, shows_all=True))
+        self.configure(BARN, "Barn", Neighbour(map="Yard", address=YARD, shows=shows or (), shows_all=shows is None, may_change=may_change))
         self.settle()
 
     def configure(self, address: str, map: str, *neighbours: Neighbour) -> None:
@@ -152,7 +152,7 @@ POSITION: dict[str, Value] = {"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0
 
 
 def test_a_neighbour_to_which_nothing_is_shown_sees_nothing() -> None:
-    two = Neighbourhood(shows=None)
+    two = Neighbourhood(shows=())
     assert not any(name.startswith("Barn:") for name in two.names(YARD))
     assert "Yard:Jar1" in two.names(BARN)
 

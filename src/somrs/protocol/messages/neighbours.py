@@ -16,13 +16,14 @@ from somrs.protocol.messages.reservations import Claim
 class Neighbour(Struct, frozen=True, kw_only=True):
     """Another Repository, at an address. Its map has the name `map`.
 
-    `shows`: the places that the neighbour sees of this map, with what is in them; empty: all; None: nothing. `may_change`: whether it may
+    `shows`: the places that the neighbour sees of this map, with what is in them; `shows_all`: it sees all. `may_change`: whether it may
     change and reserve objects of this map, and give it others.
     """
 
     map: str
     address: str
-    shows: tuple[str, ...] | None = ()
+    shows: tuple[str, ...] = ()
+    shows_all: bool = False
     may_change: bool = True
 
 
