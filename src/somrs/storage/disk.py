@@ -29,6 +29,9 @@ Job = Callable[[sqlite3.Connection], T]
 Step = str | Callable[[sqlite3.Connection], None]
 """Converts a file from one version to the next: statements, or a function that executes them. It runs within a transaction."""
 
+WRITE_PAUSE = 0.05
+"""Seconds in which writes that are stored elsewhere already are collected for one transaction: nobody waits for it."""
+
 MOST_JOBS = 2000
 """The maximal number of writes in a transaction, so that the first does not wait for long."""
 
@@ -72,6 +75,7 @@ class Disk:
         self._jobs: queue.SimpleQueue[list[_Write] | _ImmediateJob | None] = queue.SimpleQueue()
         self._store: Callable[[], Awaitable[None]] | None = None
         self._unstored: list[_Write] = []
+        self._stored: list[_Write] = []
         self._storing: asyncio.Task[None] | None = None
         self._listeners: dict[asyncio.AbstractEventLoop, list[Callable[[], None]]] = {}
         opened: Future[None] = Future()
@@ -126,9 +130,16 @@ class Disk:
                 self.failed = UsageError(f"{self.path}: {type(error).__name__}: {error}")
             else:
                 self.durable = batch[-1].position
-                self._jobs.put(batch)
+                self._stored += batch
+                if len(self._stored) == len(batch):
+                    asyncio.get_running_loop().call_later(WRITE_PAUSE, self._write_stored)
             _notify(self._listeners.get(asyncio.get_running_loop(), []))
         self._storing = None
+
+    def _write_stored(self) -> None:
+        batch, self._stored = self._stored, []
+        if batch:
+            self._jobs.put(batch)
 
     def write_and_wait(self, job: Job[T]) -> T:
         """Write at once, in a transaction of its own, and wait: for starts and tools, not for an event loop."""
@@ -146,6 +157,7 @@ class Disk:
         """Complete the requested writes, with `store_first` those that are durable, and close the file."""
         if self._store is None:
             self._hand_over()
+        self._write_stored()
         self._jobs.put(None)
         self._thread.join()
 
@@ -154,6 +166,7 @@ class Disk:
             raise UsageError(f"{self.path}: is closed")
         future: Future[T] = Future()
         self._hand_over()
+        self._write_stored()
         self._jobs.put(_ImmediateJob(job, future, writes))
         return future
 
