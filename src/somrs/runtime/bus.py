@@ -14,6 +14,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import uuid
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import takewhile
@@ -131,7 +132,7 @@ class Bus:
         """Connect, however long the bus cannot be reached. Raises UsageError as `nats_connection.connect`."""
         self._client = await connect(self.address.servers, disconnected_cb=self._on_disconnect)
         await self._client.subscribe(f"{BEGINNINGS}.{self.address.site}", cb=self._on_begin)
-        self._inbox = self._client.new_inbox()
+        self._inbox = f"{ROOT}.{self.address.site}.processes.{uuid.uuid4().hex}"
         self._together = await self._client.subscribe(self._inbox, cb=self._receive)
 
     async def listening(self) -> None:
