@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from somrs.errors import UsageError
 from somrs.ontology.modes import DOOR, LIFT
 from somrs.ontology.objects import Map
+from somrs.ontology.qualified_names import home_of
 from somrs.ontology.types import Ontology
 
 
 def devices(map: Map, ontology: Ontology) -> list[tuple[str, str]]:
-    """The devices of the map that have a driver, as pairs of name and driver. The object types name the drivers."""
-    drivers = ((name, ontology.driver(object.type)) for name, object in sorted(map.objects.items()))
+    """The own devices of the map that have a driver, as pairs of name and driver. The object types name the drivers."""
+    drivers = ((name, ontology.driver(object.type)) for name, object in sorted(map.objects.items()) if not home_of(name))
     return [(name, driver) for name, driver in drivers if driver is not None]
 
 
