@@ -8,6 +8,7 @@ from somrs.entish.formula import Relation, Variable
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.objects import Fact, Map
+from somrs.ontology.qualified_names import home_of
 from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import Ontology
 
@@ -44,10 +45,13 @@ def _goals(service: ServiceType, ontology: Ontology, map: Map) -> Iterator[Fact]
     def fits(name: str, type_name: str) -> bool:
         return name in map.objects and ontology.is_subtype(map.objects[name].type, type_name)
 
-    facts = [fact.arguments for fact in map.facts(relation) if len(fact.arguments) == 2]
+    # A neighbour's things may be out of reach.
+    facts = [
+        fact.arguments for fact in map.facts(relation) if len(fact.arguments) == 2 and not any(home_of(name) for name in fact.arguments)
+    ]
     used_places = dict.fromkeys(place for _, place in facts)
     for thing, current_place in facts:
         if fits(thing, thing_type) and current_place in map.objects:
             for place in (*used_places, *map.of_type(map.objects[current_place].type)):
-                if place not in (thing, current_place) and fits(place, place_type):
+                if place not in (thing, current_place) and not home_of(place) and fits(place, place_type):
                     yield Fact(relation, (thing, place))
