@@ -56,6 +56,7 @@ ENTRIES: dict[str, Entry] = {
     "here": Entry(module="somrs_here", kind="InProcess", title="SO-MRS in one process"),
     "wire": Entry(module="somrs_wire", kind="OverHttp", title="SO-MRS, SOAP over HTTP"),
     "bus": Entry(module="somrs_wire", kind="OnBus", title="SO-MRS on a bus (NATS), journals too", packages=("nats",)),
+    "bus-two": Entry(module="somrs_wire", kind="OnBusWithTwo", title="SO-MRS on a bus, two Task Managers", packages=("nats",)),
     "soap": Entry(module="soap_exchange", kind="Exchange", title="SOAP over HTTP: one exchange", apart=True),
     "spade": Entry(module="spade_agents", kind="Spade", title="SPADE over its XMPP server", packages=("spade",)),
     "dbos": Entry(module="dbos_workflows", kind="Steps", title="DBOS on SQLite: steps", packages=("dbos",)),

@@ -71,6 +71,8 @@ class OverHttp:
 class OnBus:
     """The clients' process, which starts the others, with a bus of one server. Nobody needs a gateway here."""
 
+    task_managers: tuple[str, ...] = ("task-manager",)
+
     async def start(self, data: Path) -> None:
         self._programs = Programs(data)
         (data / "site.yaml").write_text(site())
@@ -78,17 +80,17 @@ class OnBus:
         bus = BusAddress(servers=f"nats://{HOST}:{port}", site="bench", gateway=f"http://{HOST}:1")
         addresses = addresses_on(bus)
         addresses.write(data)
-        for part in ("bus", "repository", "registry", "task-manager"):
+        for part in ("bus", "repository", "registry", *self.task_managers):
             await self._programs.start("somrs_wire", part, str(port))
         for first in range(0, BIDDERS, GROUP):
             await self._programs.start("somrs_wire", "devices", str(first))
         self._bus = Bus(bus)
         await self._bus.start()
-        self._lines = Lines(self._ask, addresses.task_manager)
-        await self._lines.until_offered(addresses.registry)
+        self._lines = [Lines(self._ask, f"{bus.gateway}/{name}") for name in self.task_managers]
+        await self._lines[0].until_offered(addresses.registry)
 
     async def converse(self, line: int) -> None:
-        await self._lines.converse(line)
+        await self._lines[line % len(self._lines)].converse(line)
 
     async def stop(self) -> None:
         await self._bus.close()
@@ -100,21 +102,27 @@ class OnBus:
         return answer
 
 
-async def _task_manager(data: Path, port: int) -> None:
-    """Run the Task Manager as `somrs.deployment.programs` does, except for the plans."""
-    addresses, file = Addresses.read(data), data / "task-manager.sqlite"
+class OnBusWithTwo(OnBus):
+    """The same with two Task Managers, each of which has half of the conversations."""
+
+    task_managers = ("task-manager", "task-manager-2")
+
+
+async def _task_manager(name: str, data: Path, port: int) -> None:
+    """Run a Task Manager as `somrs.deployment.programs` does, except for the plans."""
+    addresses, file = Addresses.read(data), data / f"{name}.sqlite"
 
     async def plan(task: object, report: Report) -> object:
         assert isinstance(task, Problem), task
         return one_step(task)
 
     async with (
-        continuing(addresses.bus, "task-manager", file, lambda log: Journal(file, SCHEMA, log=log)) as continuation,
+        continuing(addresses.bus, name, file, lambda log: Journal(file, SCHEMA, log=log)) as continuation,
         Host(HOST, port, bus=addresses.bus) as host,
     ):
         await continuation.add(
             host,
-            "/task-manager",
+            f"/{name}",
             lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registry),
             carry_out=plan,
         )
@@ -149,8 +157,8 @@ def _part(name: str, number: int) -> Coroutine[None, None, None]:
             return run_bus(folder(data, "bus"), HOST, number)
         case "registry":
             return run_registry(folder(data, "registry"), Addresses.read(data), HOST, number)
-        case "task-manager":
-            return _task_manager(data, number)
+        case "task-manager" | "task-manager-2":
+            return _task_manager(name, data, number)
         case _:
             return _devices(data, number)
 
