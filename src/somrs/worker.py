@@ -15,8 +15,11 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
+from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Generic, Self, TypeVar
+
+import setproctitle
 
 from somrs.errors import RemoteError
 
@@ -27,6 +30,41 @@ MOST_STARTS = 2
 """The number of processes that try a question: one that kills two (by its memory, perhaps) would kill more."""
 
 S = TypeVar("S")
+
+_idle_processes: list[tuple[BaseProcess, Connection]] = []
+"""Those that were forked ahead and have no work yet, each with this side of its pipe."""
+
+
+def fork_ahead() -> None:
+    """Fork a process for the first `WorkerProcess` of this program, which saves the start of an interpreter, and most imports.
+
+    Call it before the program has sockets, which the process would keep open, and an event loop. It does nothing in a process with threads,
+    whose locks might be held: then the process is spawned with the first question.
+    """
+    if thread_count() > 1:
+        return
+    forking = multiprocessing.get_context("fork")
+    parent_end, child_end = forking.Pipe()
+    process = forking.Process(target=_await_work, args=(child_end, parent_end), daemon=True)
+    process.start()
+    child_end.close()
+    _idle_processes.append((process, parent_end))
+
+
+def thread_count() -> int:
+    """The number of threads of this process, including, on Linux, those not started by Python."""
+    tasks = Path("/proc/self/task")
+    return len(os.listdir(tasks)) if tasks.is_dir() else threading.active_count()
+
+
+def _await_work(questions: Connection, parent_end: Connection) -> None:
+    """The main function of a process that was forked ahead: its first message is the main function of its work."""
+    _leave_terminal()
+    setproctitle.setproctitle("somrs worker")
+    parent_end.close()  # so that the pipe is closed when the parent process ends
+    with contextlib.suppress(EOFError, OSError):
+        serve: Callable[[Connection], None] = questions.recv()
+        serve(questions)
 
 
 class WorkerProcess(Generic[S]):
@@ -39,7 +77,7 @@ class WorkerProcess(Generic[S]):
     def __init__(self, name: str, serve: Callable[[Connection], None], begin: Callable[[], S]) -> None:
         self.name, self.serve, self._begin = name, serve, begin
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix=name)
-        self._running: tuple[SpawnProcess, Connection, S] | None = None
+        self._running: tuple[BaseProcess, Connection, S] | None = None
         self._closed = False
 
     @property
@@ -80,15 +118,31 @@ class WorkerProcess(Generic[S]):
         if self._closed:
             raise RemoteError(f"the {self.name} was stopped before it had an answer")
 
-    def _start(self) -> tuple[SpawnProcess, Connection, S]:
-        # Spawned, not forked: a forked process would keep the sockets of this process open when this process is killed.
+    def _start(self) -> tuple[BaseProcess, Connection, S]:
+        process, connection = self._process_ahead() or self._spawned_process()
+        self._running = process, connection, self._begin()
+        return self._running
+
+    def _process_ahead(self) -> tuple[BaseProcess, Connection] | None:
+        """The process that was forked ahead; None if there is none left."""
+        while _idle_processes:
+            process, connection = _idle_processes.pop()
+            try:
+                connection.send(self.serve)
+            except OSError:  # it was killed
+                process.join()
+            else:
+                return process, connection
+        return None
+
+    def _spawned_process(self) -> tuple[BaseProcess, Connection]:
+        # Not forked: a forked process would keep the sockets that this process has by now open when this process is killed.
         spawned = multiprocessing.get_context("spawn")
         parent_end, child_end = spawned.Pipe()
         process = spawned.Process(target=self.serve, args=(child_end,), daemon=True)
         process.start()
         child_end.close()
-        self._running = process, parent_end, self._begin()
-        return self._running
+        return process, parent_end
 
     def _end(self) -> None:
         if self._running is not None:
@@ -99,7 +153,7 @@ class WorkerProcess(Generic[S]):
             self._running = None
 
 
-def _kill_group(process: SpawnProcess) -> None:
+def _kill_group(process: BaseProcess) -> None:
     """Kill the process and those of its process group, including those that outlive it."""
     assert process.pid is not None, "it was started"
     with contextlib.suppress(ProcessLookupError):
@@ -109,12 +163,17 @@ def _kill_group(process: SpawnProcess) -> None:
 
 def answer_questions(questions: Connection, answer: Callable[[bytes], bytes]) -> None:
     """The main loop of the process: answer questions until the pipe is closed, or the parent process ends."""
-    os.setpgrp()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C, and ends this process
+    _leave_terminal()
     threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     with contextlib.suppress(EOFError, OSError):
         while True:
             questions.send_bytes(answer(questions.recv_bytes()))
+
+
+def _leave_terminal() -> None:
+    """Ignore Ctrl-C: the parent handles it, and ends this process with those of its group."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.setpgrp()
 
 
 def _end_with_parent(parent: int) -> None:

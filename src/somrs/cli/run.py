@@ -108,7 +108,7 @@ def task_manager(
     from somrs.deployment.components import run_task_manager
     from somrs.deployment.programs import run_program
 
-    guarded(lambda: run_program(run_task_manager(data, addresses_of(data, bus, name), host, port, number)))
+    guarded(lambda: run_program(run_task_manager(data, addresses_of(data, bus, name), host, port, number), has_worker=True))
 
 
 @run_app.command()
@@ -139,7 +139,7 @@ def traffic(
     from somrs.deployment.programs import run_program
     from somrs.deployment.traffic import run_traffic
 
-    guarded(lambda: run_program(run_traffic(data, addresses_of(data, bus, name), host, port)))
+    guarded(lambda: run_program(run_traffic(data, addresses_of(data, bus, name), host, port), has_worker=True))
 
 
 @run_app.command()

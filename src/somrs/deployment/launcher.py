@@ -19,7 +19,6 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +28,7 @@ import msgspec
 import setproctitle
 
 from somrs.errors import RemoteError
+from somrs.worker import thread_count
 
 COMMON = (
     "somrs.cli.main",
@@ -123,7 +123,7 @@ def fork_launcher() -> LauncherProcess:
 
     A fork saves the start of another interpreter and the imports that both need.
     """
-    if _threads() > 1:
+    if thread_count() > 1:
         return spawn_launcher()
     import_common()
     own_end, other_end = socket.socketpair()
@@ -227,12 +227,6 @@ class Launcher:
 
 
 _ANSWERS = msgspec.json.Decoder(Started | Ended)
-
-
-def _threads() -> int:
-    """The number of threads of this process, including those not started by Python."""
-    tasks = Path("/proc/self/task")
-    return len(os.listdir(tasks)) if tasks.is_dir() else threading.active_count()
 
 
 # In the launcher

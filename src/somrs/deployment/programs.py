@@ -22,6 +22,7 @@ import msgspec
 from somrs.client.addresses import Addresses
 from somrs.errors import RemoteError, UsageError
 from somrs.runtime.host import Host
+from somrs.worker import fork_ahead
 
 if TYPE_CHECKING:
     from somrs.devices.simulator.server.follower import Follower
@@ -201,8 +202,10 @@ async def _serve_robots(server: Server) -> None:
     await server.stop()
 
 
-def run_program(main: Coroutine[Any, Any, None]) -> None:
-    """Run a program's coroutine, on uvloop if it is installed."""
+def run_program(main: Coroutine[Any, Any, None], *, has_worker: bool = False) -> None:
+    """Run a program's coroutine, on uvloop if it is installed. With a worker, fork the process for it first."""
+    if has_worker:
+        fork_ahead()
     # The thread that writes to disk needs the interpreter often, each time briefly. With the default interval it waits 5 ms each
     # time for a busy event loop, several times in a commit.
     sys.setswitchinterval(SWITCH_TIME)
