@@ -20,6 +20,8 @@ from tests.support.paths import SHARED
 from .conftest import PATIENCE, RunningSystem, every_look, fits, slow_network, take_screenshot, wait_until_still
 
 OFFICE = SHARED / "sites" / "office.building.yaml"
+pytestmark = pytest.mark.long
+
 OpenWindow = Callable[..., Page]
 
 FLOOR = {

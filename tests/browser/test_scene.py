@@ -17,6 +17,8 @@ from somrs.devices.simulator.world.kinds import WorldKind
 
 from .conftest import PATIENCE, WORK_TIME, RunningSystem, running_in, take_screenshot
 
+pytestmark = pytest.mark.long
+
 OpenWindow = Callable[..., Page]
 SMALL = "640"
 """Quickly drawn, even without a graphics card."""

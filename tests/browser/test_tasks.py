@@ -24,6 +24,8 @@ from tests.support.paths import SCENARIO_1
 
 from .conftest import HOLDING_NEWS, WIDTHS, WORK_TIME, RunningSystem, every_look, fits, resize, take_screenshot
 
+pytestmark = pytest.mark.long
+
 OpenPage = Callable[..., Page]
 
 
