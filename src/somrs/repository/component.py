@@ -47,6 +47,7 @@ from somrs.protocol.messages.knowledge import (
     ReadHistory,
     ReadMap,
     ReadOntology,
+    Rejected,
     RenameObject,
     Rows,
     SubscribeMap,
@@ -55,7 +56,16 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.protocol.messages.neighbours import Adopt, Adopted, AdoptionRefused, ReadNeighbours
-from somrs.protocol.messages.reservations import AssignTask, ClaimReservations, Release, ReservationMode, Reserve, TaskAssigned
+from somrs.protocol.messages.reservations import (
+    AssignTask,
+    ClaimReservations,
+    Release,
+    ReservationDenied,
+    ReservationMode,
+    Reserve,
+    Reserved,
+    TaskAssigned,
+)
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.committing import Committing
 from somrs.repository.definition import define_outcome, rename_outcome
@@ -162,10 +172,7 @@ class Repository:
             case Notified(NeighboursConfigured() as configured):
                 yield from self._neighbouring.configure(configured, now)
             case Received(message):
-                try:
-                    yield from self._received(message, now)
-                except InputError as error:
-                    yield self._answer(message, Fault(code="Sender", text=str(error)))
+                yield from self._received(message, now)
             case TimerFired(LeasesDue()):
                 yield from self._publishing.expire(now)
             case TimerFired(RepetitionDue()):
@@ -185,7 +192,10 @@ class Repository:
         elif self._shared_reserving.concerns(message):
             yield from self._shared_reserving.received(message, now)
         else:
-            yield from self._serve(message, now)
+            try:
+                yield from self._serve(message, now)
+            except InputError as error:
+                yield self._answer(message, Fault(code="Sender", text=str(error)))
 
     def _serve(self, message: Message, now: float) -> Effects:
         match message.body:
@@ -225,6 +235,8 @@ class Repository:
                 yield from self._run_once(message, lambda: self._adopt(message, adopt, now))
             case Adopted() | AdoptionRefused():
                 self._handing_over.answered(message)
+            case Updated() | Rejected() | Reserved() | ReservationDenied():
+                pass  # an answer of a neighbour that is repeated or late
             case Fault():
                 pass  # a Fault gets no reply
             case body:
@@ -330,8 +342,7 @@ class Repository:
         if outcome.broken:
             yield self._remember_answer(message, rejected(outcome.broken, contents.version))
             return
-        if (handover := self._handing_over.blocking(outcome.objects)) is not None:
-            handover.deferred.append(message)
+        if self._handing_over.defers(message, outcome.objects):
             return
         author = alteration.author or message.header.sender
         if isinstance(alteration, UpdateMap) and (parts := foreign_parts(outcome, alteration, author, contents)):

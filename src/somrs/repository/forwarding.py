@@ -58,7 +58,7 @@ def _home_of_change(change: Change) -> str:
 
 
 def _part(home: str, changes: list[Change], alteration: UpdateMap, author: str, contents: Contents) -> UpdateMap:
-    as_of = alteration.observation.as_of if alteration.observation is not None else None
+    observed = alteration.observation
     reservation = None
     if alteration.reservation is not None:
         shared = contents.shared_reservations.get(alteration.reservation.task)
@@ -67,7 +67,7 @@ def _part(home: str, changes: list[Change], alteration: UpdateMap, author: str, 
     return UpdateMap(
         changes=tuple(renamed_change(change, lambda name: translated(name, contents.map.name, home)) for change in changes),
         author=author,
-        observation=Observation(as_of=as_of) if as_of is not None else None,
+        observation=Observation(as_of=observed.as_of, caused=observed.caused) if observed is not None else None,
         reservation=reservation,
     )
 

@@ -77,9 +77,12 @@ class HandingOver:
         )
         yield request(contents, neighbour.settings.address, body, handover.id, now)
 
-    def blocking(self, names: Iterable[str]) -> Handover | None:
-        """The handover for which an update of these objects has to wait."""
-        return next((handover for name in names if (handover := self._contents.handovers.get(name)) is not None), None)
+    def defers(self, message: Message, names: Iterable[str]) -> bool:
+        """Whether an update of these objects waits for the end of a handover."""
+        handover = next((handover for name in names if (handover := self._contents.handovers.get(name)) is not None), None)
+        if handover is not None and not any(waiting.header.message_id == message.header.message_id for waiting in handover.deferred):
+            handover.deferred.append(message)
+        return handover is not None
 
     def answered(self, message: Message) -> None:
         """The new home has the object, or refuses it."""

@@ -1,7 +1,7 @@
 """Brings the objects of neighbours onto the map, as the copies of their maps have them.
 
 What a neighbour says of its own objects is not doubted, but it has to fit the ontology: an object that does not is left out, and why is
-said. Definitions that the ontology lacks are existing_names over.
+said. Definitions that the ontology lacks are taken over.
 """
 
 from __future__ import annotations

@@ -190,6 +190,7 @@ class SharedReserving:
         message, reserve = shared.message, shared.request
         assert message is not None
         assert reserve is not None
+        shared.request_id = ""
         if reserve.mode is ReservationMode.ASK and shared.waiting[0] != self._own_map:
             shared.holders += holders
             del shared.waiting[0]
@@ -200,7 +201,6 @@ class SharedReserving:
             if shared.waiting[0] != self._own_map:
                 self._contents.reservations.release(task)
         shared.message = shared.request = None
-        shared.request_id = ""
         yield self._answer(message, ReservationDenied(task=task, holders=holders, waits=waits))
 
     def _release_at(self, maps: set[str], task: str, serial: int, ended: bool, now: float) -> Effects:

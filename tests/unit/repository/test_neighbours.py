@@ -5,14 +5,17 @@ from __future__ import annotations
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Change, Fact, FactAdded, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Value
+from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import QueryMap, Rejected, RenameObject, Rows, Updated, UpdateMap
 from somrs.protocol.messages.neighbours import Neighbour, Neighbours, ReadNeighbours
+from somrs.protocol.messages.reservations import Release, ReservationDenied, ReservationMode, Reserve, Reserved
 from somrs.repository.component import SCHEMA, Repository
 from somrs.repository.neighbouring import NeighboursConfigured
-from somrs.repository.state import Contents
+from somrs.repository.state import Contents, RepetitionDue
 from somrs.runtime.virtual_time import World
 from tests.support.answer_client import AnswerClient
 from tests.support.building import building
+from tests.support.lab import request
 
 BARN, YARD = "http://barn/repository", "http://yard/repository"
 
@@ -164,3 +167,50 @@ def test_what_is_wrong_with_a_neighbour_is_said() -> None:
     (neighbour,) = two.ask(YARD, ReadNeighbours(), Neighbours).neighbours
     assert neighbour.problems[0] == f"the map at {BARN} has the name Barn, and not Farm"
     assert "there is no place Attic on the map Yard that could be shown" in neighbour.problems
+
+
+def reserve(task: str, serial: int, *objects: str, mode: ReservationMode = ReservationMode.TRY) -> Reserve:
+    return Reserve(task=task, serial=serial, mode=mode, goal="tidy", changes=objects)
+
+
+def test_objects_are_reserved_at_their_homes() -> None:
+    two = Neighbourhood()
+    two.ask(YARD, reserve("yard-task", 1, "Barn:Jar1", "Jar1"), Reserved)
+    denied = two.ask(BARN, reserve("barn-task", 1, "Jar1"), ReservationDenied)
+    assert [(holder.task, holder.objects) for holder in denied.holders] == [("yard-task", ("Jar1",))]
+    two.world.send(request(Release(task="yard-task", serial=2, ended=True), recipient=YARD))
+    two.settle()
+    two.ask(BARN, reserve("barn-task", 2, "Jar1"), Reserved)
+
+
+def test_a_question_that_a_home_answers_in_the_negative_is_over() -> None:
+    two = Neighbourhood()
+    two.ask(BARN, reserve("barn-task", 1, "Jar1"), Reserved)
+    denied = two.ask(YARD, reserve("yard-task", 1, "Barn:Jar1", mode=ReservationMode.ASK), ReservationDenied)
+    assert [(holder.task, holder.objects) for holder in denied.holders] == [("barn-task", ("Barn:Jar1",))]
+    two.settle()
+    assert RepetitionDue() not in two.world.timers(YARD)
+    assert two.ask(YARD, reserve("yard-task", 2, "Jar1"), Reserved).fence
+
+
+def test_answers_that_come_twice_are_not_answered() -> None:
+    two = Neighbourhood()
+    two.update(YARD, situation="Bench2.Color = Blue")
+    answer = next(message for message in two.world.messages if message.header.recipient == YARD and isinstance(message.body, Updated))
+    two.world.send(answer)
+    two.settle()
+    assert not any(isinstance(message.body, Fault) for message in two.world.messages)
+
+
+def test_an_update_that_is_repeated_while_it_waits_for_a_handover_waits_once() -> None:
+    two = Neighbourhood()
+    two.world.cut_off(YARD)
+    two.update(BARN, situation="Jar1 isOn Yard:Ramp2")
+    for _ in range(3):
+        two.world.send(request(UpdateMap(situation="Jar1.Color = Red", author="test"), recipient=BARN, identity="urn:uuid:red"))
+        two.world.run(5.0)
+    (handover,) = two.at(BARN).contents.handovers.values()
+    assert len(handover.deferred) == 1
+    two.world.reconnect(YARD)
+    two.settle()
+    assert two.holds(BARN, "?Jar: Jar isOn Yard:Ramp2 AND ?Jar.Color = Red")
