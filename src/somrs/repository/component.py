@@ -25,7 +25,6 @@ from somrs.kernel.component import (
     Notified,
     Received,
     Send,
-    SetTimer,
     Started,
     TimerFired,
 )
@@ -55,7 +54,7 @@ from somrs.protocol.messages.knowledge import (
     Updated,
     UpdateMap,
 )
-from somrs.protocol.messages.neighbours import Adopt, Adopted, AdoptionRefused, ReadNeighbours
+from somrs.protocol.messages.neighbours import Adopt, ReadNeighbours
 from somrs.protocol.messages.reservations import (
     AssignTask,
     ClaimReservations,
@@ -69,20 +68,18 @@ from somrs.protocol.messages.reservations import (
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.committing import Committing
 from somrs.repository.definition import define_outcome, rename_outcome
-from somrs.repository.forwarding import Forwarding, foreign_parts, own_changes, refusals
-from somrs.repository.handing_over import HandingOver
+from somrs.repository.forwarding import foreign_parts, own_changes, refusals
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
-from somrs.repository.importing import Importing
 from somrs.repository.map_answers import MapAnswers
 from somrs.repository.merging import merge_outcome
 from somrs.repository.neighbour_state import NeighbourDue
 from somrs.repository.neighbour_view import View
-from somrs.repository.neighbouring import Neighbouring, NeighboursConfigured
+from somrs.repository.neighbourhood import Neighbourhood
+from somrs.repository.neighbouring import NeighboursConfigured
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
 from somrs.repository.pages import ontology_page
 from somrs.repository.publishing import OWN_OBJECTS, Publishing
 from somrs.repository.reserving import Reserving, lost_reservation
-from somrs.repository.shared_reserving import SharedReserving
 from somrs.repository.state import (
     REMEMBERED,
     Answer,
@@ -102,10 +99,6 @@ READS = ReadOntology | ReadMap | QueryMap | Consider | ReadHistory | ReadEvents 
 """Requests that change nothing."""
 
 
-REPETITION_TIME = 10.0
-"""Seconds after which a neighbour that has not answered is asked again."""
-
-
 class Repository:
     """The component. It owns `contents`; no other code changes them."""
 
@@ -114,11 +107,7 @@ class Repository:
         self.contents = contents
         self._answers, self._reserving, self._publishing = MapAnswers(), Reserving(contents), Publishing(contents)
         self._committing = Committing(contents)
-        self._importing = Importing(contents, self._committing, self._publishing)
-        self._neighbouring = Neighbouring(contents, self._importing)
-        self._forwarding = Forwarding(contents, self._remember_answer)
-        self._shared_reserving = SharedReserving(contents, self._reserving, self._remember_answer)
-        self._handing_over = HandingOver(contents, self._committing, self._publishing, self._importing)
+        self._neighbours = Neighbourhood(contents, self._reserving, self._committing, self._publishing, self._remember_answer)
 
     @classmethod
     def restored(cls, contents: Contents) -> Self:
@@ -136,61 +125,44 @@ class Repository:
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """The effects of an input."""
-        imported = self._importing.handle(event, now)
+        imported = self._neighbours.importing.handle(event, now)
         effects = imported if imported is not None else [*self._effects(event, now)]
         return [*effects, *self._continue(now), *self._reserving.admit(now)]
 
     def _continue(self, now: float) -> Effects:
         """Go on with updates that waited for neighbours."""
-        has_more = True
-        while has_more:
-            complete = yield from self._forwarding.proceed(now)
-            for message in complete:
+        while (continued := (yield from self._neighbours.proceed(now))).passed_on or continued.deferred:
+            for message in continued.passed_on:
                 yield from self._finish(message, now)
-            deferred = yield from self._handing_over.proceed(now)
-            for message in deferred:
+            for message in continued.deferred:
                 yield from self._received(message, now)
-            has_more = bool(complete or deferred)
-        is_waiting = self._forwarding.is_waiting or self._shared_reserving.is_waiting or self._handing_over.is_waiting
-        if is_waiting is not (self.contents.repeats_at is not None):
-            self.contents.repeats_at = now + REPETITION_TIME if is_waiting else None
-            yield SetTimer(RepetitionDue(), self.contents.repeats_at)
-
-    def _repeat(self, now: float) -> Effects:
-        """Ask neighbours again: their answers may have been lost, if they or this Repository were down."""
-        self.contents.repeats_at = None
-        yield from self._forwarding.repeat(now)
-        yield from self._shared_reserving.repeat(now)
-        yield from self._handing_over.repeat(now)
+        yield from self._neighbours.set_timer(now)
 
     def _effects(self, event: Input, now: float) -> Effects:
         match event:
             case Started(address):
                 self.contents.address = address
                 yield from self._publishing.start(now)
-                yield from self._neighbouring.start(now)
+                yield from self._neighbours.neighbouring.start(now)
             case Notified(NeighboursConfigured() as configured):
-                yield from self._neighbouring.configure(configured, now)
+                yield from self._neighbours.neighbouring.configure(configured, now)
             case Received(message):
                 yield from self._received(message, now)
             case TimerFired(LeasesDue()):
                 yield from self._publishing.expire(now)
             case TimerFired(RepetitionDue()):
-                yield from self._repeat(now)
+                yield from self._neighbours.repeat(now)
             case TimerFired(ReservationsDue()):
                 self.contents.reservations.lapse()
             case Answered(ArchiveWanted(message), value):
                 yield from self._answered(message, value, now)
             case DeliveryFailed(message, reason):
                 yield from self._publishing.undelivered(message)
-                yield from self._forwarding.undelivered(message, reason)
-                yield from self._shared_reserving.undelivered(message, reason, now)
+                yield from self._neighbours.undelivered(message, reason, now)
 
     def _received(self, message: Message, now: float) -> Effects:
-        if self._forwarding.concerns(message):
-            yield from self._forwarding.answered(message)
-        elif self._shared_reserving.concerns(message):
-            yield from self._shared_reserving.received(message, now)
+        if self._neighbours.concerns(message):
+            yield from self._neighbours.received(message, now)
         else:
             try:
                 yield from self._serve(message, now)
@@ -222,19 +194,17 @@ class Repository:
                 yield from self._run_once(message, lambda: iter([self._remember_answer(message, assigned)]))
             case Release() as release:
                 self._reserving.release(release, message.header.sender, now)
-                yield from self._shared_reserving.release(release, now)
+                yield from self._neighbours.reserving.release(release, now)
             case ClaimReservations() as claims:
                 yield from self._reserving.claim(claims, message.header.sender, now)
-                yield from self._shared_reserving.forget_unclaimed(claims, message.header.sender, now)
+                yield from self._neighbours.reserving.forget_unclaimed(claims, message.header.sender, now)
             case SubscribeMap() as subscribe:
                 self._reserving.heard_of(message.header.sender, now)
                 yield from self._publishing.subscribe(message, subscribe, now)
             case ReadNeighbours():
-                yield self._answer(message, self._neighbouring.views())
+                yield self._answer(message, self._neighbours.neighbouring.views())
             case Adopt() as adopt:
                 yield from self._run_once(message, lambda: self._adopt(message, adopt, now))
-            case Adopted() | AdoptionRefused():
-                self._handing_over.answered(message)
             case Updated() | Rejected() | Reserved() | ReservationDenied():
                 pass  # an answer of a neighbour that is repeated or late
             case Fault():
@@ -257,10 +227,11 @@ class Repository:
         if isinstance(question, ReadOntology):
             page = ontology_page(contents.ontology, contents.version, question.after, contents.ontology_changed_at)
             return self._answer(message, page)
-        neighbour = self._neighbouring.at(message.header.sender) or (OWN_OBJECTS if question.own and contents.map.homes else None)
-        if neighbour is not None and question.situation is None:
-            leaving = {handover.object for handover in contents.handovers.values() if handover.map == neighbour.map}
-            return self._answer(message, View(neighbour, contents.map, contents.ontology).page(contents.version, question.after, leaving))
+        neighbour = contents.neighbour_at(message.header.sender)
+        reader = neighbour.settings if neighbour is not None else OWN_OBJECTS if question.own and contents.map.homes else None
+        if reader is not None and question.situation is None:
+            leaving = {handover.object for handover in contents.handovers.values() if handover.map == reader.map}
+            return self._answer(message, View(reader, contents.map, contents.ontology).page(contents.version, question.after, leaving))
         return self._answer(message, self._answer_to(question))
 
     def _answer_to(self, question: QueryMap | ReadMap) -> Rows | MapPage:
@@ -278,12 +249,12 @@ class Repository:
                 yield self._answer(message, archive_reply(message, value, self.contents))
 
     def _adopt(self, message: Message, body: Adopt, now: float) -> Effects:
-        answer = yield from self._handing_over.adopt(message, body, now)
+        answer = yield from self._neighbours.handing_over.adopt(message, body, now)
         yield self._remember_answer(message, answer)
 
     def _reserve(self, message: Message, request: Reserve, now: float) -> Effects:
-        if self._shared_reserving.concerns_neighbours(request):
-            yield from self._shared_reserving.begin(message, request, now)
+        if self._neighbours.reserving.concerns_neighbours(request):
+            yield from self._neighbours.reserving.begin(message, request, now)
             return
         answer, notices = self._reserving.reserve(request, message.header.sender, now)
         yield self._answer(message, answer) if request.mode is ReservationMode.ASK else self._remember_answer(message, answer)
@@ -342,11 +313,11 @@ class Repository:
         if outcome.broken:
             yield self._remember_answer(message, rejected(outcome.broken, contents.version))
             return
-        if self._handing_over.defers(message, outcome.objects):
+        if self._neighbours.handing_over.defers(message, outcome.objects):
             return
         author = alteration.author or message.header.sender
         if isinstance(alteration, UpdateMap) and (parts := foreign_parts(outcome, alteration, author, contents)):
-            yield from self._forwarding.begin(message, parts, now)
+            yield from self._neighbours.forwarding.begin(message, parts, now)
             return
         news = yield from self._committing.commit(
             outcome,
@@ -358,7 +329,7 @@ class Repository:
         yield self._remember_answer(message, _answer_to(alteration, outcome, contents.version))
         yield from self._publishing.publish(news, now)
         if contents.neighbours:
-            yield from self._handing_over.begin(outcome.subjects, now)
+            yield from self._neighbours.handing_over.begin(outcome.subjects, now)
 
     def _finish(self, message: Message, now: float) -> Effects:
         """Do what is left of an update when the changes of neighbours' objects are done."""

@@ -74,9 +74,8 @@ def _part(home: str, changes: list[Change], alteration: UpdateMap, author: str, 
 
 def refusals(alteration: Alteration, outcome: Outcome, sender: str, contents: Contents) -> Iterator[Violation]:
     """Violations for changes that are not for this Repository, or not for this sender, to make."""
-    neighbour = next((state.settings for state in contents.neighbours.values() if state.settings.address == sender), None)
-    if neighbour is not None:
-        yield from _overreaching(neighbour, outcome, contents)
+    if (neighbour := contents.neighbour_at(sender)) is not None:
+        yield from _overreaching(neighbour.settings, outcome, contents)
     for name in dict.fromkeys(objects_of(change)[0] for change in outcome.changes if objects_of(change)):
         home = home_of(name)
         if home and home not in contents.neighbours:

@@ -150,7 +150,7 @@ class HandingOver:
     def adopt(self, message: Message, body: Adopt, now: float) -> EffectsReturning[Adopted | AdoptionRefused]:
         """Give a neighbour's object its home here. Returns the answer."""
         contents, sender = self._contents, message.header.sender
-        neighbour = next((state for state in contents.neighbours.values() if state.settings.address == sender), None)
+        neighbour = contents.neighbour_at(sender)
         if neighbour is None or not neighbour.settings.may_change:
             problem = f"{sender} is not a neighbour from which the map {contents.map.name} takes objects"
             return AdoptionRefused(handover=body.handover, problems=(problem,))

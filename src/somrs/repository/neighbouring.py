@@ -56,10 +56,6 @@ class Neighbouring:
                     neighbour.adopted = earlier_state.adopted
                 yield from copy.start(now)
 
-    def at(self, address: str) -> Neighbour | None:
-        """The neighbour at an address."""
-        return next((state.settings for state in self._contents.neighbours.values() if state.settings.address == address), None)
-
     def views(self) -> Neighbours:
         """The neighbours, for clients."""
         contents = self._contents

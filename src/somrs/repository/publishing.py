@@ -56,19 +56,21 @@ class Publishing:
         if change is None:
             return
         contents, news = self._contents, change.news
-        neighbours = {neighbour.settings.address: neighbour.settings for neighbour in contents.neighbours.values()}
-        has_foreign_objects = bool(change.map_before.homes or contents.map.homes)
         # A change that is too large for one message is read by pages: the new version shows the subscriber that it missed a change.
         large = size(news) > PAGE_BYTES * 1.25
         for address, subscription in contents.subscriptions.items():
             if subscription.until > now:
-                neighbour = neighbours.get(address) or (OWN_OBJECTS if subscription.own and has_foreign_objects else None)
-                neighbour_news = (
-                    news
-                    if neighbour is None or large
-                    else view_of_news(news, neighbour, change.map_before, contents.map, contents.ontology)
-                )
-                yield self._notify(address, self._subscribed(address) if large else neighbour_news, now)
+                yield self._notify(address, self._subscribed(address) if large else self._seen(change, address, subscription), now)
+
+    def _seen(self, change: Committed, address: str, subscription: Subscription) -> MapChanged | OntologyChanged:
+        """What a subscriber sees of a change."""
+        contents = self._contents
+        has_foreign_objects = bool(change.map_before.homes or contents.map.homes)
+        neighbour = contents.neighbour_at(address)
+        reader = neighbour.settings if neighbour is not None else OWN_OBJECTS if subscription.own and has_foreign_objects else None
+        if reader is None:
+            return change.news
+        return view_of_news(change.news, reader, change.map_before, contents.map, contents.ontology)
 
     def expire(self, now: float) -> Effects:
         """Drop the subscriptions that have expired."""

@@ -104,7 +104,7 @@ class SharedReserving:
     def received(self, message: Message, now: float) -> Effects:
         """Handle an answer or a notice."""
         task = self._asking(message.header.relates_to)
-        neighbour = self._neighbour(message.header.sender)
+        neighbour = self._contents.neighbour_at(message.header.sender)
         match message.body:
             case Reserved() as reserved if task is not None:
                 yield from self._granted(task, reserved, now)
@@ -242,9 +242,6 @@ class SharedReserving:
 
     def _waiting_map(self, task: str) -> str:
         return self._contents.shared_reservations[task].waiting[0]
-
-    def _neighbour(self, address: str) -> NeighbourState | None:
-        return next((state for state in self._contents.neighbours.values() if state.settings.address == address), None)
 
     def _notice(self, neighbour: NeighbourState, body: Body, now: float) -> Send:
         return self._tell(neighbour.settings.address, body, now)

@@ -121,6 +121,10 @@ class Contents(Struct, kw_only=True):
     repeats_at: float | None = None
     """When neighbours are asked again whose answers are due."""
 
+    def neighbour_at(self, address: str) -> NeighbourState | None:
+        """The neighbour at an address."""
+        return next((neighbour for neighbour in self.neighbours.values() if neighbour.settings.address == address), None)
+
     def last_change(self, definition_key: DefinitionKey) -> DefinitionChange | None:
         """The latest change of the definition; None if it never changed."""
         return self.defined_at.get(definition_key.section, {}).get(definition_key.name)
