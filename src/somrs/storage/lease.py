@@ -51,22 +51,30 @@ class Lease:
     async def acquire(self) -> bool:
         """Try to get the lease, and renew it from then on."""
         from nats import errors
-        from nats.js.errors import APIError, KeyNotFoundError
+        from nats.js.errors import APIError
 
         if self._renewing is not None and not self._renewing.done():
             return True
         try:
-            try:
-                entry = await self._bucket.get(self._key)
-            except KeyNotFoundError:
-                self._revision = await self._bucket.create(self._key, self._value)
-            else:
-                if entry.value != self._value:
-                    return False
-                self._revision = await self._bucket.update(self._key, self._value, last=entry.revision)
+            if not await self._take():
+                return False
         except (APIError, errors.Error, OSError):
             return False
         self._renewing = asyncio.create_task(self._renew())
+        return True
+
+    async def _take(self) -> bool:
+        """Get the lease if it has ended, or is this process's own. False if another process has it."""
+        from nats.js.errors import KeyNotFoundError
+
+        try:
+            entry = await self._bucket.get(self._key)
+        except KeyNotFoundError:
+            self._revision = await self._bucket.create(self._key, self._value)
+        else:
+            if entry.value != self._value:
+                return False
+            self._revision = await self._bucket.update(self._key, self._value, last=entry.revision)
         return True
 
     async def _renew(self) -> None:
@@ -85,19 +93,12 @@ class Lease:
 
     async def _renew_once(self) -> bool:
         """Renew the lease, or get it again if it has ended while this process or the bus stood still. False if another process has it."""
-        from nats.js.errors import APIError, KeyNotFoundError
+        from nats.js.errors import APIError
 
         try:
             self._revision = await self._bucket.update(self._key, self._value, last=self._revision)
         except APIError:
-            try:
-                entry = await self._bucket.get(self._key)
-            except KeyNotFoundError:
-                self._revision = await self._bucket.create(self._key, self._value)
-            else:
-                if entry.value != self._value:
-                    return False
-                self._revision = entry.revision
+            return await self._take()
         return True
 
     async def resign(self) -> bool:
