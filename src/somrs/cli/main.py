@@ -21,11 +21,16 @@ from somrs.cli.options import (
     LOOPBACK,
     BusOption,
     Data,
+    DevicesPerProcess,
     Formula,
     HostOption,
     Json,
     Neighbours,
+    OwnBusOption,
+    Registries,
+    Simulates,
     SiteName,
+    TaskManagers,
     WorldOption,
     awaited,
     fail,
@@ -125,46 +130,13 @@ def up(
     data: Data = DEFAULT_FOLDER,
     speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
     world: WorldOption = WorldKind.PHYSICS,
-    simulator: Annotated[
-        bool,
-        typer.Option(
-            "--simulator/--no-simulator",
-            help="Simulate the building; without, its robots are real, and `somrs` only grants them their ways.",
-        ),
-    ] = True,
+    simulator: Simulates = True,
     host: HostOption = LOOPBACK,
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the map of an earlier run, and start with the site's map.")] = False,
-    devices_per_process: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="How many devices share a process; 1 gives each its own. By default, many devices with drivers of SO-MRS share a few.",
-            show_default=False,
-        ),
-    ] = None,
-    task_managers: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="How many Task Managers share the tasks. By default as many as in the last run with this data folder, at first one.",
-            show_default=False,
-        ),
-    ] = None,
-    registries: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="How many Registries list the services. By default as many as in the last run with this data folder, at first one.",
-            show_default=False,
-        ),
-    ] = None,
-    bus: Annotated[
-        str | None,
-        typer.Option(
-            help="Have the components talk over NATS: `--bus` alone starts a server, `--bus nats://HOST:4222` joins one.",
-            show_default=False,
-        ),
-    ] = None,
+    devices_per_process: DevicesPerProcess = None,
+    task_managers: TaskManagers = None,
+    registries: Registries = None,
+    bus: OwnBusOption = None,
     name: SiteName = None,
     neighbours: Neighbours = None,
 ) -> None:

@@ -47,6 +47,44 @@ Neighbours = Annotated[
         show_default=False,
     ),
 ]
+DevicesPerProcess = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="How many devices share a process; 1 gives each its own. By default, many devices with drivers of SO-MRS share a few.",
+        show_default=False,
+    ),
+]
+TaskManagers = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="How many Task Managers share the tasks. By default as many as in the last run with this data folder, at first one.",
+        show_default=False,
+    ),
+]
+Registries = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="How many Registries list the services. By default as many as in the last run with this data folder, at first one.",
+        show_default=False,
+    ),
+]
+OwnBusOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Have the components talk over NATS: `--bus` alone starts a server, `--bus nats://HOST:4222` joins one.",
+        show_default=False,
+    ),
+]
+Simulates = Annotated[
+    bool,
+    typer.Option(
+        "--simulator/--no-simulator",
+        help="Simulate the building; without, its robots are real, and `somrs` only grants them their ways.",
+    ),
+]
 Formula = Annotated[str, typer.Argument(help="An Entish formula, such as 'Jar002 isOn Platform001'.")]
 
 
