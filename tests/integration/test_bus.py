@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 from msgspec import structs
+from nats import errors
+from nats.aio.msg import Msg
 
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
@@ -180,6 +182,39 @@ def test_a_request_that_nobody_will_answer_is_given_up_without_waiting(tmp_path:
             await host.stop()
 
     on_bus(tmp_path, scenario)
+
+
+@pytest.mark.parametrize("answer", [True, False])
+@pytest.mark.parametrize("cause", ["cancelled", "given up"])
+def test_a_request_that_is_ended_when_its_answer_comes_ends_once(tmp_path: Path, cause: str, answer: bool) -> None:
+    """`asyncio.wait_for` of Python 3.11 loses such a cancellation: the task went on, and who waited for its end waited for ever."""
+
+    async def run() -> None:
+        bus, subject = Bus(server.address), server.address.subject("/registry")
+        await bus.start()
+        ask = bus.client.request
+
+        async def request(*arguments: Any, timeout: float) -> Msg:
+            task, answered = asyncio.current_task(), asyncio.get_running_loop().create_future()
+            assert task is not None
+
+            def end() -> None:
+                answered.set_result(Msg(bus.client)) if answer else answered.set_exception(errors.NoRespondersError())
+                task.cancel() if cause == "cancelled" else bus._give_up(subject)
+
+            asyncio.get_running_loop().call_soon(end)
+            return await asyncio.wait_for(answered, timeout)
+
+        bus.client.request = request  # type: ignore[method-assign, assignment]
+        asking = asyncio.create_task(bus._request(subject, b"", asyncio.get_running_loop().time() + HANG_TIME))
+        await asyncio.wait([asking])
+        assert asking.cancelled() == (cause == "cancelled")
+        assert cause == "cancelled" or not asking.cancelling()
+        bus.client.request = ask  # type: ignore[method-assign]
+        await bus.close()
+
+    with NatsServer(tmp_path) as server:
+        asyncio.run(asyncio.wait_for(run(), HANG_TIME))
 
 
 def test_who_speaks_soap_reaches_the_bus_through_the_gateway(tmp_path: Path) -> None:

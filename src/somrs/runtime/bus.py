@@ -269,17 +269,22 @@ class Bus:
         """
         task = asyncio.current_task()
         assert task is not None, "messages are sent in tasks"
+        cancellations, reply = task.cancelling(), None
         self._waiting[task] = subject
         try:
-            return await self.client.request(subject, payload, timeout=max(deadline - asyncio.get_running_loop().time(), 0.0))
+            reply = await self.client.request(subject, payload, timeout=max(deadline - asyncio.get_running_loop().time(), 0.0))
         except asyncio.CancelledError:
-            if task in self._waiting or task.uncancel():  # somebody else cancels it, perhaps besides `_give_up`
+            if task in self._waiting:
                 raise
-            if not self.client.is_connected:
-                raise Unanswered("the connection to the bus is lost") from None
-            return None
         finally:
-            self._waiting.pop(task, None)
+            if self._waiting.pop(task, None) is None:
+                task.uncancel()
+            # `asyncio.wait_for` of Python 3.11 loses a cancellation that comes together with a result or an error.
+            if task.cancelling() > cancellations:
+                raise asyncio.CancelledError
+        if reply is None and not self.client.is_connected:
+            raise Unanswered("the connection to the bus is lost")
+        return reply
 
     def _give_up(self, subject: str | None = None) -> None:
         """Give up the requests to the subject, or all."""
