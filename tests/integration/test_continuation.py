@@ -35,11 +35,12 @@ class Process:
         self.leads = asyncio.Event()
         self.ledger = Ledger()
         self._end_event = asyncio.Event()
+        self._stands_still = False
         self._stream: StreamLog | None = None
         self._running = asyncio.create_task(self._run())
 
     async def _run(self) -> None:
-        while not self._end_event.is_set():
+        while not self._end_event.is_set() and not self._stands_still:
             with contextlib.suppress(UsageError):  # started again, as a supervisor does
                 await self._run_once()
 
@@ -68,7 +69,7 @@ class Process:
     def stand_still(self) -> None:
         """Renew the lease no more, as a process that stands still, until another one leads."""
         assert self._stream is not None
-        self._stream.lease.renews = False
+        self._stream.lease.renews, self._stands_still = False, True
 
     async def end(self) -> None:
         self._end_event.set()

@@ -140,6 +140,47 @@ def test_a_place_is_found_by_its_number_and_what_a_copy_has_is_forgotten(tmp_pat
     with_logs(tmp_path, scenario)
 
 
+def test_a_copy_that_is_replaced_while_it_is_fetched_is_fetched_as_it_is_then(tmp_path: Path) -> None:
+    contents = [bytes([number]) * 700_000 for number in range(20)]
+
+    async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
+        async def store() -> None:
+            for number, content in enumerate(contents):
+                (tmp_path / "stored").write_bytes(content)
+                await first.store_copy(tmp_path / "stored", number, "http://127.0.0.1:1/registry")
+
+        storing = asyncio.create_task(store())
+        while await second.copied_number() is None:
+            await asyncio.sleep(0.001)
+        while not storing.done():
+            await second.fetch_copy(tmp_path / "fetched")
+            assert (tmp_path / "fetched").read_bytes() in contents
+        await second.fetch_copy(tmp_path / "fetched")
+        assert (tmp_path / "fetched").read_bytes() == contents[-1]
+
+    with_logs(tmp_path, scenario)
+
+
+def test_a_copy_is_stored_and_fetched_while_the_server_is_killed(tmp_path: Path) -> None:
+    (tmp_path / "stored").write_bytes(bytes(range(256)) * 40_000)
+
+    async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
+        async def exchange() -> None:
+            await first.store_copy(tmp_path / "stored", 5, "http://127.0.0.1:1/registry")
+            await second.fetch_copy(tmp_path / "fetched")
+
+        for pause in (0.0, 0.01, 0.03, 0.1):
+            exchanging = asyncio.create_task(exchange())
+            await asyncio.sleep(pause)
+            await asyncio.to_thread(server.kill)
+            await asyncio.sleep(0.05)
+            await asyncio.to_thread(server.start)
+            await exchanging
+            assert (tmp_path / "fetched").read_bytes() == (tmp_path / "stored").read_bytes()
+
+    with_logs(tmp_path, scenario)
+
+
 def test_an_entry_that_the_servers_do_not_accept_is_explained(tmp_path: Path) -> None:
     async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
         with pytest.raises(UsageError, match=r"an input of yard\.registry has 2000000 bytes; raise max_payload of the NATS servers"):

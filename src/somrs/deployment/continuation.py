@@ -79,7 +79,8 @@ class Continuation:
             for task in waiting:
                 task.cancel()
         if not waiting[0].done() or waiting[0].cancelled():
-            reason = self.journal.disk.failed or f"another process continues the component at {node.address}"
+            failures = [str(task.exception()) for task in waiting if task.done() and not task.cancelled() and task.exception()]
+            reason = self.journal.disk.failed or ", ".join(failures) or f"another process continues the component at {node.address}"
             raise UsageError(f"{name} ends: {reason}")
 
     async def _lead(self, stream: StreamLog, address: str, factory: Callable[[str], Stateful]) -> tuple[JournaledComponent, bool]:

@@ -23,19 +23,16 @@ import msgspec
 from somrs.errors import UsageError
 from somrs.storage.lease import LEASES, Lease, leases
 from somrs.storage.nats_connection import FIRST_PAUSE, LONGEST_PAUSE, connect, made_with_copies, patiently
+from somrs.storage.stored_copy import COPIES, StoredCopy
 
 if TYPE_CHECKING:
     from nats.aio.client import Client
     from nats.aio.msg import Msg
     from nats.js import JetStreamContext
-    from nats.js.object_store import ObjectStore
 
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
-
-COPIES = "somrs-journals"
-"""The bucket of the copies of files."""
 
 NUMBER, VERSION, WRITER = "Somrs-Number", "Somrs-Version", "Somrs-Writer"
 """The headers of a batch of entries: the number of its last entry, the version of their schema, and who wrote it."""
@@ -121,7 +118,7 @@ class StreamLog:
         self._js: JetStreamContext = client.jetstream(timeout=_WRITE_TIME)
         stream = StreamConfig(name=self._stream, subjects=[self._subject])
         await made_with_copies(lambda copies: self._js.add_stream(stream, num_replicas=copies))
-        self._objects: ObjectStore = await made_with_copies(lambda copies: self._js.create_object_store(COPIES, replicas=copies))
+        self._copy = await StoredCopy.opened(self._js, self._key)
         self.lease = Lease(await leases(self._js), self._key, self._identity, lambda: self.on_lost())
         self._followed = await client.subscribe(self._subject, cb=self._on_news)
         await client.subscribe(self._resignation, cb=self._on_news)
@@ -272,48 +269,25 @@ class StreamLog:
         if sequence > 1:
             await self.call(patiently(lambda: self._js.purge_stream(self._stream, seq=sequence)))
 
-    # Copies of the file
+    # The copy of the file
 
     async def store_copy(self, file: Path, number: int, address: str) -> None:
         """Store a copy of the file of the component at this address, which has the entries up to this number."""
-        from nats.js.api import ObjectMeta
-
-        async def store() -> None:
-            with file.open("rb") as content:
-                await self._objects.put(self._key, content, ObjectMeta(name=self._key, headers={NUMBER: str(number), ADDRESS: address}))
-
-        await self.call(store())
+        await self.call(self._copy.write(file, {NUMBER: str(number), ADDRESS: address}))
 
     async def copied_number(self) -> int | None:
         """The number of the last entry in the stored copy; None if there is no copy."""
-        headers = await self._copied_headers()
+        headers = await self.call(self._copy.headers())
         return int(headers.get(NUMBER, 0)) if headers is not None else None
 
     async def copied_address(self) -> str | None:
         """The address of the component that the stored copy is of; None if there is no copy."""
-        headers = await self._copied_headers()
+        headers = await self.call(self._copy.headers())
         return headers.get(ADDRESS) if headers is not None else None
 
-    async def _copied_headers(self) -> dict[str, str] | None:
-        from nats.js.errors import NotFoundError
-
-        async def read() -> dict[str, str] | None:
-            try:
-                info = await patiently(lambda: self._objects.get_info(self._key))
-            except NotFoundError:
-                return None
-            return info.headers or {}
-
-        return await self.call(read())
-
     async def fetch_copy(self, file: Path) -> None:
-        """Write the stored copy to a file."""
-
-        async def fetch() -> None:
-            with file.open("wb") as content:
-                await self._objects.get(self._key, writeinto=content)
-
-        await self.call(fetch())
+        """Write the stored copy to a file. Raises UsageError when there is none, or a damaged one."""
+        await self.call(self._copy.read(file))
 
     # The lease
 
