@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -58,6 +59,9 @@ async def end_of(api: LiveApi, task: str) -> TaskView:
     return view
 
 
+JSON_FOLLOWS = "as JSON:"
+
+
 async def is_listed(api: LiveApi) -> bool:
     return bool((await api.fleet.services()).offers)
 
@@ -78,9 +82,12 @@ def test_a_goal_is_reached_by_a_device_of_a_neighbour(tmp_path: Path, capsys: py
         assert (device.registry, device.presence) == ("There", Presence.OFFERS)
         await commands.services(None, None, (), here.data, json=False)
         await status.status(here.addresses, here.data, json=False)
+        print(JSON_FOLLOWS)
+        await status.status(here.addresses, here.data, json=True)
 
     run_scenario(tmp_path, scenario, device=name)
-    output = capsys.readouterr().out
+    output, _, document = capsys.readouterr().out.partition(JSON_FOLLOWS)
+    assert [neighbour["name"] for neighbour in json.loads(document)["neighbours"]] == ["There"]
     assert "from There" in output
     assert "1 of its services is listed" in output
 

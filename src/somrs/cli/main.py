@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Sequence
 from enum import StrEnum
@@ -106,6 +107,10 @@ def demo(
     sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed, launcher=Launcher(launcher_process))))
 
 
+_SERVERS = re.compile(r"\w+://|[^/,]+:\d+(,|$)")
+"""How the servers of a bus begin, and no file of a site."""
+
+
 class UpCommand(TyperCommand):
     """`--bus` alone, which no option of typer can be: the system then starts a bus of its own."""
 
@@ -113,7 +118,7 @@ class UpCommand(TyperCommand):
         completed: list[str] = []
         for argument, following in zip(args, [*args[1:], ""], strict=True):
             completed.append(argument)
-            if argument == "--bus" and "://" not in following:
+            if argument == "--bus" and not _SERVERS.match(following):
                 completed.append("own")
         return super().parse_args(ctx, completed)
 

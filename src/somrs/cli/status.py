@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 from rich.markup import escape
 from rich.table import Table
 
@@ -23,29 +24,40 @@ from somrs.protocol.messages.neighbours import MapNeighbourView
 from somrs.storage.stream_log import RunningComponent
 
 
+class Status(msgspec.Struct, frozen=True, kw_only=True):
+    """What `somrs status` shows. `parts`: the components; `processes`: those that run them on a bus; `neighbours`: of the Registry."""
+
+    parts: Sequence[PartView] = ()
+    processes: Sequence[RunningComponent] = ()
+    neighbours: Sequence[NeighbourView] = ()
+    neighbouring_maps: Sequence[MapNeighbourView] = ()
+
+
 async def status(addresses: Addresses, data: Path, *, json: bool) -> None:
     """Show the components of a system that is not on a bus; on a bus, the processes that run them, which may be on several hosts."""
-    if addresses.bus is not None:
-        running = await running_components(addresses.bus)
-        if json:
-            terminal.print_json(running)
-        elif running:
-            terminal.console().print(_render_running(running))
-            with contextlib.suppress(RemoteError):  # the table says what does not run
-                async with Client(addresses) as client:
-                    _print_neighbours(await client.neighbours())
-                    _print_neighbouring_maps((await client.map_neighbours()).neighbours)
-        else:
-            print(f"no component of the site {addresses.bus.site} runs on the bus at {addresses.bus.servers}")
-        return
-    async with open_api_service(addresses, data) as service:
-        system = await service.system.read()
+    status = await _read(addresses, data)
     if json:
-        terminal.print_json(system.parts)
+        terminal.print_json(status)
+    elif addresses.bus is not None and not status.processes:
+        print(f"no component of the site {addresses.bus.site} runs on the bus at {addresses.bus.servers}")
     else:
-        terminal.console().print(_render_parts(system.parts))
-        _print_neighbours(system.neighbours)
-        _print_neighbouring_maps(system.neighbouring_maps)
+        terminal.console().print(_render_processes(status.processes) if addresses.bus is not None else _render_parts(status.parts))
+        _print_neighbours(status.neighbours)
+        _print_neighbouring_maps(status.neighbouring_maps)
+
+
+async def _read(addresses: Addresses, data: Path) -> Status:
+    if addresses.bus is None:
+        async with open_api_service(addresses, data) as service:
+            system = await service.system.read()
+        return Status(parts=system.parts, neighbours=system.neighbours, neighbouring_maps=system.neighbouring_maps)
+    processes = await running_components(addresses.bus)
+    if processes:
+        with contextlib.suppress(RemoteError):  # the table says what does not run
+            async with Client(addresses) as client:
+                neighbours, maps = await client.neighbours(), (await client.map_neighbours()).neighbours
+                return Status(processes=processes, neighbours=neighbours, neighbouring_maps=maps)
+    return Status(processes=processes)
 
 
 def _print_neighbours(neighbours: Sequence[NeighbourView]) -> None:
@@ -69,19 +81,19 @@ def _print_neighbouring_maps(neighbours: Sequence[MapNeighbourView]) -> None:
         terminal.console().print(table)
 
 
-def _render_running(running: list[RunningComponent]) -> Table:
+def _render_processes(processes: Sequence[RunningComponent]) -> Table:
     table = Table("component", "host", "process", "state", "inputs", "behind")
-    leading = {process.component: process.number for process in running if process.leads}
-    for process in running:
+    leading = {process.component: process.number for process in processes if process.leads}
+    for process in processes:
         behind = max(0, leading.get(process.component, process.number) - process.number)
         state = "[green]✔ leads[/]" if process.leads else "standby"
         table.add_row(process.component, process.host, str(process.process), state, str(process.number), str(behind))
-    for component in sorted({process.component for process in running} - set(leading)):
+    for component in sorted({process.component for process in processes} - set(leading)):
         table.add_row(component, "", "", "[red]✘ nobody leads[/]", "", "")
     return table
 
 
-def _render_parts(parts: tuple[PartView, ...]) -> Table:
+def _render_parts(parts: Sequence[PartView]) -> Table:
     table = Table("component", "address", "answers")
     for part in parts:
         answers = f"[green]✔[/] in {part.milliseconds:g} ms" if part.milliseconds is not None else f"[red]✘[/] {part.problem}"
