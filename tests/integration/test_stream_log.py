@@ -181,6 +181,22 @@ def test_a_copy_is_stored_and_fetched_while_the_server_is_killed(tmp_path: Path)
     with_logs(tmp_path, scenario)
 
 
+def test_a_damaged_copy_is_said_and_the_next_one_is_waited_for(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "stored").write_bytes(bytes(range(256)) * 4000)
+
+    async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
+        await first.store_copy(tmp_path / "stored", 5, "http://127.0.0.1:1/registry")
+        await first.call(first._js.purge_stream("OBJ_somrs-journals", subject="$O.somrs-journals.C.>"))
+        fetching = asyncio.create_task(second.fetch_copy(tmp_path / "fetched"))
+        while "the copy of yard.registry on the bus is damaged" not in caplog.text:
+            await asyncio.sleep(0.02)
+        await first.store_copy(tmp_path / "stored", 5, "http://127.0.0.1:1/registry")
+        await fetching
+        assert (tmp_path / "fetched").read_bytes() == (tmp_path / "stored").read_bytes()
+
+    with_logs(tmp_path, scenario)
+
+
 def test_an_entry_that_the_servers_do_not_accept_is_explained(tmp_path: Path) -> None:
     async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
         with pytest.raises(UsageError, match=r"an input of yard\.registry has 2000000 bytes; raise max_payload of the NATS servers"):

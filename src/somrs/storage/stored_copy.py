@@ -5,17 +5,20 @@ from __future__ import annotations
 import asyncio
 import base64
 import hashlib
+import logging
 from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from somrs.errors import UsageError
-from somrs.storage.nats_connection import made_with_copies, patiently
+from somrs.storage.nats_connection import LONGEST_PAUSE, made_with_copies, patiently
 
 if TYPE_CHECKING:
     from nats.js import JetStreamContext
     from nats.js.api import ObjectInfo
     from nats.js.object_store import ObjectStore
+
+log = logging.getLogger(__name__)
 
 COPIES = "somrs-journals"
 """The bucket of the copies of files."""
@@ -48,39 +51,45 @@ class StoredCopy:
         return (info.headers or {}) if info is not None else None
 
     async def read(self, file: Path) -> None:
-        """Write the stored file to `file`; if it is replaced meanwhile, then the new one.
+        """Write the stored file to `file`; if it is replaced meanwhile, or is damaged, then the next one.
 
-        Raises UsageError when there is none, or a damaged one.
+        Raises UsageError when there is none.
         """
-        from nats.js.errors import NotFoundError
-
         while (info := await self._info()) is not None:
-            try:
-                with file.open("wb") as content:
-                    digest = await self._read_chunks(info, content)
-            except NotFoundError:  # its chunks are deleted when another one is stored
-                if (new_info := await self._info()) is not None and new_info.nuid == info.nuid:
-                    raise UsageError(f"the copy of {self._key} on the bus is not complete; start the one that leads again") from None
-                continue
-            if info.digest is not None and base64.urlsafe_b64decode(info.digest.partition("=")[2]) != digest:
-                raise UsageError(f"the copy of {self._key} on the bus is damaged; start the one that leads again")
-            return
+            with file.open("wb") as content:
+                if await self._read_chunks(info, content):
+                    return
+            await self._replaced(info)
         raise UsageError(f"there is no copy of {self._key} on the bus any more; start it again")
 
-    async def _read_chunks(self, info: ObjectInfo, content: IO[bytes]) -> bytes:
-        """Write the chunks to `content`. Returns their SHA-256 digest. Raises NotFoundError when one is not there.
+    async def _read_chunks(self, info: ObjectInfo, content: IO[bytes]) -> bool:
+        """Write the chunks to `content`. Returns whether all are there, with the digest of what was stored.
 
         The library's own `get` waits for ever when the chunks are deleted before it has them.
         """
+        from nats.js.errors import NotFoundError
+
         digest, place = hashlib.sha256(), 0
         stream, subject = f"OBJ_{COPIES}", f"$O.{COPIES}.C.{info.nuid}"
         for _ in range(info.chunks or 0):
-            message = await patiently(partial(self._js.get_msg, stream, seq=place + 1, subject=subject, next=True))
+            try:
+                message = await patiently(partial(self._js.get_msg, stream, seq=place + 1, subject=subject, next=True))
+            except NotFoundError:
+                return False
             assert message.seq is not None, "a message of a stream has a place in it"
             chunk, place = message.data or b"", message.seq
             digest.update(chunk)
             await asyncio.to_thread(content.write, chunk)
-        return digest.digest()
+        return info.digest == f"SHA-256={base64.urlsafe_b64encode(digest.digest()).decode()}"
+
+    async def _replaced(self, info: ObjectInfo) -> None:
+        """Return when another file is stored, or none. Chunks of the one before are deleted then, and when its writer was cut off."""
+        is_said = False
+        while (stored_info := await self._info()) is not None and stored_info.nuid == info.nuid:
+            if not is_said:
+                log.warning("the copy of %s on the bus is damaged; waiting for the next one of the process that leads", self._key)
+                is_said = True
+            await asyncio.sleep(LONGEST_PAUSE)
 
     async def _info(self) -> ObjectInfo | None:
         from nats.js.errors import NotFoundError

@@ -286,7 +286,7 @@ class StreamLog:
         return headers.get(ADDRESS) if headers is not None else None
 
     async def fetch_copy(self, file: Path) -> None:
-        """Write the stored copy to a file. Raises UsageError when there is none, or a damaged one."""
+        """Write the stored copy to a file. Raises UsageError when there is none."""
         await self.call(self._copy.read(file))
 
     # The lease
