@@ -22,7 +22,7 @@ def submit_once(form: ui.element, button: ui.button, action: Callable[[], Awaita
         button.props("loading")
         try:
             is_closed = await guarded(action)() is True
-        except BaseException:
+        except BaseException:  # whatever ended the action, also that it was cancelled: the form can be submitted again
             is_closed = False
             raise
         finally:
