@@ -7,15 +7,20 @@ from contextlib import asynccontextmanager
 
 import msgspec
 import pytest
+from msgspec import structs
 
 from somrs.devices.simulator.drivers.charging import CHARGE_STEP
 from somrs.devices.simulator.drivers.manipulator import Manipulator
 from somrs.entish.parse import parse
-from somrs.protocol.messages.observations import Observation
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.observations import Observation, observed_at
+from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Quote, Quoted, Refusal, ServiceFailed
 from tests.support.building import building
 from tests.support.robot_lab import run, run_work
 from tests.support.simulated_device_harness import SimulatedDeviceHarness, simulated
+from tests.support.virtual_devices import make_ask
 
 
 def site(charge: float, *, facts: str = "", robot2: str = "at: [6, 3, 0]") -> str:
@@ -128,6 +133,30 @@ def test_of_two_robots_that_see_a_free_charger_one_gets_it() -> None:
             version = (await robot.map.rows("?It: Charger isBookedFor ?Robot")).version
             assert await robot.reserve_charger("Charger1", version)
             robot.name = "Robot2"
+            assert not await robot.reserve_charger("Charger1", version)
+            assert await robot.map.holds("Charger1 isBookedFor Robot1")
+
+    run(test())
+
+
+@pytest.mark.parametrize("decided_at", [99.0, 100.0, 101.0])
+def test_of_two_robots_that_reserve_a_charger_at_once_the_one_whose_request_comes_first_gets_it(decided_at: float) -> None:
+    """Requests overtake each other: one that arrives later may have been sent earlier."""
+
+    async def test() -> None:
+        async with charging_robot(site(50)) as (harness, robot, _):
+            clock = 100.0
+            ask = make_ask(harness.repository, lambda: 200.0)
+
+            async def ask_with_time(body: Body) -> Body:
+                if isinstance(body, UpdateMap):
+                    body = structs.replace(body, observation=observed_at(body.observation, clock))
+                return await ask(body)
+
+            robot.map = MapReader(ask_with_time)
+            version = (await robot.map.rows("?It: Charger isBookedFor ?Robot")).version
+            assert await robot.reserve_charger("Charger1", version)
+            clock, robot.name = decided_at, "Robot2"
             assert not await robot.reserve_charger("Charger1", version)
             assert await robot.map.holds("Charger1 isBookedFor Robot1")
 

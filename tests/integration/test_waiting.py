@@ -116,6 +116,24 @@ def test_with_nobody_on_offer_the_task_goes_on_as_soon_as_a_robot_joins() -> Non
     assert view.work[0].began < joined_at + 5
 
 
+def test_a_task_waits_for_a_robot_that_failed_and_then_says_that_it_cannot_serve_now() -> None:
+    def is_driven_away(order: Order) -> Work:
+        robot.refuses, robot.not_now = "all chargers are in use", True
+        yield 5.0, ServiceFailed("another robot stands at the charger", f"{order.inputs['Object']} isOn Floor001")
+
+    robot = Robot("Robot1", price=10, duration=60, works=is_driven_away)
+    system = VirtualSystem(robot)
+    task = system.submit(GOAL)
+    system.world.run(3000)
+    view = system.view(task)
+    assert view.outcome is None, view.explanation
+    assert view.waiting_to_retry is not None
+    assert [hindrance.reason for hindrance in view.waiting_to_retry.hindrances] == ["all chargers are in use"]
+    robot.refuses, robot.works = "", None
+    (view,) = system.finish(task, seconds=600)
+    assert view.outcome is Outcome.ACCOMPLISHED
+
+
 def test_a_task_goes_on_as_soon_as_the_map_says_that_a_robot_works() -> None:
     robot = charging_robot()
     system = VirtualSystem(robot)

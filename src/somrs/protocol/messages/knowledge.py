@@ -139,8 +139,9 @@ class UpdateMap(MessageBody, frozen=True, kw_only=True, tag=True):
 
     A typed variable of the situation is a sighted object: `?Seen: Jar isOn Table001`. The Repository finds it on the map, or adds it.
     The update is checked against the types, and made completely or not at all. `expected_version`: make it only if none of its objects
-    changed after that version; the object of a fact is its first argument. `observation`: when and how the update was observed.
-    `reservation`: the task that reports, and under which reservation.
+    changed after that version; the object of a fact is its first argument. `observation`: when and how the update was observed; what is
+    older than the map's news is left out then, and the `reception` of the answer says so. `reservation`: the task that reports, and under
+    which reservation.
     """
 
     changes: tuple[Change, ...] = ()

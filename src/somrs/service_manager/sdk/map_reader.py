@@ -64,8 +64,12 @@ class MapReader:
         return None
 
     async def update(self, update: UpdateMap) -> bool:
-        """Change the map unless it changed after the `expected_version`. Returns whether the Repository made the update."""
-        return isinstance(await self._answer(update), Updated)
+        """Change the map unless it changed after the `expected_version`. Returns whether the Repository made the whole update.
+
+        An update that overtook another one on its way is not made where the map has newer news, whatever version it expected.
+        """
+        answer = await self._answer(update)
+        return isinstance(answer, Updated) and (answer.reception is None or not answer.reception.superseded)
 
     async def report(self, update: UpdateMap) -> Reception:
         """Change the map, and return what became of the report. Raises RemoteError when the Repository rejects it."""

@@ -124,8 +124,10 @@ class AvailableServices:
                 self.exclude({offer.service: run.excluded[offer.service]})
 
     def refused(self, service: str, *, not_now: bool) -> None:
-        """Record whether a refusal is for good."""
-        if not not_now:
+        """Record a refusal: for good, or `not_now` for a reason that passes, for which the task waits although the service had failed."""
+        if not_now:
+            self._state.failures.pop(service, None)
+        else:
             self._state.unable.add(service)
 
     def offers_for(self, step: Step) -> list[Offer]:
