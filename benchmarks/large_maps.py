@@ -28,7 +28,8 @@ from somrs.kernel.component import Received, Send
 from somrs.kernel.durability import JournaledComponent
 from somrs.kernel.replica import Replica
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.types import Value
 from somrs.planner.model.plan import Plan
 from somrs.planner.planning import plan

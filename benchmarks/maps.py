@@ -16,7 +16,8 @@ from somrs.ontology.completion import complete
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.dump import dump_map
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import Ontology, Value
 from somrs.protocol.messages.knowledge import UpdateMap

@@ -28,7 +28,8 @@ from somrs.client.addresses import Addresses
 from somrs.deployment.system import System
 from somrs.ontology.files.dump import dump_map
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.types import Value
 
 SCENARIO = Path(__file__).parents[1] / "src" / "somrs" / "demo" / "data" / "scenario-1.yaml"

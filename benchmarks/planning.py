@@ -25,7 +25,8 @@ from timing import format_time
 from somrs.deployment.programs import YOUNG_OBJECTS
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.plan import NoPlan, Plan

@@ -23,7 +23,8 @@ from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Ontology, Value
 from somrs.sites.openrmf import import_building
 from somrs.space.free_space import FreeSpace

@@ -17,7 +17,7 @@ from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.physics import PhysicsScene
 from somrs.ontology.files.loading import load
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.sites.openrmf import import_building
 

@@ -18,7 +18,8 @@ from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, D
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Value
 
 NUMBERS = (10, 50, 100, 500, 1000)

@@ -19,8 +19,9 @@ from somrs.client.client import Client, Refused, client_name
 from somrs.client.refusals import error_report
 from somrs.errors import InputError, ModelError
 from somrs.ontology.files.loading import load, load_text, upper
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Renaming, Section
-from somrs.ontology.objects import Map, ObjectRemoved, ValueSet
+from somrs.ontology.objects import ObjectRemoved, ValueSet
 from somrs.ontology.types import ObjectType, RelationType
 from somrs.ports import Reservation
 from somrs.protocol.messages.knowledge import Define, Definitions, MergeObject, RenameObject, UpdateMap

@@ -22,7 +22,8 @@ from somrs.client.client import Client
 from somrs.client.hub import Hub
 from somrs.devices.simulator.link.link import RobotLink
 from somrs.devices.simulator.server.server import Server
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ValueSet
 from somrs.ontology.types import Ontology
 from tests.support.hang import HANG_TIME
 from tests.support.robot_lab import SITE, run, simulator, site

@@ -28,7 +28,8 @@ from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
-from somrs.ontology.objects import Fact, Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object, ObjectAdded, ValueSet
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.soap.soap import ENV, MEDIA_TYPE, TRAFFIC, WSA
 from somrs.repository.component import Repository

@@ -32,7 +32,8 @@ def test_units_are_loaded_only_when_they_differ() -> None:
     program = """
 import sys
 from somrs.entish.parse import parse
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.truth import formula_holds
 map = Map([Object(name="Jar1", type="Jar")])
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology

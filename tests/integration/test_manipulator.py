@@ -17,7 +17,7 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import DeviceError
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.knowledge import UpdateMap

@@ -20,8 +20,8 @@ from somrs.devices.simulator.drivers.manipulator import Manipulator
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
+from somrs.ontology.map import Map
 from somrs.ontology.modes import Mode
-from somrs.ontology.objects import Map
 from somrs.protocol.messages.events import ServiceOverdue
 from somrs.protocol.messages.frp import Outcome
 from somrs.runtime.virtual_time import Work

@@ -7,7 +7,8 @@ from hypothesis import given
 
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import LoadedModel, load_text, upper
-from somrs.ontology.objects import Change, Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, Object, ObjectAdded, ValueSet
 from somrs.ontology.owl import to_graph
 from somrs.ontology.types import Ontology
 from tests.support.examples import examples

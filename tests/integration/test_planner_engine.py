@@ -14,7 +14,8 @@ from msgspec.structs import replace
 from somrs.entish.parse import parse
 from somrs.errors import RemoteError
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.encodings.sas import decode_moves, encode_sas
 from somrs.planner.grounding.finite_task import FiniteTask, Operation

@@ -19,7 +19,8 @@ from somrs.entish.parse import parse
 from somrs.errors import RemoteError
 from somrs.kernel.codec import Codec, encode
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, FactRemoved, Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, FactRemoved, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem
@@ -84,7 +85,7 @@ def test_nothing_is_left_when_whoever_asks_is_killed() -> None:
         from somrs.planner_service.process import PlannerProcess
         from somrs.entish.parse import parse
         from somrs.ontology.files.loading import upper
-        from somrs.ontology.objects import Map
+        from somrs.ontology.map import Map
         from somrs.planner.model.problem import Problem
 
         if __name__ == "__main__":

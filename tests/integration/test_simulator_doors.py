@@ -21,7 +21,8 @@ from somrs.devices.simulator.link.commands import (
     Stop,
 )
 from somrs.devices.simulator.world.kinds import WorldKind
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.space.leaves import leaves_of
 from tests.support.simulator_room import Run, box, robot, shell, thing
 

@@ -10,7 +10,8 @@ from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.faults import Schedule
 from somrs.devices.simulator.server.poses import Table
 from somrs.devices.simulator.world.kinds import WorldKind
-from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, FactAdded, FactRemoved
 from tests.support.simulated_tower import CABIN, HEIGHT, tower
 from tests.support.simulator_room import Run, box, thing
 

@@ -10,7 +10,8 @@ from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, D
 from somrs.devices.simulator.motion.traffic import Capsule
 from somrs.devices.simulator.server.simulated_traffic import UseRoadmap
 from somrs.devices.simulator.world.kinds import WorldKind
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.space.lines import segment_distance
 from somrs.traffic.layout import Layout, lay_out
 from tests.support.simulator_room import Run, box, robot, room, shell

@@ -9,7 +9,8 @@ import pytest
 
 from somrs.devices.simulator.link.commands import Approach, CommandDone, CommandGivenUp, DriveTo, Fault, Grip, Place, PutDown, Sense, Stop
 from somrs.devices.simulator.world.kinds import WorldKind
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from tests.support.simulator_room import Run, box, robot, room, shell, thing
 
 TRANSFER = (Approach(object="Jar002"), Grip(object="Jar002"), Approach(object="Platform001"), Place(support="Platform001"))

@@ -10,7 +10,7 @@ from somrs.api.traffic import Traffic, view_of
 from somrs.devices.simulator.link.commands import DriveTo
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.protocol.messages.traffic import TrafficEntered
 from somrs.traffic.participant import Participant
 from tests.support.robot_lab import run as run_in_room

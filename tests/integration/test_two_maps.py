@@ -7,7 +7,7 @@ import random
 import pytest
 
 from somrs.ontology.files.loading import load_text
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.neighbours import Neighbour

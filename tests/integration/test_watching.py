@@ -9,7 +9,8 @@ import pytest
 
 from somrs.devices.simulator.drivers.watching import WatchingDevice
 from somrs.errors import RemoteError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import UNKNOWN, Value
 from somrs.protocol.messages.bodies import Body
 from somrs.service_manager.sdk.map_reader import MapReader

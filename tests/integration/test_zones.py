@@ -18,7 +18,8 @@ from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, D
 from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Value
 from somrs.space.zones import zones_of
 from tests.support.command import somrs

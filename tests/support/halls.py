@@ -10,7 +10,8 @@ from random import Random
 
 from somrs.kernel.component import Input, Received
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.traffic import Berth, TripBegun, TripEnded
 from somrs.runtime.virtual_time import Work, World

@@ -9,8 +9,8 @@ from typing import TypeVar
 from somrs.errors import UsageError
 from somrs.kernel.component import Answered, Ask, Effect, Input, Received, Record, Send, SetTimer, Started, TimerFired
 from somrs.kernel.replica import Replica, ReplicaDue
+from somrs.ontology.map import Map
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.knowledge import (

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from somrs.kernel.component import Component, Effect, Received, Record, Send
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id

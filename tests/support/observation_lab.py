@@ -12,7 +12,7 @@ from somrs.devices.simulator.drivers.patrol import PatrolRobot
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.server.server import Server
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.repository.component import Repository
 from somrs.service_manager.sdk.device import Device
 from somrs.service_manager.sdk.map_reader import MapReader

@@ -9,7 +9,7 @@ from somrs.entish.formula import substitute
 from somrs.entish.parse import parse
 from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import load_text
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import Ontology

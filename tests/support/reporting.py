@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from somrs.kernel.component import Record, Send
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.knowledge import Alteration, Consider, Considered, Event, Updated, UpdateMap
 from somrs.protocol.messages.observations import Observation, Reception

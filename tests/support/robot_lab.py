@@ -12,7 +12,7 @@ from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.entish.formula import variables
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import LoadedModel, load_text, upper
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.truth import formula_holds
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.component import Repository

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Value
 from tests.support.simulator_room import Start, box, robot, shell
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.repository.component import Repository
 from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Advance, Order, Perform, Quote, Quoted, Undo, WorkDone

@@ -21,7 +21,8 @@ from somrs.entish.formula import (
     conjunction,
     disjunction,
 )
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, Ontology, RelationType, Value
 
 ONTOLOGY = Ontology(

@@ -8,7 +8,7 @@ from typing import Any
 
 from somrs.kernel.component import Answered, Effect, Input, Started
 from somrs.ontology.files.loading import load_text
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan

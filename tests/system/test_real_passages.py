@@ -19,7 +19,7 @@ from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.ontology.files.dump import dump_map
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from tests.support import warm
 from tests.support.foreign_robot import ForeignRobot
 from tests.support.hang import HANG_TIME

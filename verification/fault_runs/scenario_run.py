@@ -14,7 +14,7 @@ from somrs.kernel.component import Component, Input, Received, Send
 from somrs.kernel.following import LEASE
 from somrs.kernel.offers import Offers
 from somrs.kernel.replica import Replica
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.directory import Discover, Discovered

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from functools import cache
 
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import PART_OF, Ontology, Value
 from verification.fault_runs.scenario import Scenario, Setting

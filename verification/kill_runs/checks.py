@@ -8,7 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from msgspec import Struct
 
 from somrs.devices.simulator.link.commands import ObjectState, RobotState
-from somrs.ontology.objects import Map, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import ValueSet
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.events import ServiceFailure, ServiceRefused

@@ -22,7 +22,7 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.files.loading import load
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.bodies import Body

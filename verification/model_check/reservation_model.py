@@ -15,7 +15,7 @@ from msgspec import Struct, structs
 
 from somrs.kernel.component import Send
 from somrs.kernel.reservations import LEASE, Claimant, Reservation, Reservations
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.reservations import (
     ClaimReservations,

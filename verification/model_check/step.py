@@ -13,7 +13,8 @@ from msgspec import structs
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.kernel.replica import Replica
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import UNKNOWN, AttributeType, Kind, ObjectType, Ontology
 from somrs.planner.model import plan

@@ -9,7 +9,8 @@ import msgspec
 
 from somrs.devices.simulator.world.colours import colour_of
 from somrs.errors import SimulationError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Ontology, Value
 from somrs.space.dimensions import FINGER, dimensions_of
 from somrs.space.solids import Point, Role, Solid, role_of, solid_of

@@ -7,7 +7,8 @@ import msgspec
 from somrs.entish.formula import Name, Relation
 from somrs.ontology.completion import fitting_objects, service_effects, units_of
 from somrs.ontology.cursor import Slot
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.truth import value_of
 from somrs.ontology.types import ABSTRACT, PART_OF, ROOT, Kind, Ontology, Value
 

@@ -9,7 +9,7 @@ from somrs.api.listener import Listener
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
 from somrs.client.hub import Hub
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 
 

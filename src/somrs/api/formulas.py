@@ -18,7 +18,7 @@ from somrs.errors import FormulaError, SomrsError, UsageError
 from somrs.ontology.achievability import Achievability
 from somrs.ontology.check import mistakes
 from somrs.ontology.completion import Completions, complete
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import ROOT, ObjectType, Ontology
 from somrs.protocol.messages.directory import Offer
 

@@ -10,7 +10,8 @@ from somrs.api.context import Context
 from somrs.client.client import Refused
 from somrs.client.operations import Document, operation
 from somrs.ontology.files.site import dump_site
-from somrs.ontology.objects import Fact, Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object, ObjectAdded, ValueSet
 from somrs.protocol.messages.knowledge import (
     BrokenRule,
     Considered,

@@ -29,7 +29,7 @@ from somrs.client.api_client import ApiClient, address_of
 from somrs.client.hub import News
 from somrs.client.live_news import LiveHub
 from somrs.errors import RemoteError
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 
 STARTUP_TIMEOUT = 60.0

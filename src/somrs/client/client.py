@@ -15,7 +15,8 @@ import msgspec
 from somrs.client.addresses import Addresses
 from somrs.client.task_managers import Answers, Listing, TaskManagers, first_answer
 from somrs.errors import FormulaError, RemoteError, UsageError
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages import directory, frp, knowledge, previews, records, reservations, submission, task_news, task_views
 from somrs.protocol.messages.bodies import Body

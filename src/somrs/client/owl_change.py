@@ -6,8 +6,9 @@ from somrs.errors import ModelError, Problem
 from somrs.ontology import owl
 from somrs.ontology.conformance import violations_of
 from somrs.ontology.differences import differences
+from somrs.ontology.map import Map
 from somrs.ontology.naming import find_definition, revise_ontology
-from somrs.ontology.objects import Change, Map, objects_of
+from somrs.ontology.objects import Change, objects_of
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Define, Revision

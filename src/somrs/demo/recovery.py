@@ -26,7 +26,7 @@ from somrs.deployment.system import System
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError
 from somrs.ontology.files.site import dump_site
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.submission import Policy, Submit

@@ -38,7 +38,8 @@ from somrs.entish.parse import parse
 from somrs.errors import SimulationError, UsageError
 from somrs.ontology.files.loading import load
 from somrs.ontology.files.site import dump_site
-from somrs.ontology.objects import Change, Map, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, ValueSet
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.frp import Outcome

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from somrs.errors import UsageError
+from somrs.ontology.map import Map
 from somrs.ontology.modes import DOOR, LIFT
-from somrs.ontology.objects import Map
 from somrs.ontology.qualified_names import home_of
 from somrs.ontology.types import Ontology
 

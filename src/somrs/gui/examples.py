@@ -8,7 +8,8 @@ from msgspec import Struct
 
 from somrs.ontology.completion import fitting_objects, service_effects
 from somrs.ontology.cursor import Slot
-from somrs.ontology.objects import Fact, Map
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact
 from somrs.ontology.services import PROVIDER
 from somrs.ontology.types import ROOT, Ontology
 

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 from somrs.devices.person.wording import words
 from somrs.gui.components.fields.picker import Choice, Picker
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Ontology
 
 PLACES = {"Cupboard": ("isOn", "isIn"), "Support": ("isOn",), "Place": ("isOn",), "Floor": ("isOn",)}

@@ -16,7 +16,7 @@ from somrs.errors import UsageError
 from somrs.kernel.component import ErrorAnswer, Input, Stateful
 from somrs.kernel.offers import Offers
 from somrs.kernel.parts import MapDocument, PartsReader, PartsWriter
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, FunctionType, ObjectType, Ontology, RelationType
 from somrs.protocol.messages.directory import Offer

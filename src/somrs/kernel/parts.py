@@ -12,7 +12,8 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.paged import PagedDict, changed_keys
 
 T = TypeVar("T")

@@ -11,8 +11,9 @@ from msgspec import Struct, field
 
 from somrs.kernel.component import Effect, Input
 from somrs.kernel.following import LEASE, Following, Reading
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Renaming, revise_ontology
-from somrs.ontology.objects import Change, Fact, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import Change, Fact, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.knowledge import (

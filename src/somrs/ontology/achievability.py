@@ -31,8 +31,8 @@ from somrs.entish.formula import (
 )
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
+from somrs.ontology.map import Map
 from somrs.ontology.matching import types_of, unifiers
-from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import Ontology

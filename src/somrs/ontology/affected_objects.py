@@ -9,8 +9,8 @@ from msgspec import structs
 
 from somrs.ontology.complex_values import inner_paths
 from somrs.ontology.conformance import Violation, violations, violations_of
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Section, find_definition
-from somrs.ontology.objects import Map
 from somrs.ontology.types import ABSTRACT, ObjectType, Ontology
 
 _WORD = re.compile(r"\w+(?:-\w+)*")

@@ -32,7 +32,7 @@ from somrs.entish.formula import (
 from somrs.entish.parse import ParsedFormula, nearest, read
 from somrs.errors import FormulaError
 from somrs.ontology.homes import full_name, homonyms_of, with_full_names
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
 from somrs.ontology.units import convert_unit
 

@@ -13,7 +13,8 @@ from somrs.entish.formula import Attribute, Comparison, Not, Relation, Text, Var
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.cursor import Cursor, Slot, Spot, locate_cursor
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.truth import value_of
 from somrs.ontology.types import ABSTRACT, PHYSICAL, ROOT, AttributeType, Kind, Ontology, Value
 from somrs.ontology.units import is_convertible

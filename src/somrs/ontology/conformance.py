@@ -15,7 +15,8 @@ from somrs.entish import Name
 from somrs.entish.formula import And, Comparison, Formula, Not, Or, Term, substitute
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.complex_values import complex_problem, limit_problem
-from somrs.ontology.objects import Change, Fact, Map, Object, ObjectRemoved, objects_of
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, Object, ObjectRemoved, objects_of
 from somrs.ontology.qualified_names import home_of
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.type_rules import SELF_VARIABLE, TypeRules, attribute_paths, is_about_itself

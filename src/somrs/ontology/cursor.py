@@ -13,7 +13,7 @@ from msgspec import Struct, structs
 
 from somrs.entish.parse import parse_beginning
 from somrs.errors import FormulaError
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
 from somrs.ontology.values import attribute_at
 

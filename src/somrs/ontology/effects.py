@@ -27,7 +27,8 @@ from somrs.entish.formula import (
 from somrs.entish.parse import nearest, read
 from somrs.errors import FormulaError
 from somrs.ontology.differences import differences
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ValueSet
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import AttributeType, Kind, Ontology, RelationType, Value
 from somrs.ontology.units import convert_unit

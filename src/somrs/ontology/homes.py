@@ -8,8 +8,9 @@ from msgspec import structs
 
 from somrs.entish.formula import Formula, names
 from somrs.entish.parse import parse
+from somrs.ontology.map import Map
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.qualified_names import SEPARATOR, home_of, plain_name
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Ontology

@@ -29,7 +29,7 @@ from somrs.entish.formula import (
     variables,
 )
 from somrs.entish.parse import parse
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, ServiceType
 from somrs.ontology.types import Ontology, RelationType
 from somrs.ontology.values import MeasuredValue, attribute_at, compare

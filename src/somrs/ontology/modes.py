@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 
-from somrs.ontology.objects import Change, Map, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, ValueSet
 from somrs.ontology.types import IN_SERVICE, MODE, OUT_OF_ORDER, PAUSED, PAUSED_FOR, WORKING, Ontology, Value
 from somrs.ontology.values import value_of
 

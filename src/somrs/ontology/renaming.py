@@ -29,8 +29,9 @@ from somrs.entish.formula import (
 )
 from somrs.entish.parse import parse, parse_term
 from somrs.errors import FormulaError
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Renaming, Section
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.services import Handler, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
 

@@ -40,7 +40,7 @@ from somrs.entish.formula import (
 )
 from somrs.entish.normal_form import affirmed_variables, negation
 from somrs.errors import FormulaError
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import ROOT, Ontology
 from somrs.ontology.values import MeasuredValue, compare, evaluate, measure, name_of, value_of
 

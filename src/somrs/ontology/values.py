@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from msgspec import Struct
 
 from somrs.entish.formula import Arithmetic, Attribute, Call, Constant, Name, Number, Term, Text, Truth, Variable
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import IN_SERVICE, MODE, OUT_OF_ORDER, PAUSED, PAUSED_FOR, AttributeType, Kind, Ontology, Value
 from somrs.ontology.units import convert_unit
 

@@ -9,7 +9,8 @@ from msgspec import structs
 
 from somrs.entish.formula import conjuncts, literals
 from somrs.entish.parse import parse
-from somrs.ontology.objects import Change, Fact, FactRemoved, Map, Object, ObjectAdded
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactRemoved, Object, ObjectAdded
 from somrs.ontology.types import ROOT
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.reading import Reading, looked_for_in, tells

@@ -9,7 +9,8 @@ from somrs.entish import Attribute, Call, Comparison, Formula, Not, Relation
 from somrs.entish.formula import literals, terms
 from somrs.entish.parse import parse
 from somrs.ontology.differences import differences
-from somrs.ontology.objects import Change, FactAdded, FactRemoved, Map, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, FactAdded, FactRemoved, ValueSet
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import NoPlan, Plan

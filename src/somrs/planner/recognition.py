@@ -14,8 +14,8 @@ from somrs.entish import Attribute, Comparison, Name, Relation, Term, Variable
 from somrs.entish.formula import Atom, Not, conjuncts, literals, substitute, variables
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
+from somrs.ontology.map import Map
 from somrs.ontology.matching import types_of, unifiers
-from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import UNKNOWN, Ontology

@@ -13,7 +13,7 @@ from somrs.entish.formula import conjunction, names, substitute, variables
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes, evaluate_effect
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.truth import formula_holds
 from somrs.planner.model.causal_links import derive_links, find_useful_steps
 from somrs.planner.model.plan import NoPlan, Plan, Step

@@ -5,7 +5,8 @@ from __future__ import annotations
 from msgspec import Struct, structs
 
 from somrs.ontology.differences import differences
-from somrs.ontology.objects import Change, Map
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change
 from somrs.ontology.types import Ontology
 from somrs.planner.model.problem import Problem
 

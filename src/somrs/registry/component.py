@@ -22,7 +22,7 @@ from somrs.kernel.codec import Migration, Schema
 from somrs.kernel.component import DeliveryFailed, Effect, Effects, Input, Notified, Received, Send, SetTimer, Started
 from somrs.kernel.replica import Replica
 from somrs.kernel.subscription import Subscription
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import (

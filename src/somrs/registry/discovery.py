@@ -7,8 +7,8 @@ from itertools import takewhile
 
 from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
+from somrs.ontology.map import Map
 from somrs.ontology.matching import can_achieve
-from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology, Value
 from somrs.protocol.messages.directory import Discover, Discovered, NeighbourView, Offer, Withheld
 from somrs.protocol.messages.paging import fit_page

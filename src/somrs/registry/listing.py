@@ -18,7 +18,7 @@ from msgspec import Struct, structs
 from somrs.kernel.offers import Offers
 from somrs.ontology.agreement import disagreements
 from somrs.ontology.consistency import ontology_violations
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.directory import Offer, Withheld

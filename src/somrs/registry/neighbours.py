@@ -17,7 +17,7 @@ from somrs.kernel.component import Effect, Input, Received
 from somrs.kernel.following import LEASE
 from somrs.kernel.offers import Offers
 from somrs.kernel.service_replica import OffersReading, ServiceReplica, ServiceUpdate
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.qualified_names import SEPARATOR
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body

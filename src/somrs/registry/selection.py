@@ -9,7 +9,8 @@ from functools import cache
 from msgspec import Struct
 
 from somrs.errors import SimulationError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.qualified_names import plain_name
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import PART_OF, Ontology, Value

@@ -22,7 +22,8 @@ from dataclasses import dataclass, field
 
 from somrs.entish.formula import Attribute, Comparison, literals
 from somrs.entish.parse import parse
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import PHYSICAL, UNKNOWN, Kind, Ontology
 from somrs.ontology.units import convert_unit
 from somrs.ontology.values import MeasuredValue, attribute_at, compare, constant, value_of

@@ -12,8 +12,8 @@ from somrs.ontology.affected_objects import violations_after
 from somrs.ontology.conformance import Violation
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dependency_index import lost_dependencies
+from somrs.ontology.map import Map
 from somrs.ontology.naming import SINGULAR, DefinitionKey, Renaming, Section, find_definition, key_of, revise_ontology, section_of
-from somrs.ontology.objects import Map
 from somrs.ontology.renaming import Renamer, speaks_of
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Define, RenameObject

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from msgspec import structs
 
 from somrs.ontology.homes import renamed_change
+from somrs.ontology.map import Map
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import Map, ObjectAdded, objects_of
+from somrs.ontology.objects import ObjectAdded, objects_of
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import UpdateMap

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import islice
 
 from somrs.ontology.check import check
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Row, Rows

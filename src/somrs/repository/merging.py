@@ -10,8 +10,8 @@ from dataclasses import replace
 
 from somrs.entish.parse import nearest
 from somrs.ontology.conformance import Violation
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Section, key_of
-from somrs.ontology.objects import Map
 from somrs.ontology.renaming import speaks_of
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import MergeObject, Merging

@@ -7,19 +7,9 @@ from itertools import chain
 
 from msgspec import structs
 
+from somrs.ontology.map import Map
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import (
-    Change,
-    Fact,
-    FactAdded,
-    FactRemoved,
-    Map,
-    Object,
-    ObjectAdded,
-    ObjectRemoved,
-    ValueSet,
-    objects_of,
-)
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet, objects_of
 from somrs.ontology.qualified_names import home_of
 from somrs.ontology.types import PART_OF, Ontology
 from somrs.protocol.messages.knowledge import Event, MapChanged, MapPage, OntologyChanged

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from somrs.ontology.conformance import Violation
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Renaming, Section, find_definition, key_of, revise_ontology
-from somrs.ontology.objects import Change, Map, ObjectAdded, ObjectRemoved, objects_of
+from somrs.ontology.objects import Change, ObjectAdded, ObjectRemoved, objects_of
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages.knowledge import BrokenRule, Considered, Definitions, Merging, OntologyChanged, Rejected, Revision, by_kind
 from somrs.protocol.messages.observations import Discovery, Reception

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import MapPage, OntologyPage, by_kind
 from somrs.protocol.messages.paging import fit_page

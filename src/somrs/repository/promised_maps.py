@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from somrs.ontology.check import check
 from somrs.ontology.effects import apply_effect
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 
 SIZE = 32

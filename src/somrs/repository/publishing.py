@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from somrs.errors import InputError
 from somrs.kernel.component import Effects, Send, SetTimer
 from somrs.kernel.subscription import Subscription
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
 from somrs.protocol.messages.knowledge import MapChanged, MapSubscribed, OntologyChanged, SubscribeMap
 from somrs.protocol.messages.leases import grant_lease

@@ -30,7 +30,8 @@ from somrs.entish.formula import (
 from somrs.entish.parse import read
 from somrs.ontology.check import check
 from somrs.ontology.effects import changes as changes_by
-from somrs.ontology.objects import Change, Fact, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import PART_OF, PHYSICAL, UNKNOWN, Ontology, Value
 from somrs.protocol.messages.knowledge import Merging
 from somrs.protocol.messages.observations import Observation, Reception

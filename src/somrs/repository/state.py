@@ -6,8 +6,8 @@ from msgspec import Struct, field
 
 from somrs.kernel.reservations import Reservations
 from somrs.kernel.subscription import Subscription
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Section
-from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import Defined, Event, ReadMap, ReadOntology, Rejected, Updated

@@ -11,17 +11,8 @@ from msgspec import structs
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
 from somrs.ontology.conformance import Violation, malformed, root_violations, violations_of
-from somrs.ontology.objects import (
-    Change,
-    Fact,
-    FactAdded,
-    FactRemoved,
-    Map,
-    ObjectAdded,
-    ObjectRemoved,
-    ValueSet,
-    objects_of,
-)
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet, objects_of
 from somrs.ontology.qualified_names import plain_name
 from somrs.ontology.types import ABSTRACT, UNKNOWN, Ontology
 from somrs.protocol.messages.knowledge import UpdateMap

@@ -11,7 +11,8 @@ from somrs.entish.parse import KEYWORDS
 from somrs.errors import ModelError, Problem
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.types import PART_OF, ObjectType, Value
 from somrs.sites.notes import NoteCollector
 from somrs.sites.plan import Box, Point

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from somrs.errors import SimulationError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Ontology
 from somrs.space.dimensions import dimensions_of
 from somrs.space.distances import STEP, distances_from, distances_from_segment, points_along

@@ -11,7 +11,8 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from somrs.errors import SimulationError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Ontology
 from somrs.space.distances import distances_from, outline_points
 from somrs.space.solids import STANDING, Role, Solid, solid_of

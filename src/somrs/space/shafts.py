@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.space.solids import Point, Role, Solid, solid_of
 from somrs.space.storeys import elevation_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 
 BELOW_FLOOR = 0.5

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from somrs.errors import SimulationError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Ontology
 from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import Point, Solid, area_of

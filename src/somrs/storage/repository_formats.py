@@ -13,8 +13,9 @@ import msgspec
 
 from somrs.kernel.durability import JournalCodec, JournaledComponent
 from somrs.kernel.subscription import Subscription
+from somrs.ontology.map import Map
 from somrs.ontology.naming import Section
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, Ontology, RelationType
 from somrs.repository.component import SCHEMA, Repository

@@ -20,7 +20,8 @@ from scipy import ndimage
 from scipy.sparse import coo_array, csr_array, eye_array
 from scipy.spatial import cKDTree
 
-from somrs.ontology.objects import Map, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import ValueSet
 from somrs.ontology.types import Ontology
 from somrs.space.free_space import FreeSpace
 from somrs.space.shafts import SAME_FLOOR, Shaft, shafts_of

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from msgspec import Struct
 
+from somrs.ontology.map import Map
 from somrs.ontology.modes import closed_passages
-from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.space.clearance import Disc
 from somrs.space.dimensions import dimensions_of

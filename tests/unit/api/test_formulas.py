@@ -19,7 +19,8 @@ from somrs.errors import FormulaError, UsageError
 from somrs.ontology.check import check
 from somrs.ontology.completion import Completions, complete
 from somrs.ontology.files.loading import load
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from tests.support.paths import SCENARIO_1
 
 SITE = SCENARIO_1

@@ -8,7 +8,8 @@ from somrs.entish.parse import parse
 from somrs.gui.examples import Examples, examples, with_variables
 from somrs.ontology.check import check
 from somrs.ontology.files.loading import load
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.truth import formula_holds
 from tests.support.paths import SCENARIO_1
 

@@ -10,7 +10,8 @@ import pytest
 from somrs.errors import UsageError
 from somrs.kernel.codec import Codec, Migration, Schema, decode_untyped, encode, to_error_answer
 from somrs.kernel.component import ErrorAnswer, Input, Started
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.types import Ontology
 from tests.support.lab import contents
 

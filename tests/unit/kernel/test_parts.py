@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from somrs.kernel import codec
 from somrs.kernel.parts import PartsReader, PartsWriter, chunk_document, part_changes
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved
 from tests.support.examples import examples
 from tests.support.small_pages import small_pages
 

@@ -18,8 +18,9 @@ from somrs.ontology.affected_objects import violations_after
 from somrs.ontology.conformance import violations
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.loading import load_text, upper
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Section, key_of, revise_ontology
-from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import Fact, FactAdded, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.type_rules import SELF_VARIABLE
 from somrs.ontology.types import (

@@ -10,7 +10,8 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.units import convert_unit, is_known_unit
 from tests.support.examples import examples
 from tests.support.small_ontology import ONTOLOGY, formulas, maps

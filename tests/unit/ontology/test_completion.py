@@ -7,7 +7,8 @@ import pytest
 from somrs.entish.formula import Number
 from somrs.ontology.completion import Completions, complete, describe_object, fitting_objects, format_value, service_effects, units_of
 from somrs.ontology.cursor import Slot
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology
 from tests.unit.ontology.test_cursor import MAP, ONTOLOGY

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from somrs.ontology.conformance import Violation, touched_objects, violations, violations_of
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.loading import load, load_text, upper
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import PART_OF, ObjectType, Ontology
 from tests.support.examples import examples
 

@@ -8,7 +8,8 @@ import pytest
 from msgspec import structs
 
 from somrs.ontology.cursor import Cursor, Slot, Spot, locate_cursor
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, Ontology, RelationType
 

@@ -11,7 +11,8 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.differences import differences
 from somrs.ontology.effects import apply_effect, changes, evaluate_effect, net_effect
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.paged import LARGE
 from somrs.ontology.truth import formula_holds
 from tests.support.examples import examples

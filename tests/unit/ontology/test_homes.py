@@ -10,7 +10,8 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.homes import full_name
-from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, FactAdded, Object, ObjectAdded
 from somrs.ontology.qualified_names import translated
 from tests.support.lab import lab
 

@@ -13,8 +13,9 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import upper
+from somrs.ontology.map import Map
 from somrs.ontology.matching import achieving_bindings, can_achieve, types_of, unifiers
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import RelationType

@@ -12,7 +12,8 @@ from somrs.entish.formula import Name
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.truth import bindings, formula_holds
 from tests.support.examples import examples
 from tests.support.small_ontology import ONTOLOGY, maps

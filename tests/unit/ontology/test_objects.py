@@ -8,18 +8,8 @@ import pytest
 from msgspec import structs
 
 from somrs.ontology.differences import differences
-from somrs.ontology.objects import (
-    Change,
-    Fact,
-    FactAdded,
-    FactRemoved,
-    Map,
-    Object,
-    ObjectAdded,
-    ObjectRemoved,
-    ValueSet,
-    objects_of,
-)
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet, objects_of
 from somrs.ontology.types import Value
 
 JAR_A = Object(name="A", type="Jar", values={"Weight": 1.0, "Label": "one"})

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.ontology.differences import differences
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.paged import PagedDict, changed_keys, mutable_copy, settled
 from somrs.ontology.types import PART_OF
 from tests.support.examples import examples

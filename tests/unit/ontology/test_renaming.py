@@ -6,8 +6,9 @@ import pytest
 from msgspec import structs
 
 from somrs.entish.parse import parse
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Renaming, Section
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.renaming import Renamer, speaks_of
 from somrs.ontology.services import Handler, Occasion, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, FunctionType, Kind, ObjectType, Ontology, Part, RelationType

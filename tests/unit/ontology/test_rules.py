@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from somrs.ontology.conformance import Violation, touched_objects, value_problem, violations, violations_of
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, ObjectType, Ontology, Part, RelationType, Value
 
 ONTOLOGY = Ontology(

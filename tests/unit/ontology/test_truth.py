@@ -32,7 +32,8 @@ from somrs.entish.formula import (
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.truth import bindings, evaluate, formula_holds
 from somrs.ontology.types import FunctionType, Ontology, Value
 from tests.support.examples import examples

@@ -6,7 +6,8 @@ import pytest
 
 from somrs.entish.formula import Constant, Name, Number, Term, Text, Truth
 from somrs.entish.parse import parse_term
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import AttributeType, FunctionType, Kind, Value
 from somrs.ontology.values import MeasuredValue, attribute_at, compare, constant, evaluate, measure, value_of
 from tests.support.small_ontology import ONTOLOGY as SMALL

@@ -6,7 +6,8 @@ import pytest
 
 from somrs.entish import Name, Number
 from somrs.entish.parse import parse
-from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, FactAdded, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import ObjectType
 from somrs.planner.model.plan import NoPlan, Plan

@@ -7,7 +7,8 @@ from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.plan import NoPlan, Obstacle

@@ -6,7 +6,8 @@ from __future__ import annotations
 import pytest
 from msgspec import structs
 
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import RelationType
 from somrs.planner.model.plan import NoPlan, Plan

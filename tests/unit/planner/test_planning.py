@@ -7,7 +7,8 @@ import pytest
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.kernel.codec import Codec, encode
-from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, FactAdded, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem

@@ -8,7 +8,8 @@ import pytest
 from msgspec import structs
 
 from somrs.errors import SomrsError
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.encodings.sas import parse_sas
 from somrs.planner.grounding.relevance import Demand, demands

@@ -13,7 +13,8 @@ from somrs.entish.formula import conjunction, conjuncts, substitute, variables, 
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType

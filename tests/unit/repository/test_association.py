@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 import somrs.repository.association
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.types import Ontology
 from somrs.repository.assignment import assign
 from somrs.repository.association import NEAR, Association, Sighting, Surroundings, associate

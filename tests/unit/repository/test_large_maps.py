@@ -8,9 +8,10 @@ import pytest
 
 from somrs.kernel.component import Received, Send
 from somrs.kernel.replica import Replica
-from somrs.ontology import objects
+from somrs.ontology import map as ontology_map
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Value
 from somrs.planner.model.plan import Plan
 from somrs.planner.planning import plan
@@ -111,7 +112,7 @@ def test_an_update(update: tuple[Change, ...] | str, repository: Repository, vis
 
 
 def test_a_mistake(repository: Repository, visits: Visits, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(objects, "SIMILAR_NAMES", 50)
+    monkeypatch.setattr(ontology_map, "SIMILAR_NAMES", 50)
     rejected = answer(repository, visits, UpdateMap(situation="Jra7 isOn Shelf9"))
     assert isinstance(rejected, Rejected)
     assert "there is no object Jra7" in rejected.problems[0]

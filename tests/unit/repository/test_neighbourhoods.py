@@ -9,7 +9,7 @@ import pytest
 
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.homes import renamed_fact, renamed_object
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.qualified_names import home_of, translated
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap

@@ -8,8 +8,9 @@ import pytest
 from msgspec import structs
 
 from somrs.ontology.conformance import Violation
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Renaming, Section
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Constraint, Kind, ObjectType, RelationType
 from somrs.protocol.messages.knowledge import (
     BrokenRule,

@@ -9,18 +9,9 @@ from somrs.kernel.component import Answered, Ask, DeliveryFailed, Received, Reco
 from somrs.kernel.subscription import Subscription
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load_text, upper
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Section
-from somrs.ontology.objects import (
-    Change,
-    Fact,
-    FactAdded,
-    FactRemoved,
-    Map,
-    Object,
-    ObjectAdded,
-    ObjectRemoved,
-    ValueSet,
-)
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType, Value
 from somrs.protocol.messages.bodies import Body

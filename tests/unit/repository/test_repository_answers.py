@@ -7,7 +7,8 @@ from msgspec import json, structs
 
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, ErrorAnswer, Input, Received, Record, Send, SetTimer, Started
 from somrs.kernel.subscription import Subscription
-from somrs.ontology.objects import Fact, Map, Object, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object, ValueSet
 from somrs.ontology.types import AttributeType, Kind, ObjectType
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Discover

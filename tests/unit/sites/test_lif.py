@@ -16,7 +16,8 @@ from somrs.errors import InputError, ModelError, UsageError
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.files.site import dump_site
-from somrs.ontology.objects import Fact, FactRemoved, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, FactRemoved, Object
 from somrs.ontology.types import PART_OF, Value
 from somrs.sites import IMPORTERS, ImportOptions, Site
 from somrs.sites.lif.reading import import_bytes

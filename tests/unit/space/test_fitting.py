@@ -8,7 +8,8 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.space.findings import find_mistakes
 from somrs.space.fitting import misfits, overlap
 from somrs.space.solids import Solid, solid_of

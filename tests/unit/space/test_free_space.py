@@ -7,7 +7,8 @@ import math
 import pytest
 
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Value
 from somrs.space.edges import edge_targets
 from somrs.space.free_space import FreeSpace

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from somrs.devices.simulator.world.physics import PhysicsScene
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.space.distances import distances_from
 from somrs.space.leaves import HANDLE_LENGTH, STANDOFF, Leaf, inside, leaves_of
 from somrs.space.solids import Solid, solid_of

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.types import Value
 from somrs.space.free_space import FreeSpace
 from somrs.space.shafts import Shaft, shafts_of

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from somrs.devices.simulator.world.kinematics import KinematicScene
 from somrs.devices.simulator.world.physics import PhysicsScene
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.space.sightlines import Place, Prisms, hull
 from somrs.space.solids import Solid, solid_of
 from tests.support.simulator_room import ONTOLOGY, box, robot, room, thing

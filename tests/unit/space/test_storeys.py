@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.space.storeys import BELOW_FLOOR, elevation_of, span_of
 
 ONTOLOGY = upper()

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Value
 from somrs.space.findings import find_mistakes
 from somrs.space.solids import solid_of

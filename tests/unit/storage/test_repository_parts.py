@@ -12,7 +12,8 @@ from somrs.errors import UsageError
 from somrs.kernel.component import Received
 from somrs.kernel.durability import JournaledComponent
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from somrs.kernel.component import Ask, Input, Received, Send, Started
 from somrs.kernel.durability import PendingMessage
-from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind, ObjectType
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id

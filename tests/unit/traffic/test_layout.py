@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.types import Value
 from somrs.space.free_space import FreeSpace
 from somrs.space.lines import segment_distance

@@ -7,7 +7,8 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.ontology.objects import Change, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.traffic.obstructions import discs_along
 from somrs.traffic.state import Position
 from somrs.traffic.survey import Survey, Surveyor

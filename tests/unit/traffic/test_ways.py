@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Value
 from somrs.space.clearance import Disc
 from somrs.space.solids import Point, Solid

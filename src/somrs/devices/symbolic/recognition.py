@@ -11,7 +11,7 @@ from itertools import islice
 
 from somrs.entish import Attribute, Comparison, Formula, Name, Term, Variable
 from somrs.entish.formula import conjunction, conjuncts, substitute
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import constant, value_of

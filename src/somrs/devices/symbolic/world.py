@@ -15,7 +15,8 @@ from somrs.entish.parse import parse, parse_term
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Change, Fact, FactAdded, Map
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded
 from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import UNKNOWN, Ontology

@@ -9,8 +9,9 @@ import yaml
 
 from somrs.ontology.files.levels import level_of
 from somrs.ontology.files.nodes import Dumper, Lines
+from somrs.ontology.map import Map
 from somrs.ontology.naming import find_definition, key_of
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import PART_OF, AttributeType, Constraint, FunctionType, ObjectType, Ontology, Part, RelationType, Value
 

@@ -24,8 +24,9 @@ from somrs.ontology.dependency_index import lost_dependencies
 from somrs.ontology.files.levels import LATEST, LIBRARY, at_level
 from somrs.ontology.files.nodes import Path, Source
 from somrs.ontology.files.structure import definition, flat, structure_problems
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Section, key_of, revise_ontology
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.schema import ENTRIES, RESERVED
 from somrs.ontology.types import PART_OF, AttributeType, Definition, Kind, Ontology, Value
 from somrs.ontology.units import convert_unit

@@ -5,8 +5,8 @@ from __future__ import annotations
 from somrs.ontology.files.dump import dump_map, dump_ontology
 from somrs.ontology.files.levels import level_of
 from somrs.ontology.files.loading import upper
+from somrs.ontology.map import Map
 from somrs.ontology.naming import key_of
-from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 
 

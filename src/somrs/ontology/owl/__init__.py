@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 
 from somrs.errors import Problem, UsageError
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Renaming
-from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 
 if TYPE_CHECKING:

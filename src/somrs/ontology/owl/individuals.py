@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from rdflib import OWL, RDF, RDFS, Graph, Literal, URIRef
 
+from somrs.ontology.map import Map
 from somrs.ontology.naming import Section
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.objects import Object
 from somrs.ontology.owl.definitions import is_binary
 from somrs.ontology.owl.ranges import Nodes
 from somrs.ontology.owl.words import SPACES, VALUES, argument, iri, literal, quote_name

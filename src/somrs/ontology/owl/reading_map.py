@@ -5,8 +5,9 @@ from __future__ import annotations
 from rdflib import OWL, RDF, BNode, Literal, URIRef
 from rdflib.term import Node
 
+from somrs.ontology.map import Map
 from somrs.ontology.naming import Section
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.owl.kinds import Kinds
 from somrs.ontology.owl.ranges import value_of
 from somrs.ontology.owl.source import Source

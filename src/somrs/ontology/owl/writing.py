@@ -10,7 +10,7 @@ from rdflib import Graph, Literal
 from rdflib.plugins.serializers.turtle import TurtleSerializer
 
 from somrs.errors import UsageError
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.owl.definitions import write_definitions
 from somrs.ontology.owl.individuals import write_map
 from somrs.ontology.owl.ranges import Nodes

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from somrs.entish import Attribute, Call, Comparison, Not, Number, Relation
 from somrs.entish.formula import Literal, names, terms
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import value_of
 from somrs.planner.grounding.relevance import Demand

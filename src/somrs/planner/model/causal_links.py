@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relation, Term, Variable
 from somrs.entish.formula import Literal, conjuncts, substitute, terms, variables
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import measure

@@ -7,7 +7,7 @@ from itertools import islice
 
 from somrs.entish import Attribute, Call, Comparison, Formula, Name, Number, Term, Text, Truth
 from somrs.entish.formula import Constant, Not, literals, terms
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import AttributeType, Kind, Ontology
 from somrs.ontology.units import convert_unit
 from somrs.ontology.values import attribute_at, constant, value_of

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from msgspec import Struct, field
 
 from somrs.entish import Formula, Term
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import Step

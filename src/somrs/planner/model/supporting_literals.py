@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from somrs.entish import And, Or
 from somrs.entish.formula import Condition, Formula, Literal, Term, alternatives, conjunction, conjuncts, substitute, variables
 from somrs.entish.normal_form import affirmed_variables, group_by_variables
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.planner.model.world import rows
 

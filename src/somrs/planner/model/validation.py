@@ -5,7 +5,7 @@ from __future__ import annotations
 from somrs.entish.formula import substitute, variables
 from somrs.entish.parse import parse
 from somrs.ontology.effects import apply_effect, evaluate_effect
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.truth import formula_holds
 from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.problem import Problem

@@ -8,7 +8,7 @@ from copy import copy
 from somrs.entish import Formula, Name, Number, Term, Text, Truth, Variable
 from somrs.entish.formula import Constant, Literal, substitute, variables
 from somrs.entish.parse import parse, parse_term
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import ROOT, UNKNOWN, Ontology

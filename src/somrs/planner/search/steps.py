@@ -9,7 +9,7 @@ from msgspec import structs
 from somrs.entish import Attribute, Comparison, Formula, Name, Not, Relation, Term, Truth, Variable
 from somrs.entish.formula import conjunction, names, substitute
 from somrs.ontology.effects import evaluate_effect
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import UNKNOWN
 from somrs.planner.grounding.actions import Action
 from somrs.planner.grounding.task import Move

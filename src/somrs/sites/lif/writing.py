@@ -10,7 +10,8 @@ from collections.abc import Iterable, Iterator
 import msgspec
 
 from somrs.errors import UsageError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import PART_OF, Ontology, Value
 from somrs.sites.lif.layout import (
     Action,

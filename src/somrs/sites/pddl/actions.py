@@ -13,7 +13,7 @@ from itertools import combinations
 
 from somrs.entish import Attribute, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
 from somrs.entish.formula import conjunction, conjuncts, disjunction, substitute, substitute_term, variables
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
 from somrs.sites.pddl.effects import EffectReader, Effects, Setting
 from somrs.sites.pddl.formulas import FormulaReader, SymbolTable

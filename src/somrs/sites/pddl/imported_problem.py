@@ -11,7 +11,8 @@ from somrs.entish.formula import substitute_term
 from somrs.entish.parse import parse_term
 from somrs.errors import UsageError
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.schema import RESERVED
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType, Value

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from somrs.entish import And, Comparison, Formula, Name, Not, Or, Relation, Variable
 from somrs.entish.formula import conjuncts, substitute, variables
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.sites.pddl.effects import Effects
 from somrs.sites.pddl.formulas import SymbolTable
 from somrs.sites.pddl.kinds import Sorts

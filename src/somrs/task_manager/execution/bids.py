@@ -13,7 +13,7 @@ from somrs.entish.formula import conjunction, conjuncts, names, substitute
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.kernel.offers import Offers
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import Ontology

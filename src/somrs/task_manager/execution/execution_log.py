@@ -11,7 +11,8 @@ from somrs.entish.formula import Attribute, Comparison, Not, Relation, conjuncti
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
-from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, ValueSet, objects_of
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, FactAdded, FactRemoved, ValueSet, objects_of
 from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.ontology.values import constant

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from somrs.entish import Attribute, Comparison, Formula, Name, Relation
 from somrs.entish.formula import conjunction, conjuncts, names
 from somrs.entish.parse import parse
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import UNKNOWN, Ontology, Value
 from somrs.ontology.values import constant, value_of
 from somrs.planner.model.plan import Step

@@ -14,8 +14,8 @@ from msgspec import Struct, structs
 from somrs.entish.formula import names
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
+from somrs.ontology.map import Map
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import Map
 from somrs.ontology.qualified_names import home_of, translated
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Ontology

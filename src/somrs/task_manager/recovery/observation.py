@@ -12,7 +12,8 @@ from somrs.entish import Name
 from somrs.entish.formula import Attribute, Comparison, Truth, conjunction, conjuncts, names, substitute
 from somrs.entish.parse import parse
 from somrs.kernel.component import Effects, EffectsReturning
-from somrs.ontology.objects import Change, Fact, FactRemoved, Map, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactRemoved, ValueSet
 from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.planner.model.plan import Plan, Step

@@ -19,7 +19,8 @@ from somrs.gui.pages.define.goal_lines import Line, add_placement, is_same_formu
 from somrs.gui.pages.define.orders import repeat_of, schedule_of
 from somrs.kernel.replica import Replica
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.services import Handler, Occasion
 from somrs.ontology.types import Kind
 from somrs.protocol.messages.orders import Blank, Daily, Every, Once, StandingOrder, Template

@@ -16,7 +16,8 @@ from somrs.gui.pages.map.relations import fact_changes, relation_roles
 from somrs.gui.pages.map.value_input import limits, read, text_of
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import UNKNOWN, Ontology, Value
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.people import client_address, person_name

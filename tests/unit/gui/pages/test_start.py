@@ -25,8 +25,9 @@ from somrs.gui.pages.start.rows import (
     unready_rows,
 )
 from somrs.ontology.files.loading import load
+from somrs.ontology.map import Map
 from somrs.ontology.matching import can_achieve
-from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, ObjectRemoved
+from somrs.ontology.objects import Fact, FactAdded, FactRemoved, ObjectRemoved
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.directory import NeighbourView
 from somrs.protocol.messages.frp import Outcome, State

@@ -9,7 +9,8 @@ from somrs.ontology.files.dump import dump_map, dump_ontology
 from somrs.ontology.files.loading import upper
 from somrs.ontology.files.nodes import Source
 from somrs.ontology.files.site import dump_site
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import Handler, Occasion, Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import (
     PART_OF,

@@ -20,7 +20,8 @@ from somrs.ontology.conformance import violations
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.dump import dump_map, dump_ontology
 from somrs.ontology.files.loading import LoadedModel, load, load_definitions, load_text, upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.schema import json_schema, published_schema
 from somrs.ontology.services import Handler, Occasion, Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import PART_OF, AttributeType, Constraint, FunctionType, Kind, ObjectType, Ontology, Part, RelationType, Value

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from somrs.errors import ModelError, Problem, UsageError
 from somrs.ontology.files.loading import load_text, upper
+from somrs.ontology.map import Map
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.owl import Format, OwlImport, export, read
 from somrs.ontology.types import AttributeType, Constraint, Definition, Kind, ObjectType, Ontology, RelationType
 from tests.support.examples import examples

@@ -9,7 +9,8 @@ import pytest
 
 from somrs.errors import UsageError
 from somrs.ontology.files.loading import LoadedModel, load
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.owl import Format, OwlImport, export, read, to_graph
 from somrs.ontology.types import Ontology
 

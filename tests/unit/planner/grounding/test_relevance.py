@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from somrs.entish.parse import parse
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import ObjectType, Ontology, RelationType
 from somrs.planner.grounding.grounding import Grounding

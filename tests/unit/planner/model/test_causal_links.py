@@ -12,7 +12,8 @@ import pytest
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction, terms
 from somrs.entish.parse import parse
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.causal_links import derive_links, find_useful_steps, touches

@@ -6,7 +6,8 @@ import pytest
 
 from somrs.entish import Name, Number, Text, Truth
 from somrs.entish.parse import parse
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.operators import Test as Compared

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from somrs.errors import RemoteError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.grounding.grounding import Grounding
 from somrs.planner.grounding.relevance import demands

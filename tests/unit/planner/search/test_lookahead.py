@@ -11,7 +11,8 @@ from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.grounding.bags import Bag, find_bags

@@ -22,9 +22,10 @@ from somrs.devices.simulator.world.recognition import are_alike
 from somrs.kernel.component import Effect, Input, Started
 from somrs.kernel.replica import Replica
 from somrs.ontology.differences import differences
+from somrs.ontology.map import Map
 from somrs.ontology.modes import closed_passages, hold_reason, modes
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import Change, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import Change, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import PAUSED, PAUSED_FOR
 from somrs.space.solids import Role, solid_of
 from somrs.space.zones import zones_of

@@ -15,7 +15,7 @@ from somrs.devices.simulator.server.simulated_passages import SimulatedPassages
 from somrs.devices.simulator.server.traffic_office import RENEWAL, Deliver, TrafficOffice
 from somrs.devices.simulator.world.scene import Scene
 from somrs.kernel.component import Send
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.traffic import LeaveTraffic, Mobility

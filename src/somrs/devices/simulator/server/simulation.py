@@ -30,7 +30,8 @@ from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
 from somrs.devices.simulator.world.vision import StationaryCamera, clear_points, view
 from somrs.devices.simulator.world.weighing_scale import WeighingScale
 from somrs.errors import UsageError
-from somrs.ontology.objects import FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.space.free_space import FreeSpace
 from somrs.space.shafts import LIFT_RELATIONS, shafts_of

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # so that the command line, which offers the kinds, starts fast
     from somrs.devices.simulator.world.scene import Scene
-    from somrs.ontology.objects import Map
+    from somrs.ontology.map import Map
     from somrs.ontology.types import Ontology
 
 

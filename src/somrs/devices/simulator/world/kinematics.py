@@ -18,7 +18,8 @@ from somrs.devices.simulator.world.joints import ARM_SEEN
 from somrs.devices.simulator.world.layout import Layout
 from somrs.devices.simulator.world.opaque import opaque_parts, whole_leaf
 from somrs.devices.simulator.world.scene import Place, Scene
-from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology
 from somrs.space.dimensions import FINGER, dimensions_of
 from somrs.space.distances import Array

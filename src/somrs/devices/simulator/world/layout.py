@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from somrs.errors import SimulationError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Ontology
 from somrs.space.leaves import leaf_obstacles, leaves_of
 from somrs.space.solids import Role, Solid, solid_of

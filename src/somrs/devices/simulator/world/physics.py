@@ -14,7 +14,8 @@ from somrs.devices.simulator.world.scene import RESTING, Place, Scene
 from somrs.devices.simulator.world.welded_hands import WeldedHands
 from somrs.devices.simulator.world.world import STEP, World, build
 from somrs.errors import SimulationError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Ontology
 from somrs.space.distances import Array
 from somrs.space.leaves import Leaf, leaves_of

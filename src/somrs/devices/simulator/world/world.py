@@ -13,7 +13,8 @@ from somrs.devices.simulator.world.chassis import HANDLE_BIT, ROBOT_BIT, STATIC_
 from somrs.devices.simulator.world.colours import METAL, colour_of
 from somrs.devices.simulator.world.layout import Layout
 from somrs.devices.simulator.world.looks import add_surroundings, draw, draw_handle, draw_leaf
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Ontology
 from somrs.space.leaves import EDGE, HANDLE, HANDLE_LENGTH, JAMB, STANDOFF, Leaf, leaves_of, panels
 from somrs.space.solids import Point, Role, Solid, role_of, solid_of

@@ -10,7 +10,7 @@ from msgspec import structs
 from somrs.entish.formula import names
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.submission import Submit
 

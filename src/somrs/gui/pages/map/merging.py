@@ -14,7 +14,7 @@ from somrs.gui.components.fields.picker import Choice, Picker
 from somrs.gui.pages.map.change_text import describe_changes
 from somrs.gui.pages.map.moves import X, Y, Z
 from somrs.gui.shell import guarded, notify
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.protocol.messages.knowledge import MergeObject
 from somrs.repository.association import compatible_types

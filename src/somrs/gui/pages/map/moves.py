@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from somrs.api.zones import shape_of
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ValueSet
 from somrs.ontology.types import PART_OF, Ontology, Value
 from somrs.ontology.values import value_of
 from somrs.space.solids import Point

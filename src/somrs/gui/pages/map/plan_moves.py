@@ -12,7 +12,8 @@ from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.pages.map.moves import Move, move_changes, shape_changes
 from somrs.gui.pages.map.refusals import overtaken_objects, refusal_text
 from somrs.gui.shell import notify
-from somrs.ontology.objects import Change, Map
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change
 from somrs.protocol.messages.knowledge import UpdateMap
 
 

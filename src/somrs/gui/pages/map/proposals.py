@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from somrs.gui.pages.map.composition import part_changes
 from somrs.gui.pages.map.moves import ON_RELATION, TURNED, X, Y, Z, number, top
-from somrs.ontology.objects import Change, Fact, FactAdded, Map, Object, ObjectAdded
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, Object, ObjectAdded
 from somrs.ontology.types import PART_OF, PHYSICAL, Ontology, Value
 
 DIGITS = 3

@@ -12,7 +12,8 @@ from somrs.gui.components.fields.picker import Choice, Picker, things
 from somrs.gui.pages.map.entries import list_note
 from somrs.gui.shell import guarded, notify
 from somrs.gui.submission import submit_once
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved
 from somrs.ontology.types import Ontology, RelationType
 
 MAX_FACTS = 40

@@ -9,7 +9,8 @@ from nicegui import ui
 from somrs.api.remote import LiveApi
 from somrs.gui.author import author
 from somrs.gui.pages.map.moves import IN_RELATION, ON_RELATION
-from somrs.ontology.objects import Change, Map, ObjectRemoved
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, ObjectRemoved
 from somrs.ontology.types import PART_OF
 from somrs.protocol.messages.knowledge import UpdateMap
 

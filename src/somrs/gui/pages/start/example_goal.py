@@ -7,7 +7,8 @@ from collections.abc import Iterable, Iterator
 from somrs.entish.formula import Relation, Variable
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
-from somrs.ontology.objects import Fact, Map
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact
 from somrs.ontology.qualified_names import home_of
 from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import Ontology

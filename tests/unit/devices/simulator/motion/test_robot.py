@@ -7,7 +7,7 @@ import random
 from somrs.devices.simulator.link.commands import DriveTo, Grip, Open
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.motion.traffic import Capsule
-from somrs.ontology.objects import Map
+from somrs.ontology.map import Map
 from tests.support.simulator_room import Run, box, robot, thing
 
 DISTANCE = 0.6

@@ -12,7 +12,8 @@ from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.protocol.messages.traffic import EnterTraffic, LeaveTraffic, Mobility, TrafficEntered
 from tests.support.simulator_room import ONTOLOGY, Run, box, robot, shell, thing
 

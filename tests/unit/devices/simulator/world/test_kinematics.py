@@ -12,7 +12,8 @@ import pytest
 from somrs.devices.simulator.link.commands import CommandDone, DriveTo, Grip, Open, Place, PutDown
 from somrs.devices.simulator.server.poses import Table
 from somrs.devices.simulator.world.kinds import WorldKind
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from tests.support.simulator_room import Run, box, robot, room, shell, thing
 
 KINEMATIC = WorldKind.KINEMATIC

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.devices.simulator.world.layout import Layout
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.space.leaves import leaf_obstacles
 from somrs.space.solids import Role, Solid
 from tests.support.simulator_room import ONTOLOGY, Run, box, room, thing

@@ -17,7 +17,8 @@ from somrs.devices.simulator.world.scene import RESTING
 from somrs.devices.simulator.world.world import triangles
 from somrs.errors import SimulationError, UsageError
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.objects import Map, Object
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 from somrs.ontology.types import Ontology
 from somrs.space.solids import Role, role_of, solid_of
 from tests.support.paths import ROOT
