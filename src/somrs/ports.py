@@ -7,14 +7,22 @@ one user (socket(7)).
 
 from __future__ import annotations
 
+import asyncio
+import itertools
+import logging
 import os
 import socket
 from collections.abc import Mapping, Sequence
 
 from somrs.errors import UsageError
 
+log = logging.getLogger(__name__)
+
 RESERVED = "SOMRS_RESERVED_PORTS"
 """The environment variable that lists the ports, separated by commas, that the parent process has reserved for its child processes."""
+
+_CHECK, _CHECKS_PER_WARNING = 0.2, 300
+"""Seconds between two checks of whether a program listens, and how many of them there are for one warning."""
 
 _reserved: set[int] = set()
 """The ports that this process has reserved."""
@@ -66,6 +74,23 @@ class Reservation:
         _reserved.difference_update(self.ports)
         for sock in self._sockets:
             sock.close()
+
+
+async def until_listening(address: str) -> None:
+    """Return when a program listens at host:port, however long that takes. Raises UsageError for another address."""
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdigit():
+        raise UsageError(f"give host and port of the program as HOST:PORT, not {address!r}")
+    for attempt in itertools.count():
+        try:
+            _, writer = await asyncio.open_connection(host, int(port))
+        except OSError:
+            if attempt % _CHECKS_PER_WARNING == 0:
+                log.warning("waiting for a program that listens at %s", address)
+            await asyncio.sleep(_CHECK)
+        else:
+            writer.close()
+            return
 
 
 def _is_free(host: str, port: int) -> bool:

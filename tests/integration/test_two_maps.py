@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import pytest
 
@@ -46,9 +48,9 @@ facts:
 class Owner:
     """A system of one owner, at addresses of its own."""
 
-    def __init__(self, world: World, map: str) -> None:
+    def __init__(self, world: World, map: str, site: str = "") -> None:
         self.world, self.name = world, map
-        loaded = load_text(wide_building(map) + OBJECTS.format(map=map), "site.yaml")
+        loaded = load_text(site or wide_building(map) + OBJECTS.format(map=map), "site.yaml")
         assert loaded.map is not None
         self.repository_address, self.registry_address, self.manager_address = f"{map}/repository", f"{map}/registry", f"{map}/tm"
         contents = Contents(ontology=loaded.ontology, map=loaded.map)
@@ -89,10 +91,12 @@ class Owner:
 class TwoOwners:
     """A barn and a yard that show and let each other change everything."""
 
-    def __init__(self, *, barn_robot: Robot | None = None, yard_robot: Robot | None = None) -> None:
+    def __init__(
+        self, *, barn_robot: Robot | None = None, yard_robot: Robot | None = None, sites: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
         self.world = World()
         self.client = AnswerClient(self.world)
-        self.barn, self.yard = Owner(self.world, "Barn"), Owner(self.world, "Yard")
+        self.barn, self.yard = (Owner(self.world, name, sites.get(name, "")) for name in ("Barn", "Yard"))
         for owner, other in ((self.barn, self.yard), (self.yard, self.barn)):
             neighbour = Neighbour(map=other.name, address=other.repository_address, shows_all=True)
             self.world.notify(owner.repository_address, NeighboursConfigured(map=owner.name, neighbours=(neighbour,)))

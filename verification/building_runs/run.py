@@ -52,26 +52,25 @@ async def play(site: Path, chosen: Sequence[Delivery], folder: Path, *, breaks: 
     async with (
         System((site, jars), folder / "run", speed="max", world=WorldKind.KINEMATIC) as system,
         Client(system.addresses) as client,
+        OperatorLink.at(system.addresses.simulator or "") as link,
     ):
-        host, _, port = (system.addresses.simulator or "").rpartition(":")
-        async with OperatorLink(host, int(port)) as link:
-            levels = _levels(site)
-            breaker = asyncio.create_task(_break_in_lift(link, levels)) if breaks else None
-            tasks = {f"{entry.jar} isOn {entry.goal}": entry for entry in chosen}
-            ids = {goal: await client.submit(Submit(effect=goal)) for goal in tasks}
-            watches = [asyncio.create_task(_watch(client, goal, id, result)) for goal, id in ids.items()]
-            try:
-                await _until_done(watches, link, result)
-            finally:
-                for watch in (*watches, *([breaker] if breaker is not None else [])):
-                    watch.cancel()
-                await asyncio.wait(watches)
-            errors = {goal: watch.exception() for goal, watch in zip(ids, watches, strict=True) if not watch.cancelled()}
-            result.problems += [f"{goal} could not be followed: {error}" for goal, error in errors.items() if error is not None]
-            if breaker is not None and breaker.done() and not breaker.cancelled():
-                result.broken = breaker.result()
-            result.simulated = (await link.clock()).time
-            await _check(client, link, tasks, result)
+        levels = _levels(site)
+        breaker = asyncio.create_task(_break_in_lift(link, levels)) if breaks else None
+        tasks = {f"{entry.jar} isOn {entry.goal}": entry for entry in chosen}
+        ids = {goal: await client.submit(Submit(effect=goal)) for goal in tasks}
+        watches = [asyncio.create_task(_watch(client, goal, id, result)) for goal, id in ids.items()]
+        try:
+            await _until_done(watches, link, result)
+        finally:
+            for watch in (*watches, *([breaker] if breaker is not None else [])):
+                watch.cancel()
+            await asyncio.wait(watches)
+        errors = {goal: watch.exception() for goal, watch in zip(ids, watches, strict=True) if not watch.cancelled()}
+        result.problems += [f"{goal} could not be followed: {error}" for goal, error in errors.items() if error is not None]
+        if breaker is not None and breaker.done() and not breaker.cancelled():
+            result.broken = breaker.result()
+        result.simulated = (await link.clock()).time
+        await _check(client, link, tasks, result)
     return result
 
 

@@ -73,7 +73,7 @@ class EnergyRun:
         async with (
             System([site], self.data / "run", speed=self.speed, world=WorldKind.KINEMATIC, launcher=self._launcher) as system,
             Client(system.addresses) as client,
-            OperatorLink(*_host_and_port(system.addresses.simulator or "")) as operator,
+            OperatorLink.at(system.addresses.simulator or "") as operator,
         ):
             supervisor = asyncio.create_task(system.keep_running(self.result.explanations.append))
             carriers = [asyncio.create_task(self._carry_boxes(client)) for _ in range(self._carried_at_once)]
@@ -124,8 +124,3 @@ class EnergyRun:
             at_destination = (await client.query(f"{box} isOn {destination}")).rows
             self._free_destinations.add(place.bindings["Place"] if at_destination else destination)
             self._free_boxes.append(box)
-
-
-def _host_and_port(address: str) -> tuple[str, int]:
-    host, _, port = address.rpartition(":")
-    return host, int(port)

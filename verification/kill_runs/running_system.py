@@ -76,8 +76,7 @@ class RunningSystem:
             if self._hosts is not None:
                 await self._hosts.replace_components_of(self.system, self._site)
             self.client = await self._open.enter_async_context(Client(self.system.addresses))
-            host, _, port = (self.system.addresses.simulator or "").rpartition(":")
-            self.operator = await self._open.enter_async_context(OperatorLink(host, int(port)))
+            self.operator = await self._open.enter_async_context(OperatorLink.at(self.system.addresses.simulator or ""))
             self._open.push_async_callback(self._wire.close)
         except BaseException:  # also an interrupt: no process may be left
             await self._open.aclose()

@@ -25,8 +25,8 @@ import msgspec
 
 from somrs.api.bodies import movers, scene_of
 from somrs.api.context import Context
-from somrs.api.simulator_gateway import link
 from somrs.devices.simulator.link.lines import Mover, Poses, RobotStatus
+from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError
 
 RATE = 20.0
@@ -101,7 +101,7 @@ class PoseFeed:
         assert address is not None, "else the map is followed"
         while True:
             try:
-                async with link(address) as operator, aclosing(operator.poses(RATE)) as lines:
+                async with OperatorLink.at(address) as operator, aclosing(operator.poses(RATE)) as lines:
                     async for line in lines:
                         self._take_poses(line)
             except RemoteError:

@@ -69,7 +69,7 @@ async def break_or_mend(simulator: str | None, device: str, fault: Fault, *, rep
     """
     if simulator is None:
         raise RemoteError("this system has no simulator; faults can be injected into simulated devices only")
-    async with link(simulator) as operator:
+    async with OperatorLink.at(simulator) as operator:
         await (operator.repair if repair else operator.fault)(device, fault)
 
 
@@ -87,12 +87,7 @@ async def put_robot(simulator: str | None, robot: str, x: float, y: float, z: fl
 async def answering(simulator: str) -> AsyncIterator[OperatorLink]:
     """A link for a few questions. Raises RemoteError if they are not answered within `PATIENCE`."""
     try:
-        async with asyncio.timeout(PATIENCE), link(simulator) as operator:
+        async with asyncio.timeout(PATIENCE), OperatorLink.at(simulator) as operator:
             yield operator
     except TimeoutError:
         raise RemoteError(f"the simulator did not answer within {PATIENCE:g} s; try again") from None
-
-
-def link(simulator: str) -> OperatorLink:
-    host, _, port = simulator.rpartition(":")
-    return OperatorLink(host, int(port))

@@ -11,9 +11,9 @@ import msgspec
 from msgspec.structs import replace
 
 from somrs.api.context import Context
-from somrs.api.simulator_gateway import link
 from somrs.client.client import NOBODY
 from somrs.client.operations import operation
+from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import SomrsError
 from somrs.ontology.types import ABSTRACT
 from somrs.protocol.messages.directory import Discover, Discovered, NeighbourView
@@ -148,5 +148,5 @@ async def _probe_part(name: str, address: str, ask: Callable[[], Awaitable[objec
 
 
 async def _clock(simulator: str) -> object:
-    async with link(simulator) as operator:
+    async with OperatorLink.at(simulator) as operator:
         return await operator.clock()

@@ -9,7 +9,7 @@ from contextlib import AbstractAsyncContextManager, nullcontext
 import msgspec
 
 from somrs.api.context import Context
-from somrs.api.simulator_gateway import answering, link
+from somrs.api.simulator_gateway import answering
 from somrs.api.traffic_reader import TrafficReader
 from somrs.api.waiting import waiting_text, waits_for
 from somrs.client.operations import operation
@@ -83,7 +83,7 @@ class TrafficService:
         published: Traffic | ErrorReport | None = None
         while True:
             try:
-                async with self._source(link) as source:
+                async with self._source(OperatorLink.at) as source:
                     while source is not None:
                         traffic = view_of(await source.traffic())
                         if traffic != published:

@@ -287,19 +287,18 @@ async def export(output: Path, data: Path, sources: Sequence[Path] = ()) -> None
     print(f"{output}: {len(site_map.objects)} objects")
 
 
-def _simulator(data: Path) -> tuple[str, int]:
+def _simulator(data: Path) -> str:
     address = Addresses.read(data).simulator
     if address is None:
         raise RemoteError("this system has no simulator")
-    host, _, port = address.rpartition(":")
-    return host, int(port)
+    return address
 
 
 async def fault(robot: str, fault_name: str, repair: bool, data: Path) -> None:
     from somrs.devices.simulator.link.commands import Fault
     from somrs.devices.simulator.link.link import OperatorLink
 
-    async with OperatorLink(*_simulator(data)) as operator:
+    async with OperatorLink.at(_simulator(data)) as operator:
         await (operator.repair if repair else operator.fault)(robot, Fault(fault_name))
     print(f"{robot}: {fault_name} {'repaired' if repair else 'broken'}")
 
@@ -307,6 +306,6 @@ async def fault(robot: str, fault_name: str, repair: bool, data: Path) -> None:
 async def picture(output: Path, subject: str | None, data: Path) -> None:
     from somrs.devices.simulator.link.link import OperatorLink
 
-    async with OperatorLink(*_simulator(data)) as operator:
+    async with OperatorLink.at(_simulator(data)) as operator:
         output.write_bytes(await operator.picture(subject))
     print(output)

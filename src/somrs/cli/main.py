@@ -23,12 +23,14 @@ from somrs.cli.options import (
     BusOption,
     Data,
     DevicesPerProcess,
+    FirstPort,
     Formula,
     HostOption,
     Json,
     Neighbours,
     OwnBusOption,
     Registries,
+    SharedSimulator,
     Simulates,
     SiteName,
     TaskManagers,
@@ -136,6 +138,7 @@ def up(
     speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
     world: WorldOption = WorldKind.PHYSICS,
     simulator: Simulates = True,
+    shared_simulator: SharedSimulator = None,
     host: HostOption = LOOPBACK,
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the map of an earlier run, and start with the site's map.")] = False,
     devices_per_process: DevicesPerProcess = None,
@@ -144,6 +147,7 @@ def up(
     bus: OwnBusOption = None,
     name: SiteName = None,
     neighbours: Neighbours = None,
+    first_port: FirstPort = None,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import run_system as run
@@ -162,6 +166,7 @@ def up(
             speed=speed,
             world=world,
             simulates=simulator,
+            world_address=shared_simulator,
             host=host,
             windows=True,
             launcher=Launcher(launcher_process),
@@ -171,6 +176,7 @@ def up(
             bus=bus,
             name=name,
             neighbours=neighbours,
+            first_port=first_port,
         )
 
     awaited(run(sources, data, make_system, fresh=fresh))

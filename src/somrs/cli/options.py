@@ -85,6 +85,23 @@ Simulates = Annotated[
         help="Simulate the building; without, its robots are real, and `somrs` only grants them their ways.",
     ),
 ]
+FirstPort = Annotated[
+    int | None,
+    typer.Option(
+        min=1024,
+        max=65000,
+        help="Listen at this port and those that follow, so that neighbours know the addresses. By default those of the last run, if free.",
+        show_default=False,
+    ),
+]
+SharedSimulator = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HOST:PORT",
+        help="The simulator that simulates this building with those of neighbours (`somrs run simulator --repository ...`).",
+        show_default=False,
+    ),
+]
 Formula = Annotated[str, typer.Argument(help="An Entish formula, such as 'Jar002 isOn Platform001'.")]
 
 

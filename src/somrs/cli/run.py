@@ -114,6 +114,9 @@ def task_manager(
 @run_app.command()
 def simulator(
     site: Annotated[list[Path], typer.Option(help="Take the map from these files, without a Repository.")] = [],  # noqa: B006  # as above
+    repository: Annotated[
+        list[str], typer.Option(metavar="URL", help="Simulate the maps of these Repositories in one world, whatever runs at --data.")
+    ] = [],  # noqa: B006  # as above
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
@@ -122,13 +125,17 @@ def simulator(
     bus: BusOption = None,
     name: SiteName = None,
 ) -> None:
-    """The simulator, with the world of the Repository's map."""
+    """The simulator, with the world of the Repository's map, or with that of several maps."""
+    from somrs.client.addresses import Addresses
     from somrs.deployment.programs import run_program, run_simulator, run_simulator_of_files, speed_of
 
     if site:
         guarded(lambda: run_program(run_simulator_of_files(site, host, port, speed_of(speed), world)))
-    else:
-        guarded(lambda: run_program(run_simulator(data, addresses_of(data, bus, name), host, port, speed_of(speed), world)))
+        return
+    addresses = (
+        Addresses(repository=repository[0], registry="", task_manager="") if repository else guarded(lambda: addresses_of(data, bus, name))
+    )
+    guarded(lambda: run_program(run_simulator(data, addresses, host, port, speed_of(speed), world, repository)))
 
 
 @run_app.command()

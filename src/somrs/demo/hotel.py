@@ -289,9 +289,8 @@ async def _meanwhile(work: Coroutine[object, object, None]) -> AsyncIterator[Non
 async def perform(system: System, folder: Path, console: Console) -> int:
     """Play the scenario, and write its results to `folder`. Return the exit code: 0 if all checks pass."""
     assert system.addresses.simulator is not None
-    host, _, port = system.addresses.simulator.rpartition(":")
     started = time.monotonic()
-    async with Client(system.addresses) as client, OperatorLink(host, int(port)) as operator:
+    async with Client(system.addresses) as client, OperatorLink.at(system.addresses.simulator) as operator:
         console.print(
             f"[bold]Scenario 4[/]: {', '.join(_goal(thing) for thing in _FIRST)}; later {', '.join(_goal(thing) for thing in _LAST)}"
         )

@@ -142,9 +142,8 @@ class _ScenarioPlayer:
 async def perform(system: System, folder: Path, console: Console) -> int:
     """Play the scenario, and write its results to `folder`. Return the exit code: 0 if all checks pass."""
     assert system.addresses.simulator is not None
-    host, _, port = system.addresses.simulator.rpartition(":")
     started = time.monotonic()
-    async with Client(system.addresses) as client, OperatorLink(host, int(port)) as operator:
+    async with Client(system.addresses) as client, OperatorLink.at(system.addresses.simulator) as operator:
         map_before = await client.map()
         console.print(f"[bold]Scenario 2[/]: {_REQUEST.effect}")
         player = _ScenarioPlayer(system, client, console)

@@ -161,10 +161,9 @@ def _vary_scenario(map: Map, ontology: Ontology, rng: random.Random) -> tuple[Ma
 async def _perform(scenario: str, system: System, folder: Path, distance: float, console: Console) -> _ScenarioResult:
     """Submit the task, and record its messages and pictures until it ends."""
     assert system.addresses.simulator is not None
-    host, _, port = system.addresses.simulator.rpartition(":")
     trace = Follower(system.data / "messages.jsonl")
     lines: list[Line] = []
-    async with Client(system.addresses) as client, OperatorLink(host, int(port)) as operator:
+    async with Client(system.addresses) as client, OperatorLink.at(system.addresses.simulator) as operator:
         if scenario == "1b":
             await operator.schedule(CHEAP_ROBOT, Fault.DRIVE, carried=distance)
         started, start_time = time.monotonic(), (await operator.clock()).time

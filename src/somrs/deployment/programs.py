@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 from collections.abc import Coroutine, Sequence
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,7 @@ from somrs.runtime.host import Host
 from somrs.worker import fork_ahead
 
 if TYPE_CHECKING:
-    from somrs.devices.simulator.server.follower import Follower
+    from somrs.devices.simulator.server.follower import Followed
     from somrs.devices.simulator.server.server import Server
     from somrs.devices.simulator.server.simulation import Simulation
     from somrs.devices.simulator.world.kinds import WorldKind
@@ -122,23 +123,34 @@ def speed_of(text: str) -> float | None:
     return speed
 
 
-async def run_simulator(data: Path, addresses: Addresses, host: str, port: int, speed: float | None, kind: WorldKind) -> None:
-    """Run the simulator. Its world, of this kind, is built from the Repository's map. Objects that are added to the map are added to it.
+async def run_simulator(
+    data: Path,
+    addresses: Addresses,
+    host: str,
+    port: int,
+    speed: float | None,
+    kind: WorldKind,
+    repositories: Sequence[str] = (),
+) -> None:
+    """Run the simulator. Its world, of this kind, is built from the Repository's map, or from those of several `repositories`. Objects that
+    are added to a map are added to it.
 
     It has the traffic of its building, in which robots that are not simulated take part at the address of traffic.
     """
     from somrs.deployment.traffic_entrance import FOREIGN_FILE, lay_out_beside, serve_simulated_traffic
     from somrs.deployment.traffic_worker import TrafficWorker
-    from somrs.devices.simulator.server.follower import Follower
+    from somrs.devices.simulator.server.follower import Followed, Follower
     from somrs.devices.simulator.server.server import Server
+    from somrs.devices.simulator.server.simulated_world import SimulatedWorld
 
     runtime = Host(host, urlsplit(addresses.traffic or "").port or 0, bus=addresses.bus)
     await runtime.start()
-    world = Follower(f"{runtime.url}/simulator", addresses.repository, kind, traffic=f"{runtime.url}/traffic")
-    runtime.add("/simulator", lambda address: world)
+    followed = Followed(SimulatedWorld(kind, f"{runtime.url}/traffic"), repositories or [addresses.repository])
+    for number, repository in enumerate(followed.unread, 1):
+        runtime.add("/simulator" if number == 1 else f"/simulator-{number}", partial(Follower, repository=repository, followed=followed))
     try:
-        simulation = await simulated(world, addresses.repository)
-        server = Server(simulation, host=host, port=port, speed=speed)
+        simulation = await simulated(followed)
+        server = Server(simulation, host=host, port=port, speed=speed, is_shared=followed.is_shared)
         serve_simulated_traffic(simulation, runtime, server.wake, data / FOREIGN_FILE)
         with TrafficWorker() as worker:
             lay_out_beside(simulation, worker, server.wake)
@@ -147,18 +159,28 @@ async def run_simulator(data: Path, addresses: Addresses, host: str, port: int, 
         await runtime.stop()
 
 
-async def simulated(world: Follower, repository: str) -> Simulation:
-    """The simulation of the map, when this has been read. However long its making takes: a large building takes a minute on a busy machine.
+async def simulated(followed: Followed) -> Simulation:
+    """The simulation of the maps, when these have been read. However long its making takes: a large building takes a minute on a busy
+    machine.
 
-    Raises RemoteError when no map comes within `MAP_TIME`.
+    The maps of several Repositories are waited for: their systems may start later. Raises RemoteError when that of a single one does not
+    come within `MAP_TIME`, and UsageError for several maps of one name.
     """
-    try:
-        async with asyncio.timeout(MAP_TIME):
-            await world.read.wait()
-    except TimeoutError:
-        if world.simulation is None:
-            raise RemoteError(f"no map came from {repository} within {MAP_TIME:.0f} s; is the Repository running?") from None
-    assert world.simulation is not None, "made when the map has been read"
+    world = followed.world
+    while not world.read.is_set():
+        try:
+            async with asyncio.timeout(MAP_TIME):
+                await world.read.wait()
+        except TimeoutError:
+            if world.read.is_set():  # the world took long to make
+                break
+            missing = f"no map came from {' and '.join(followed.unread)} within {MAP_TIME:.0f} s; is the Repository running?"
+            if not followed.is_shared:
+                raise RemoteError(missing) from None
+            log.warning("%s", missing)
+    if followed.problem:
+        raise UsageError(followed.problem)
+    assert world.simulation is not None, "made when the maps have been read"
     return world.simulation
 
 

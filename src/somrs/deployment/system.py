@@ -25,7 +25,7 @@ from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_window
 from somrs.deployment.task_managers import task_manager_count
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError, UsageError
-from somrs.ports import Reservation
+from somrs.ports import Reservation, until_listening
 from somrs.runtime.bus import BusAddress
 from somrs.storage.disk import is_in_use
 
@@ -106,14 +106,15 @@ class System:
     """The processes of one system, its data folder, and its addresses. An asynchronous context manager.
 
     `simulates`: whether there is a simulator, if the map has no symbolic devices; without one, traffic is a program of its own.
-    `world`: what moves the simulated world. `world_address`: host:port of a simulator or a symbolic world that runs already; None: the
-    system starts its own.
+    `world`: what moves the simulated world. `world_address`: host:port of a simulator or a symbolic world that runs already, or will, and
+    that may have maps of other systems, too; None: the system starts its own.
     `launcher`: starts the programs; None: the system makes its own. `stop` ends it in either case.
     `devices_per_process`: how many devices share a process; None: as `group_devices` says.
     `task_managers`, `registries`: the number of Task Managers, and of Registries; None: as many as in the last run.
     `bus`: the URLs of the NATS servers on which the components are, `OWN_BUS` for one that is started with them, None for no bus; `name`:
     the site's name there.
     `neighbours`: the file of the neighbours of Registry and Repository; None: they have none.
+    `first_port`: the ports are this one and those that follow, in the order of `Part`; None: those of the last run, where they are free.
     """
 
     def __init__(
@@ -134,9 +135,10 @@ class System:
         bus: str | None = None,
         name: str | None = None,
         neighbours: Path | None = None,
+        first_port: int | None = None,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
-        self._bus, self._name = bus, name
+        self._bus, self._name, self._first_port = bus, name, first_port
         self.speed, self.world, self.simulates = speed, world, simulates
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
@@ -187,6 +189,8 @@ class System:
         driven = devices(map, ontology)
         bodiless = symbolic(driven)
         world_address = self._world_address or ports.world
+        if self._world_address is not None and not bodiless and map.name:
+            world_address = f"{world_address}/{map.name}"  # it may have several maps
         has_world = bodiless or self.simulates
         if not has_world:
             driven = unsimulated(driven, map, ontology)
@@ -210,6 +214,8 @@ class System:
             arguments = ["--port", str(ports[Part.WORLD]), "--speed", self.speed, *([] if bodiless else ["--world", self.world])]
             first.append(self._start("world" if bodiless else "simulator", *arguments))
         await asyncio.gather(*first)
+        if self._world_address is not None:
+            await until_listening(self._world_address)
         last_starts = [self._start_devices(group) for group in group_devices(driven, self._devices_per_process)]
         last_starts += [
             self._start("scheduler", "--port", str(ports[Part.SCHEDULER])),
@@ -236,7 +242,17 @@ class System:
             if last_addresses is not None
             else []
         )
-        self._reservation = Reservation(self.host, len(Part) + managers - 1 + registries - 1, preferred_ports)
+        count = len(Part) + managers - 1 + registries - 1
+        if self._first_port is None:
+            self._reservation = Reservation(self.host, count, preferred_ports)
+        else:
+            wanted_ports = range(self._first_port, self._first_port + count)
+            self._reservation = Reservation(self.host, count, wanted_ports)
+            if taken_ports := sorted({*wanted_ports} - {*self._reservation.ports}):
+                raise UsageError(
+                    f"the system needs the ports {wanted_ports[0]} to {wanted_ports[-1]} of {self.host}, and {taken_ports[0]} is in use; "
+                    "give it another first port"
+                )
         return Ports(self.host, self._reservation.ports, registries)
 
     async def _start_bus(self, ports: Ports) -> BusAddress | None:

@@ -102,11 +102,10 @@ async def clock_follower(node: Node, clock: Clock, simulator: str | None) -> Asy
 async def _follow(node: Node, clock: Clock, reckoning: Reckoning, simulator: str) -> None:
     from somrs.devices.simulator.link.link import OperatorLink
 
-    host, _, port = simulator.rpartition(":")
     with contextlib.suppress(NotTaken):
         while True:
             try:
-                async with OperatorLink(host, int(port)) as operator:
+                async with OperatorLink.at(simulator) as operator:
                     while True:
                         async with asyncio.timeout(PATIENCE):
                             reading = await operator.clock()

@@ -48,6 +48,12 @@ def full_text(text: str, map: Map, ontology: Ontology) -> str:
     return text if full_formula is formula else str(full_formula)
 
 
+def text_with_names(text: str, new_name: Callable[[str], str], ontology: Ontology) -> str:
+    """The text of a formula with other names of its objects. Raises FormulaError."""
+    renamer = _renamer({name: new_name(name) for name in names(parse(text))}, ontology)
+    return renamer.text(text) or text
+
+
 def _renamer(new_names: Mapping[str, str], ontology: Ontology) -> Renamer:
     return Renamer((Renaming(section=Section.OBJECTS, name=name, to=to) for name, to in new_names.items()), ontology)
 

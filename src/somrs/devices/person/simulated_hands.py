@@ -29,10 +29,9 @@ async def put_in_place(person: str, simulator: str | None, map: MapReader, effec
     pairs = [(thing.name, support.name) for thing, support in moves if isinstance(thing, Name) and isinstance(support, Name)]
     if simulator is None or not pairs:
         return situation
-    host, _, port = simulator.rpartition(":")
     parts = [str(situation)]
     try:
-        async with OperatorLink(host, int(port)) as operator:
+        async with OperatorLink.at(simulator) as operator:
             for thing, support in pairs:
                 x, y, z = await free_spot(map, person, support)
                 await operator.move(thing, x, y, z + _CLEARANCE)

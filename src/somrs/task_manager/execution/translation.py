@@ -11,13 +11,10 @@ from typing import Any, TypeVar
 
 from msgspec import Struct, structs
 
-from somrs.entish.formula import names
-from somrs.entish.parse import parse
 from somrs.errors import FormulaError
+from somrs.ontology.homes import text_with_names
 from somrs.ontology.map import Map
-from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.qualified_names import home_of, translated
-from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.envelope import Message
 
@@ -67,8 +64,6 @@ class Translation:
 
     def _formula(self, text: str, new_name: Callable[[str], str]) -> str:
         try:
-            used_names = names(parse(text))
+            return text_with_names(text, new_name, self._ontology)
         except FormulaError:
             return text
-        renamings = (Renaming(section=Section.OBJECTS, name=name, to=new_name(name)) for name in used_names)
-        return Renamer(renamings, self._ontology).text(text) or text

@@ -15,9 +15,9 @@ from somrs.devices.simulator.drivers.outage import Outage
 from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Legs, PathStop
-from somrs.devices.simulator.link.link import RobotLink
+from somrs.devices.simulator.link.link import RobotLink, link_address
 from somrs.entish.formula import Comparison, Formula, Number, Truth, conjuncts
-from somrs.errors import DeviceError, RemoteError
+from somrs.errors import DeviceError, RemoteError, UsageError
 from somrs.ontology.types import Value
 from somrs.service_manager.sdk.device import Device, Task
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
@@ -63,13 +63,14 @@ class SimulatedDevice(Device):
         """What `close` has to end, the last first; `open` may have failed on the way."""
 
     async def open(self) -> None:
-        host, _, port = (self.simulator or "").rpartition(":")
-        if not host or not port.isdigit():
-            raise DeviceError(f"{self.name} needs a simulator, given as host:port, not {self.simulator!r}")
+        try:
+            host, port, map_name = link_address(self.simulator or "")
+        except UsageError as error:
+            raise DeviceError(f"{self.name} needs a simulator: {error}") from None
         self._working = 0
         self._reported_pose: Pose | None = None
         self._known_broken = await self.map.holds(f"{self.name}.Working = FALSE")
-        self._link = RobotLink(host, int(port), self.name, silence=self.silence, on_state=self._notice_state)
+        self._link = RobotLink(host, port, self.name, silence=self.silence, on_state=self._notice_state, map=map_name)
         await self._opened.enter_async_context(self._link)
         await self._link.status()
         self.attributes = {name: value for name in self.features for value in await self._feature(name)}

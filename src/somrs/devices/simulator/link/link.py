@@ -82,6 +82,15 @@ class Reading:
     speed: float | None
 
 
+def link_address(address: str) -> tuple[str, int, str | None]:
+    """Host, port and map of a simulator's address: `host:port`, or `host:port/map` for a world with several maps. Raises UsageError."""
+    socket, _, map = address.partition("/")
+    host, _, port = socket.rpartition(":")
+    if not host or not port.isdigit():
+        raise UsageError(f"the address of a simulator is host:port, or host:port/map for a world with several maps, not {address!r}")
+    return host, int(port), map or None
+
+
 class RobotLink(Link):
     """Controls one robot or camera. Commands return `CommandDone` or raise RobotGaveUp. A new command ends the one in progress.
 
@@ -98,8 +107,9 @@ class RobotLink(Link):
         rate: float = 10.0,
         silence: float = 6.0,
         on_state: Callable[[RobotState], None] | None = None,
+        map: str | None = None,
     ) -> None:
-        super().__init__(host, port, Hello(version=VERSION, robot=robot, rate=rate))
+        super().__init__(host, port, Hello(version=VERSION, robot=robot, rate=rate, map=map))
         self.robot = robot
         self._silence = silence
         self._unheard = 0.0
@@ -221,9 +231,17 @@ class RobotLink(Link):
 class OperatorLink(Link):
     """Observes the simulated world, and intervenes in it. Methods raise UsageError when the simulator refuses a request."""
 
-    def __init__(self, host: str, port: int) -> None:
-        super().__init__(host, port, Hello(version=VERSION))
+    def __init__(self, host: str, port: int, map: str | None = None) -> None:
+        super().__init__(host, port, Hello(version=VERSION, map=map))
         self._pose_buffer: PoseBuffer | None = None
+
+    @classmethod
+    def at(cls, address: str) -> OperatorLink:
+        """A link to the simulator at an address of a system: `host:port`, or `host:port/map` for a world with several maps.
+
+        Raises UsageError.
+        """
+        return cls(*link_address(address))
 
     async def fault(self, robot: str, fault: Fault) -> None:
         """Inject a fault now."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, Fault, RobotState, Stop
 from somrs.devices.simulator.link.lines import HEARTBEAT, Answer, Refused, ServerLine, State, Unheard, encode_line
+from somrs.devices.simulator.server.link_names import LinkNames
 from somrs.devices.simulator.server.poses import PoseSubscription, Table, is_same_state, robot_statuses
 from somrs.devices.simulator.server.simulation import Simulation
 
@@ -20,7 +21,7 @@ SLOW_READER, TOO_SLOW_READER = 256 * 1024, 16 * 1024 * 1024
 
 @dataclass(slots=True, eq=False)
 class Connection:
-    """One connection. `robot`: the robot that it controls; None for an operator."""
+    """One connection. `robot`: the robot that it controls; None for an operator. `names`: those of its map, if they are not the world's."""
 
     writer: asyncio.StreamWriter
     robot: str | None = None
@@ -31,12 +32,14 @@ class Connection:
     """In real time, by the monotonic clock, s."""
     reported_state: RobotState | None = None
     """The state that was sent last."""
+    names: LinkNames | None = None
 
     def send_line(self, line: ServerLine) -> None:
         if self.writer.transport.get_write_buffer_size() > TOO_SLOW_READER:
             self.writer.transport.abort()
         elif not self.writer.transport.is_closing():
-            self.writer.write(encode_line(line))
+            encoded = encode_line(line)
+            self.writer.write(self.names.to_client(encoded) if self.names is not None else encoded)
 
     @property
     def slow(self) -> bool:

@@ -11,6 +11,9 @@ import contextlib
 import logging
 import time
 from collections.abc import Iterator
+from typing import TypeVar
+
+from msgspec import Struct
 
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, Fault
 from somrs.devices.simulator.link.lines import (
@@ -47,13 +50,16 @@ from somrs.devices.simulator.link.lines import (
 from somrs.devices.simulator.server.connections import Connection, ConnectionClosing, Connections
 from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.faults import Schedule
+from somrs.devices.simulator.server.link_names import LinkNames
 from somrs.devices.simulator.server.pace import Pace
 from somrs.devices.simulator.server.pictures import Pictures
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.errors import SimulationError, UsageError, WireError
+from somrs.errors import InputError, SimulationError, WireError
 from somrs.ports import bound
 
 log = logging.getLogger(__name__)
+
+S = TypeVar("S", bound=Struct)
 
 TICK = 0.002
 """Shortest time in seconds for the sockets between two slices of physics; the event loop waits in milliseconds."""
@@ -66,10 +72,16 @@ NAP = 0.05
 
 
 class Server:
-    """Serves the simulation at a TCP port. `speed`: simulated seconds per second; None: as fast as the processor allows."""
+    """Serves the simulation at a TCP port. `speed`: simulated seconds per second; None: as fast as the processor allows.
 
-    def __init__(self, simulation: Simulation, *, host: str = "127.0.0.1", port: int = 0, speed: float | None = None) -> None:
+    `is_shared`: whether the world has several maps, so that its names are qualified.
+    """
+
+    def __init__(
+        self, simulation: Simulation, *, host: str = "127.0.0.1", port: int = 0, speed: float | None = None, is_shared: bool = False
+    ) -> None:
         self.simulation, self.host, self.port, self.speed = simulation, host, port, speed
+        self._is_shared = is_shared
         self._schedule = Schedule(simulation)
         self._connections = Connections(simulation)
         self._wake = asyncio.Event()
@@ -212,6 +224,9 @@ class Server:
             raise ConnectionClosing("hello-first", error.text) from None
         if not isinstance(hello, Hello):
             raise ConnectionClosing("hello-first", "the first line of a connection must be a hello")
+        if self._is_shared and hello.map is not None:
+            connection.names = LinkNames(hello.map)
+        hello = self._in_names_of_world(connection, hello)
         if hello.robot is not None:
             self._connections.take_control(connection, hello.robot)
         connection.rate = hello.rate
@@ -229,6 +244,11 @@ class Server:
                     case Hello():
                         raise WireError("not-allowed", "hello was sent already; a connection is for one robot")
         self.wake()
+
+    def _in_names_of_world(self, connection: Connection, message: S) -> S:
+        """What a client says, in the names of the world."""
+        names = connection.names
+        return names.from_client(message, self.simulation.scene.world.ontology) if names is not None else message
 
     def _command(self, connection: Connection, order: Order) -> None:
         robot = connection.robot
@@ -260,11 +280,12 @@ class Server:
                     )
                 )
 
-        self.simulation.command(robot, order.command, ended)
+        self.simulation.command(robot, self._in_names_of_world(connection, order.command), ended)
 
     # Questions
 
     def _ask(self, connection: Connection, id: int, question: Question) -> None:
+        question = self._in_names_of_world(connection, question)
         if connection.robot is not None and not (isinstance(question, Ways) and question.robot == connection.robot):
             raise WireError("not-allowed", f"the connection of a robot may send only `ways` of {connection.robot}; connect as an operator")
         answer = Answer(id=id)
@@ -328,7 +349,7 @@ def _refusing(connection: Connection, id: int | None = None) -> Iterator[None]:
         yield
     except WireError as error:
         connection.send_line(Refused(id=id, reason=error.code, description=error.text))
-    except UsageError as error:
+    except InputError as error:
         connection.send_line(Refused(id=id, reason="not-possible", description=str(error)))
 
 

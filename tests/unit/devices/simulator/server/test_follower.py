@@ -9,7 +9,8 @@ from msgspec import structs
 
 from somrs.devices.simulator.link.commands import Approach, Command, CommandDone, CommandGivenUp, DriveTo, Grip, Place
 from somrs.devices.simulator.server.driving_distances import find_legs
-from somrs.devices.simulator.server.follower import Follower
+from somrs.devices.simulator.server.follower import Followed, Follower
+from somrs.devices.simulator.server.simulated_world import SimulatedWorld
 from somrs.kernel.component import Component, Effect, Received, Send, Started, TimerFired
 from somrs.kernel.following import GAP_TIME
 from somrs.kernel.replica import ReplicaDue
@@ -35,11 +36,12 @@ class RepositoryAndWorld:
         loaded = load_text(SITE.replace("facts:", DOOR), base=upper())
         assert loaded.map is not None
         self.repository = Repository(REPOSITORY, Contents(ontology=loaded.ontology, map=loaded.map))
-        self.follower = Follower(FOLLOWER, REPOSITORY)
+        world = SimulatedWorld()
+        self.follower = Follower(FOLLOWER, REPOSITORY, Followed(world, [REPOSITORY]))
         self.now = 0.0
         self._carry(self.follower.handle(Started(FOLLOWER), 0.0))
-        assert self.follower.simulation is not None
-        self.simulation = self.follower.simulation
+        assert world.simulation is not None
+        self.simulation = world.simulation
 
     def _carry(self, effects: Iterable[Effect]) -> None:
         messages = [effect.message for effect in effects if isinstance(effect, Send)]
