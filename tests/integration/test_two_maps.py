@@ -12,6 +12,7 @@ from somrs.ontology.files.loading import load_text
 from somrs.ontology.map import Map
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
+from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.protocol.messages.neighbours import Neighbour
 from somrs.protocol.messages.submission import Submit, Submitted
 from somrs.protocol.messages.task_views import TaskView
@@ -27,13 +28,13 @@ from somrs.repository.state import Contents
 from somrs.runtime.virtual_time import Work, World
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
-from somrs.service_manager.sdk.orders import Capability, Profile
+from somrs.service_manager.sdk.orders import Advance, Capability, Order, Profile, WorkDone
 from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.transaction.views import view
 from tests.support.answer_client import AnswerClient
 from tests.support.building import wide_building
-from tests.support.virtual_system import Robot
+from tests.support.virtual_system import Robot, transfer_effect
 
 OBJECTS = """
   {map}Cupboard: {{type: Cupboard, at: [1, 1, 0], Shape: {{Form: Box, Width: 0.5, Depth: 1, Height: 0.8}}}}
@@ -92,13 +93,19 @@ class TwoOwners:
     """A barn and a yard that show and let each other change everything."""
 
     def __init__(
-        self, *, barn_robot: Robot | None = None, yard_robot: Robot | None = None, sites: Mapping[str, str] = MappingProxyType({})
+        self,
+        *,
+        barn_robot: Robot | None = None,
+        yard_robot: Robot | None = None,
+        sites: Mapping[str, str] = MappingProxyType({}),
+        shows: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
     ) -> None:
         self.world = World()
         self.client = AnswerClient(self.world)
         self.barn, self.yard = (Owner(self.world, name, sites.get(name, "")) for name in ("Barn", "Yard"))
         for owner, other in ((self.barn, self.yard), (self.yard, self.barn)):
-            neighbour = Neighbour(map=other.name, address=other.repository_address, shows_all=True)
+            shown = shows.get(owner.name)
+            neighbour = Neighbour(map=other.name, address=other.repository_address, shows=shown or (), shows_all=shown is None)
             self.world.notify(owner.repository_address, NeighboursConfigured(map=owner.name, neighbours=(neighbour,)))
             registry = NeighbouringRegistry(name=other.name, address=other.registry_address, takes=Selection(), gives=Selection())
             self.world.notify(owner.registry_address, Configured((registry,)))
@@ -121,8 +128,8 @@ class TwoOwners:
 def test_a_goal_about_a_neighbour_s_map_is_reached_with_the_neighbour_s_robot() -> None:
     robot = Robot("BarnRobot", price=5, duration=20)
     two = TwoOwners(barn_robot=robot)
-    seen = two.finish(two.yard, two.submit(two.yard, "Barn:Jar1 isOn BarnPlatform"))
-    assert seen.outcome == "accomplished", seen
+    task_view = two.finish(two.yard, two.submit(two.yard, "Barn:Jar1 isOn BarnPlatform"))
+    assert task_view.outcome == "accomplished", task_view
     assert two.barn.map.has_fact("isOn", ("Jar1", "BarnPlatform"))
     assert two.yard.map.has_fact("isOn", ("Barn:Jar1", "Barn:BarnPlatform"))
     assert [order.inputs["Object"] for order in robot.orders] == ["Jar1"]
@@ -131,8 +138,8 @@ def test_a_goal_about_a_neighbour_s_map_is_reached_with_the_neighbour_s_robot() 
 def test_a_robot_brings_a_thing_to_the_neighbour_where_it_gets_its_home() -> None:
     robot = Robot("BarnRobot", price=5, duration=20)
     two = TwoOwners(barn_robot=robot)
-    seen = two.finish(two.barn, two.submit(two.barn, "Jar1 isOn YardPlatform"))
-    assert seen.outcome == "accomplished", seen
+    task_view = two.finish(two.barn, two.submit(two.barn, "Jar1 isOn YardPlatform"))
+    assert task_view.outcome == "accomplished", task_view
     (thing,) = [name for name, place in two.yard.map.facts_with("isOn", 1, "YardPlatform")]
     assert ":" not in thing
     assert two.barn.map.has_fact("isOn", (f"Yard:{thing}", "Yard:YardPlatform"))
@@ -147,6 +154,46 @@ def test_opposite_wishes_of_two_owners_for_one_thing_do_not_cross() -> None:
     assert sum(name.startswith("Jar") for name, place in two.yard.map.facts_with("isOn", 1, "YardPlatform")) == 1
 
 
+def test_a_neighbour_s_robot_that_is_not_shown_brings_a_thing() -> None:
+    """It also reports where it is, and what it holds, which is not for the map of the task."""
+
+    def carries(order: Order) -> Work:
+        thing = order.inputs["Object"]
+        yield 5.0, Advance(situation=f"{thing} isHeldBy BarnRobot AND BarnRobot.PositionX = 2", fraction=0.5)
+        yield 5.0, Advance(fraction=0.6)
+        assert not two.yard.map.facts_with("isOn", 0, "Jar1"), "it is on its way"
+        yield 20.0, WorkDone(situation=f"{transfer_effect(order)} AND BarnRobot.PositionX = 7")
+
+    robot = Robot("BarnRobot", price=5, duration=20, works=carries)
+    two = TwoOwners(barn_robot=robot, shows={"Barn": ("BarnCupboard",)})
+    assert "Barn:BarnRobot" not in two.yard.map.objects
+    task_view = two.finish(two.yard, two.submit(two.yard, "Jar1 isOn YardPlatform"))
+    assert task_view.outcome == "accomplished", task_view.explanation
+    assert [work.service for work in task_view.work] == ["Barn:BarnRobot.TransferObject"]
+    assert two.yard.map.has_fact("isOn", ("Jar1", "YardPlatform"))
+
+
+def test_what_an_own_robot_takes_from_where_the_neighbour_shows_it_stays_on_the_map() -> None:
+    two = TwoOwners(shows={"Barn": ("BarnCupboard",)})
+    assert "Barn:Jar1" in two.yard.map.objects
+    two.client.ask(two.yard.repository_address, UpdateMap(situation="Barn:Jar1 isHeldBy YardRobot"), Updated)
+    two.world.run(30)
+    assert two.yard.map.has_fact("isHeldBy", ("Barn:Jar1", "YardRobot"))
+    two.client.ask(two.yard.repository_address, UpdateMap(situation="Barn:Jar1 isOn YardPlatform"), Updated)
+    two.world.run(30)
+    (jar,) = [name for name, _ in two.yard.map.facts_with("isOn", 1, "YardPlatform")]
+    assert ":" not in jar, "the yard is its home"
+
+
+def test_who_takes_a_neighbour_s_thing_where_that_does_not_see_it_is_told_what_to_show() -> None:
+    two = TwoOwners(shows={"Yard": ("YardCupboard",)})
+    answer = two.client.ask(two.yard.repository_address, UpdateMap(situation="Barn:Jar1 isOn YardPlatform"), Rejected)
+    (problem,) = answer.problems
+    assert "YardPlatform: is not shown to Barn" in problem
+    assert "add it to `shows` of Barn" in problem
+    assert two.yard.map.has_fact("isOn", ("Barn:Jar1", "Barn:BarnCupboard"))
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_task_over_two_maps_outlives_the_death_of_either_repository(seed: int) -> None:
     chance = random.Random(seed)
@@ -158,8 +205,8 @@ def test_a_task_over_two_maps_outlives_the_death_of_either_repository(seed: int)
         two.world.kill(address)
         two.world.run(chance.choice((0.5, 3.0, 40.0)))
         two.world.revive(address)
-    seen = two.finish(two.yard, task)
-    assert seen.outcome == "accomplished", seen
+    task_view = two.finish(two.yard, task)
+    assert task_view.outcome == "accomplished", task_view
     assert sum(name.startswith("Jar") for name, place in two.yard.map.facts_with("isOn", 1, "YardPlatform")) == 1
     assert sum(name.startswith("Jar") for name, place in two.barn.map.facts_with("isOn", 1, "BarnPlatform")) == 1
     for owner in (two.barn, two.yard):

@@ -274,7 +274,7 @@ class Repository:
         map, ontology, contents = self.contents.map, self.contents.ontology, self.contents
         match alteration:
             case UpdateMap():
-                return update_outcome(map, ontology, alteration, contents.provenance, now, contents.changed_at.keys())
+                return update_outcome(map, ontology, alteration, contents.provenance, now, contents.changed_at.keys(), contents.neighbours)
             case Define(brought=True):
                 return brought_outcome(contents, alteration)
             case Define():

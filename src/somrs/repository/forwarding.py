@@ -15,7 +15,7 @@ from msgspec import structs
 from somrs.kernel.component import Effects, EffectsReturning, Send
 from somrs.ontology.conformance import Violation
 from somrs.ontology.homes import renamed_change
-from somrs.ontology.objects import Change, ObjectAdded, objects_of
+from somrs.ontology.objects import Change, FactAdded, ObjectAdded, objects_of
 from somrs.ontology.qualified_names import home_of, translated
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id, normalised_id
@@ -82,6 +82,20 @@ def refusals(alteration: Alteration, outcome: Outcome, sender: str, contents: Co
             yield Violation(subject=name, rule=HOME, message=f"there is no neighbour {home} whose object it could be")
         elif home and not isinstance(alteration, UpdateMap):
             yield Violation(subject=name, rule=HOME, message=f"belongs to the map {home}; change it there")
+    yield from _hidden_from_home(outcome, contents)
+
+
+def _hidden_from_home(outcome: Outcome, contents: Contents) -> Iterator[Violation]:
+    """Violations for own objects that the home of another one would have to know, and is not shown."""
+    for change in outcome.changes:
+        home = _home_of_change(change)
+        if isinstance(change, FactAdded) and home in contents.neighbours:
+            view = View(contents.neighbours[home].settings, contents.map, contents.ontology)
+            for name in change.fact.arguments:
+                if not home_of(name) and not view.shows(name):
+                    advice = f"add it to `shows` of {home} in the file with the neighbours"
+                    message = f"is not shown to {home}, which has to know that {change.fact}; {advice}"
+                    yield Violation(subject=name, rule=HOME, message=message)
 
 
 def _overreaching(neighbour: Neighbour, outcome: Outcome, contents: Contents) -> Iterator[Violation]:

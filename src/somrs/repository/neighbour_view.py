@@ -26,10 +26,11 @@ class View:
         self._locating = (PART_OF, *exclusive_relations(ontology))
 
     def shows(self, name: str) -> bool:
-        """Whether the neighbour sees the object."""
+        """Whether the neighbour sees the object: where the map is shown to it, and what its own things and devices have."""
         if home_of(name) or name not in self._map.objects:
             return False
-        return self._neighbour.shows_all or any(place in self._neighbour.shows for place in self._whereabouts(name))
+        shown_places, map = self._neighbour.shows, self._neighbour.map
+        return self._neighbour.shows_all or any(place in shown_places or home_of(place) == map for place in self._whereabouts(name))
 
     def shows_fact(self, fact: Fact) -> bool:
         """Whether it sees the fact. The neighbour knows its own objects in it."""

@@ -19,6 +19,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.observations import Observation, Reception
 from somrs.repository.association import DEVICE
 from somrs.repository.former_names import with_current_names
+from somrs.repository.hidden_objects import shown_situation
 from somrs.repository.names import is_name, text_problem
 from somrs.repository.outcome import SITUATION, Outcome
 from somrs.repository.provenance import Aspect, Provenance, aspects_of, fact_aspect, location_aspect
@@ -32,11 +33,12 @@ def update_outcome(
     provenance: Provenance | None = None,
     now: float = math.inf,
     reserved: Collection[str] = (),
+    homes: Collection[str] = (),
 ) -> Outcome:
     """The outcome of an update that arrives `now`: first its single changes are applied, then its situation.
 
     Of an update that was observed earlier, only what is newer than the `provenance` of the map is applied. `reserved`: names that the
-    update gives to no new object.
+    update gives to no new object. `homes`: the maps of neighbours, which may have objects that they do not show.
     """
     provenance = provenance if provenance is not None else Provenance()
     update = with_current_names(update, map, ontology, provenance)
@@ -47,7 +49,8 @@ def update_outcome(
     changes, aspects, superseded = _newer_changes(_both_ways(update.changes, ontology), map, ontology, provenance, at)
     changed = map.changed(changes)
     try:
-        report = read_report(update.situation, observation, changed, ontology, provenance, at, reserved)
+        situation = shown_situation(update.situation, changed, ontology, homes)
+        report = read_report(situation, observation, changed, ontology, provenance, at, reserved)
     except FormulaError as error:
         violation = Violation(subject=SITUATION, rule="formula", message=str(error), section=SITUATION)
         return Outcome(map=map, ontology=ontology, broken=(violation,))

@@ -14,6 +14,7 @@ from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Formula, Name, Relation, conjuncts
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.modes import Mode, hold_reason
+from somrs.ontology.qualified_names import home_of, plain_name
 from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.device import Result, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
@@ -76,7 +77,11 @@ class MobileRobot(ChargingRobot):
         return await super().check_working()
 
     async def check_able(self, task: Task) -> RobotState:
-        """Return the robot's state. Raises Refusal when it cannot work, also because its battery is almost empty."""
+        """Return the robot's state. Raises Refusal when it cannot work, also because its battery is almost empty, or because a neighbour
+        does not show what the task is about."""
+        for name in map(str, task.inputs.values()):
+            if home_of(name) and await task.map.object(name) is None:
+                raise Refusal(f"the map {home_of(name)} does not show {plain_name(name)} to {self.name}")
         state = await self.check_working()
         charge = await self.available_charge(task, state)
         if charge is not None and charge < LOWEST_CHARGE:
