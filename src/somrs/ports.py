@@ -24,6 +24,9 @@ RESERVED = "SOMRS_RESERVED_PORTS"
 _CHECK, _CHECKS_PER_WARNING = 0.2, 300
 """Seconds between two checks of whether a program listens, and how many of them there are for one warning."""
 
+_RANGES = 20_000, 32_000
+"""Where `free_range` looks: below the ports that Linux gives to connections (ip(7))."""
+
 _reserved: set[int] = set()
 """The ports that this process has reserved."""
 
@@ -76,12 +79,22 @@ class Reservation:
             sock.close()
 
 
+def free_range(host: str, count: int) -> int:
+    """Find the first of so many free ports in a row. No connection gets one of them as its source. Raises UsageError if there are none."""
+    starts: list[int] = [*range(_RANGES[0], _RANGES[1], count)]
+    preferred = os.getpid() % len(starts)
+    for first in starts[preferred:] + starts[:preferred]:
+        if all(_is_free(host, port) for port in range(first, first + count)):
+            return first
+    raise UsageError(f"{host} has no {count} free ports in a row between {_RANGES[0]} and {_RANGES[1]}")
+
+
 async def until_listening(address: str) -> None:
     """Return when a program listens at host:port, however long that takes. Raises UsageError for another address."""
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit():
         raise UsageError(f"give host and port of the program as HOST:PORT, not {address!r}")
-    for attempt in itertools.count():
+    for attempt in itertools.count(1):
         try:
             _, writer = await asyncio.open_connection(host, int(port))
         except OSError:

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
-from somrs.ports import Reservation
+from somrs.ports import free_range
 from tests.support import warm
 
 HOST = "127.0.0.1"
-FIRST_RANGE, LAST_RANGE, RANGE = 20_000, 32_000, 40
-"""Ports that no connection gets as its source, and how many two systems and a simulator need."""
+PORTS = 40
+"""How many ports two systems and a simulator need."""
 _BUILDING = """
 map: {map}
 objects:
@@ -37,23 +37,12 @@ SITES = {
 }
 
 
-def free_range() -> int:
-    """The first of `RANGE` ports that nobody uses."""
-    ranges = [*range(FIRST_RANGE, LAST_RANGE, RANGE)]
-    start = os.getpid() % len(ranges)
-    for first in ranges[start:] + ranges[:start]:
-        with Reservation(HOST, RANGE, range(first, first + RANGE)) as reservation:
-            if reservation.ports == [*range(first, first + RANGE)]:
-                return int(first)
-    raise AssertionError("there are no free ports")
-
-
 @contextlib.asynccontextmanager
 async def barn_and_yard(folder: Path) -> AsyncIterator[tuple[System, System, str]]:
     """The systems of the barn and of the yard, and the address of the simulator."""
-    first = free_range()
+    first = free_range(HOST, PORTS)
     ports = {"Barn": first, "Yard": first + 15}
-    simulator = f"{HOST}:{first + RANGE - 1}"
+    simulator = f"{HOST}:{first + PORTS - 1}"
     systems: list[System] = []
     for name, site in SITES.items():
         [(neighbour, neighbour_port)] = ((other, port) for other, port in ports.items() if other != name)

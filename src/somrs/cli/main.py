@@ -94,7 +94,7 @@ def demo(
         str,
         typer.Argument(
             help="1: no faults. 1b: the drive of the first robot breaks. 2: recovery from several faults. 3: several devices and a person. "
-            "4: two storeys, and a lift that breaks."
+            "4: two storeys, and a lift that breaks. 5: two organisations, and a host that is lost for good."
         ),
     ] = "1b",
     out: Annotated[Path | None, typer.Option(help="The folder for pictures, messages and maps.")] = None,

@@ -46,22 +46,23 @@ class Mark:
 def bars(lines: Sequence[Line]) -> list[Bar]:
     """The work that appears in the messages. Work without a final message is lost, and ends at the participant's last message."""
     service_types = {_service_type(line) for line in lines if line.type in _BEGINS}
-    last_times = {line.participant: line.at for line in lines if line.type != "End"}
-    bars_by_work: dict[tuple[str, str], Bar] = {}
+    last_times = {(line.transaction, line.participant): line.at for line in lines if line.type != "End"}
+    bars_by_work: dict[tuple[str, str, str], Bar] = {}
     for line in lines:
+        participant = line.transaction, line.participant
         if line.type in _BEGINS:
             device, _, _ = line.recipient.partition(".")
             label = _label(line, named=len(service_types) > 1)
             kind = _BEGINS[line.type]
-            if (line.participant, kind) not in bars_by_work:
-                bars_by_work[line.participant, kind] = Bar(
-                    device=device, label=label, kind=kind, start=line.at, end=last_times[line.participant], ending="lost"
+            if (*participant, kind) not in bars_by_work:
+                bars_by_work[*participant, kind] = Bar(
+                    device=device, label=label, kind=kind, start=line.at, end=last_times[participant], ending="lost"
                 )
         elif line.type in _ENDS:
             kind = "undoes" if line.type in ("Compensated", "Stranded") else "does"
-            bar = bars_by_work.get((line.participant, kind))
+            bar = bars_by_work.get((*participant, kind))
             if bar is not None and bar.ending == "lost":
-                bars_by_work[line.participant, kind] = Bar(
+                bars_by_work[*participant, kind] = Bar(
                     device=bar.device, label=bar.label, kind=kind, start=bar.start, end=line.at, ending=line.type
                 )
     return [*bars_by_work.values()]

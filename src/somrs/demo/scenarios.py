@@ -1,8 +1,8 @@
 """Plays the paper's scenarios in the simulator with a whole system of separate processes (paper, "Experiments").
 
 Scenario 1: the cheaper of two robots moves a jar from a cupboard to a platform. Scenario 1b: its drive breaks on the way; the robot
-puts the jar down and reports its position, and the other robot continues from there. Scenarios 2, 3 and 4 are not in the
-paper; `recovery.py`, `cooperation.py` and `hotel.py` play them.
+puts the jar down and reports its position, and the other robot continues from there. Scenarios 2 to 5 are not in the
+paper; `recovery.py`, `cooperation.py`, `hotel.py` and `neighbours.py` play them.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from somrs.client.message_chart import chart
 from somrs.client.trace import Follower, Line
 from somrs.demo import cooperation as cooperation_demo
 from somrs.demo import hotel as hotel_demo
+from somrs.demo import neighbours as neighbours_demo
 from somrs.demo import recovery as recovery_demo
 from somrs.demo.picture_sheet import sheet
 from somrs.deployment.launcher import Launcher
@@ -47,7 +48,7 @@ from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
 from somrs.space.free_space import FreeSpace
 
-_SCENARIOS = ("1", "1b", "2", "3", "4")
+_SCENARIOS = ("1", "1b", "2", "3", "4", "5")
 REQUEST = Submit(effect="Jar002 isOn Platform001", precondition="Jar002 isOn ?Shelf")
 CHEAP_ROBOT, _EXPENSIVE_ROBOT, _JAR, _CUPBOARD, _DESTINATION = "Robot1", "Robot2", "Jar002", "Cupboard001", "Platform001"
 STEPS = {
@@ -94,8 +95,8 @@ async def play(
 ) -> int:
     """Play a scenario, print its messages, and write its results to `folder`. Return the exit code: 0 if all checks pass.
 
-    `seed`: vary the positions and the time of the failure; None: as in the paper. `world`: what moves robots and things; that of scenario 4
-    is kinematic. Raises UsageError for an unknown scenario.
+    `seed`: vary the positions and the time of the failure; None: as in the paper. `world`: what moves robots and things; those of scenarios
+    4 and 5 are kinematic. Raises UsageError for an unknown scenario.
     """
     if scenario not in _SCENARIOS:
         raise UsageError(f"there is no scenario {scenario}; there are {' and '.join(_SCENARIOS)}")
@@ -103,6 +104,8 @@ async def play(
     if folder.exists():
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
+    if scenario == "5":
+        return await neighbours_demo.play(folder, console, launcher)
     site, distance = prepare(scenario, folder, seed)
     speed = {"2": recovery_demo.SPEED, "4": hotel_demo.SPEED}.get(scenario, SPEED)
     world = WorldKind.KINEMATIC if scenario == "4" else world

@@ -6,6 +6,7 @@ import io
 
 import pytest
 from lxml import etree
+from msgspec import structs
 from rich.console import Console
 
 from somrs.client.timeline import LETTER, Bar, Mark, bars, svg, timeline_table
@@ -61,6 +62,18 @@ def test_bars_are_labelled_by_what_the_work_is_about() -> None:
     assert [bar.label for bar in bars(opening)] == ["Door001"]
     assert [bar.label for bar in bars(charging)] == ["ChargeBattery"]
     assert [bar.label for bar in bars([*opening, *sealing, *charging])] == ["OpenDoor Door001", "SealJar Jar004", "ChargeBattery"]
+
+
+def test_two_tasks_of_one_device_have_a_bar_each() -> None:
+    def work(task: str, began: float) -> list[Line]:
+        lines = [
+            message("TaskManager", "Execute", "Robot1.TransferObject", began, "Robot1.TransferObject#step1", inputs={"Object": task}),
+            message("Robot1.TransferObject", "Completed", "TaskManager", began + 1, "Robot1.TransferObject#step1"),
+        ]
+        return [structs.replace(line, transaction=task) for line in lines]
+
+    shown = bars([*work("Jar1", 1.0), *work("Jar2", 5.0)])
+    assert [(bar.label, bar.start, bar.end) for bar in shown] == [("Jar1", 1.0, 2.0), ("Jar2", 5.0, 6.0)]
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 160])

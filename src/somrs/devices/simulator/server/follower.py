@@ -99,10 +99,10 @@ class Followed:
 
     def _ontology(self) -> Ontology:
         """The definitions of all maps. Of two definitions of one name, that of the Repository that is named first counts."""
-        first, *others = (self._replicas[address].ontology for address in self._repositories)
-        for ontology in others:
-            first = ontology.extended(first)
-        return first
+        ontology, *further_ontologies = (self._replicas[address].ontology for address in self._repositories)
+        for further_ontology in further_ontologies:
+            ontology = further_ontology.extended(ontology)
+        return ontology
 
 
 class Follower:
