@@ -23,6 +23,16 @@ test("storeys are known, lowest first, and on which one a thing is", () => {
   assert.deepEqual(["Jar001", "Jar002", "Robot1", "Floor1", "Hall", "Nowhere"].map((name) => model.storeyOf(name)), ["Ground", "Upper", "Ground", "Upper", "Ground", null]);
 });
 
+test("storeys of two buildings at one height are level, the own ones first", () => {
+  model.apply([{ type: "ObjectAdded", object: object("Barn:Ground", "Storey", 0, 0, { Elevation: 0 }) }], 8);
+  assert.deepEqual(model.storeys().map((one) => one.name), ["Ground", "Barn:Ground", "Upper"]);
+  assert.equal(model.areLevel("Ground", "Barn:Ground"), true);
+  assert.equal(model.areLevel("Ground", "Ground"), true);
+  assert.equal(model.areLevel("Ground", "Upper"), false);
+  assert.equal(model.areLevel(null, "Ground"), false);
+  assert.equal(model.areLevel(null, null), false);
+});
+
 test("a thing is on the storey of what it stands on", () => {
   model.apply([{ type: "FactAdded", fact: fact("isOn", "Nowhere", "Jar002") }], 8);
   assert.equal(model.storeyOf("Nowhere"), "Upper");

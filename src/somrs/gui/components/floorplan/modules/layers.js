@@ -78,7 +78,7 @@ export class Layers {
     const kind = model.kind(name);
     if (!kind?.layer) return null; // also for removed objects
     const solid = model.solid(name);
-    if (!solid || model.storeyOf(name) !== storey) return null;
+    if (!solid || !model.areLevel(model.storeyOf(name), storey)) return null;
     const seen = {
       color: kind.layer === "walls" || kind.layer === "floors" ? null : model.value(name, "Color"),
       open: this._shares.get(name) ?? [model.value(name, "Open") ? 1 : 0],

@@ -9,6 +9,11 @@ const RISING = new Set(["robot", "lift"]); // the kinds of objects that go to ot
 const RISE = 0.05; // m that a robot has to rise or sink before its storey is found out again
 const SOMEWHERE = 0.3; // m below a storey's floor at which an object still belongs to it
 
+// Whether an object belongs to the map of a neighbour.
+export function isOfNeighbour(name) {
+  return name.includes(":");
+}
+
 export class Model {
   constructor() {
     this.version = -1;
@@ -170,9 +175,17 @@ export class Model {
         label: one.values.Label ? `${one.name} · ${one.values.Label}` : one.name,
         elevation: this.value(one.name, "Elevation") ?? 0,
       }));
-      this._storeys.sort((a, b) => a.elevation - b.elevation || a.name.localeCompare(b.name));
+      this._storeys.sort((a, b) => a.elevation - b.elevation || isOfNeighbour(a.name) - isOfNeighbour(b.name) || a.name.localeCompare(b.name));
+      this._elevations = new Map(this._storeys.map((one) => [one.name, one.elevation]));
     }
     return this._storeys;
+  }
+
+  // Whether two storeys, of one building or of two, are at the same height.
+  areLevel(first, second) {
+    if (first === second) return first !== null;
+    this.storeys();
+    return Math.abs(this._elevations.get(first) - this._elevations.get(second)) < RISE; // of one that is none: false
   }
 
   // The storey on whose floor something of this height stands.
@@ -252,7 +265,7 @@ export class Model {
   spaces(storey) {
     const found = [];
     for (const object of this.objects.values()) {
-      if (!this.isA(object.type, "Space") || this.storeyOf(object.name) !== storey) continue;
+      if (!this.isA(object.type, "Space") || !this.areLevel(this.storeyOf(object.name), storey)) continue;
       let best = null;
       for (const fact of this.factsAbout(object.name)) {
         if (fact.relation !== PART_OF || fact.arguments[1] !== object.name || this.kind(fact.arguments[0])?.id !== "floor") continue;
@@ -288,7 +301,7 @@ export class Model {
     let best = null;
     for (const name of this.objects.keys()) {
       const carries = this.carries(name);
-      if (!carries || except.has(name) || this.storeyOf(name) !== storey) continue;
+      if (!carries || except.has(name) || !this.areLevel(this.storeyOf(name), storey)) continue;
       const solid = this.solid(name);
       if (!solid || !contains(solid, x, y)) continue;
       const rank = carries * 1000 + solid.z + (solid.height || 0);

@@ -7,7 +7,7 @@ import { Labels } from "./labels.js";
 import { Lanes } from "./lanes.js";
 import { Layers } from "./layers.js";
 import { arrow, Links } from "./links.js";
-import { bounds, Model, reach } from "./model.js";
+import { bounds, isOfNeighbour, Model, reach } from "./model.js";
 import { Motion } from "./motion.js";
 import { pose } from "./shapes.js";
 import { Sheets } from "./sheets.js";
@@ -81,16 +81,17 @@ export class Plan {
     this._release();
     for (const { name } of moves) if (this._moving.has(name) && this._moving.get(name) !== pose(this.model.solid(name))) this._moving.delete(name);
     this._motion.go(moves.filter((move) => !this._held.has(move.name) && !this._moving.has(move.name)));
-    this._lanes.refresh(this.model, (name) => (this.model.storeyOf(name) === this.storey ? this.model.spot(name) : null), names);
+    this._lanes.refresh(this.model, (name) => (this._isShown(name) ? this.model.spot(name) : null), names);
     if (names === undefined || this.relations.length) this._links.show(this.model, this.relations, (name) => this.spot(name));
     this.draw();
   }
 
-  // Show a storey; if there is none with this name, the first.
+  // Show a storey, with those of other buildings at the same height; if there is none with this name, the first own one.
   choose(storey, fit = true) {
     const known = this.model.storeys();
     const before = this.storey;
-    this.storey = known.some((one) => one.name === storey) ? storey : (known.find((one) => one.elevation >= 0) ?? known[0])?.name ?? "";
+    const own = known.find((one) => one.elevation >= 0 && !isOfNeighbour(one.name)) ?? known.find((one) => one.elevation >= 0) ?? known[0];
+    this.storey = known.some((one) => one.name === storey) ? storey : (own?.name ?? "");
     if (before !== this.storey) this._motion.end();
     this.refresh();
     if (this._roadmap) this.showRoads(this._roadmap);
@@ -110,7 +111,12 @@ export class Plan {
   }
 
   _isHere(height) {
-    return this.model.storeyAt(height) === this.storey;
+    return this.model.areLevel(this.model.storeyAt(height), this.storey);
+  }
+
+  // Whether an object is on the storey, or on one of another building at the same height.
+  _isShown(name) {
+    return this.model.areLevel(this.model.storeyOf(name), this.storey);
   }
 
   fit() {
@@ -133,7 +139,7 @@ export class Plan {
     const storey = this.model.storeyOf(name);
     const spot = this.model.spot(name);
     if (spot === null || storey === null) return false;
-    if (storey !== this.storey) this.choose(storey);
+    if (!this.model.areLevel(storey, this.storey)) this.choose(storey);
     this.view.reveal(spot.x, spot.y);
     if (this.view.scale < 12) this.view.zoom(30 / this.view.scale);
     this.draw();
@@ -149,7 +155,7 @@ export class Plan {
 
   // The position at which an object is drawn; for a room, its centre.
   spot(name) {
-    return this._layers.at(name) ?? (this.model.storeyOf(name) === this.storey ? this.model.spot(name) : null);
+    return this._layers.at(name) ?? (this._isShown(name) ? this.model.spot(name) : null);
   }
 
   at(name) {
