@@ -17,6 +17,7 @@ from somrs.traffic.passages import Passages
 from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
+    Obstacle,
     OutOfOrder,
     PlanDue,
     PlannedRobot,
@@ -210,9 +211,12 @@ class Dispatcher:
             return
         drop_berths()
         state.serial += 1
-        state.is_planning, state.changed, state.planned_at = True, False, now
+        planned_before, state.planned_at = state.planned_at, now
+        state.is_planning, state.changed = True, False
         may_search = now > state.searched_at + STALL
-        robots = tuple(self._planned_robot(name, record, now, may_search=may_search) for name, record in state.robots.items())
+        robots = tuple(
+            self._planned_robot(name, record, now, planned_before, may_search=may_search) for name, record in state.robots.items()
+        )
         searches = may_search and any(self._is_stalled(name, record, now, LONGEST_TURN) for name, record in state.robots.items())
         if any(robot.stalled for robot in robots):
             state.searched_at = now
@@ -241,7 +245,7 @@ class Dispatcher:
         """While traffic is held, the robots that still have to leave a zone."""
         return {name for name in self.state.robots if self._goal(name) is not None} if self.state.hold else set()
 
-    def _planned_robot(self, name: str, record: RobotRecord, now: float, *, may_search: bool) -> PlannedRobot:
+    def _planned_robot(self, name: str, record: RobotRecord, now: float, planned_before: float, *, may_search: bool) -> PlannedRobot:
         trip = record.trip if not self.state.hold else None
         return PlannedRobot(
             name=name,
@@ -251,6 +255,7 @@ class Dispatcher:
             nearest=trip.nearest if trip is not None else FAR,
             movable=not record.silent and record.mobility is Mobility.FREE,
             busy=not record.silent and record.mobility is Mobility.BUSY,
+            begins=trip is not None and trip.since >= planned_before,
             held_up=trip is not None and now > trip.progressed_at + HELD_UP,
             stalled=may_search and self._is_stalled(name, record, now, STALL),
         )
@@ -285,9 +290,14 @@ class Dispatcher:
         self.state.failures = 0 if moves or all(self._goal(name) is None for name in robots) else self.state.failures + 1
         if self.state.hold:
             return  # the trips go on afterwards
-        fixed = tuple(name for name, record in robots.items() if record.silent or record.mobility is Mobility.IMMOBILE)
-        for name in value.stuck:
-            if robots[name].trip is not None and fixed:
-                yield self._end_trip(name, TripResult.CLOSED, fixed)
-            elif robots[name].trip is not None:
-                yield self._end_trip(name, TripResult.NO_ROOM, tuple(other for other in robots if other != name))
+        for name, obstacle in value.stuck.items():
+            trip = robots[name].trip
+            if trip is not None and trip.destination == obstacle.goal:  # it may have another one since
+                yield self._end_stuck_trip(name, obstacle)
+
+    def _end_stuck_trip(self, name: str, obstacle: Obstacle) -> Send:
+        """End a trip for which the others have no room: with those that cannot move and without which they would have it, if any."""
+        holders = (self._schedule.holder(place, besides=name) for place in obstacle.places)
+        fixed = [holder for holder in holders if holder is not None]
+        result = TripResult.CLOSED if fixed else TripResult.NO_ROOM
+        return self._end_trip(name, result, tuple(dict.fromkeys((*fixed, *obstacle.robots))))

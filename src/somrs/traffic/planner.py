@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from somrs.traffic.berths import with_berths
+from somrs.traffic.planning.barriers import Barrier
 from somrs.traffic.planning.window import Traveller, WindowPlanner
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
-from somrs.traffic.state import PlanTraffic, TrafficPlan
+from somrs.traffic.state import Obstacle, PlanTraffic, TrafficPlan
 
 
 class Dice(Protocol):
@@ -30,7 +31,7 @@ class TrafficPlanner:
     def plan(self, problem: PlanTraffic) -> TrafficPlan:
         numbers = {robot.name: number for number, robot in enumerate(problem.robots)}
         graph = with_berths(self._graph, problem.closed, problem.private, numbers)
-        planner = WindowPlanner(graph.without(problem.blocked) if problem.blocked else graph, self._dice.shuffle)
+        planner = WindowPlanner(graph, self._dice.shuffle, blocked=problem.blocked)
         self._dice.seed(problem.serial)
         travellers = [
             Traveller(
@@ -40,6 +41,7 @@ class TrafficPlanner:
                 nearest=robot.nearest,
                 movable=robot.movable,
                 busy=robot.busy,
+                begins=robot.begins,
                 held_up=robot.held_up,
                 stalled=robot.stalled,
             )
@@ -47,4 +49,10 @@ class TrafficPlanner:
         ]
         course = planner.plan(travellers, problem.steps, problem.effort, searches=problem.searches)
         ways = {robot.name: tuple(places[number] for places in course.steps) for number, robot in enumerate(problem.robots)}
-        return TrafficPlan(ways=ways, whole=course.whole, stuck=tuple(problem.robots[number].name for number in course.stuck))
+        stuck = {problem.robots[number].name: _obstacle(problem, number, barrier) for number, barrier in course.stuck.items()}
+        return TrafficPlan(ways=ways, whole=course.whole, stuck=stuck)
+
+
+def _obstacle(problem: PlanTraffic, number: int, barrier: Barrier) -> Obstacle:
+    robots = problem.robots
+    return Obstacle(goal=robots[number].goal, robots=tuple(robots[blocker].name for blocker in barrier.robots), places=barrier.places)

@@ -111,6 +111,7 @@ class PlannedRobot(Struct, frozen=True, array_like=True):
     busy: bool
     held_up: bool = False
     stalled: bool = False
+    begins: bool = False
 
 
 class OutOfOrder(Struct, frozen=True, array_like=True):
@@ -178,12 +179,20 @@ class PlanTraffic(Struct, frozen=True, kw_only=True):
     searches: bool
 
 
+class Obstacle(Struct, frozen=True, kw_only=True):
+    """What keeps a robot from its goal. The meaning is that of `Barrier`."""
+
+    goal: int | None
+    robots: tuple[str, ...]
+    places: tuple[int, ...] = ()
+
+
 class TrafficPlan(Struct, frozen=True, kw_only=True, tag=True):
     """The place of each robot at each step. `whole` and `stuck` are those of `Course`."""
 
     ways: dict[str, tuple[int, ...]]
     whole: bool = False
-    stuck: tuple[str, ...] = ()
+    stuck: dict[str, Obstacle] = field(default_factory=dict)
 
 
 class Position(Struct, frozen=True, kw_only=True):

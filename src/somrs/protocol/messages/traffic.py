@@ -120,7 +120,7 @@ class TripResult(StrEnum):
     CLOSED = "closed"
     """Robots that cannot move stand in all ways, or where others would have to make room; or a passage is out of order."""
     NO_ROOM = "no room"
-    """The other robots have no room to let this one pass, wherever they go."""
+    """The robots that stand in the way have no room to let this one pass, wherever they and the others go."""
     IMMOBILE = "immobile"
     """The robot itself cannot move."""
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 
+from somrs.traffic.planning.barriers import Barrier, Barriers
 from somrs.traffic.planning.exhaustive import search_all
 from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.planning.lacam import SearchLimit, find_ways
@@ -35,8 +36,9 @@ DETOUR = 200
 class Traveller:
     """A robot: where it is, where it wants to (None: nowhere), the number of steps for which it has had this goal, and the least distance
     to it at which it has been. Of two robots, the one that has waited longer comes first. A robot that is not `movable` stays; if it is
-    `busy`, it will be movable later. One that is `held_up` has come no nearer for a while: those that stand may be in its way. One that is
-    `stalled` has come no nearer for long, so that ways are searched for, unless it waits for its turn in a corridor."""
+    `busy`, it will be movable later. The trip of one that `begins` was not planned before. One that is `held_up` has come no nearer for a
+    while: those that stand may be in its way. One that is `stalled` has come no nearer for long, so that ways are searched for, unless it
+    waits for its turn in a corridor."""
 
     place: int
     goal: int | None = None
@@ -44,6 +46,7 @@ class Traveller:
     nearest: float = FAR
     movable: bool = True
     busy: bool = False
+    begins: bool = False
     held_up: bool = False
     stalled: bool = False
 
@@ -53,19 +56,23 @@ class Course:
     """The configurations of the robots, one step after the other, from where they are.
 
     `whole`: it is to be followed to its end, because nobody may come nearer to a goal on its first part. `stuck`: robots, by number, that
-    cannot come to their goals, as is proved: the others have no room to let them pass.
+    cannot come to their goals, as is proved, with what keeps them from there: the others have no room to let them pass.
     """
 
     steps: list[Configuration]
     whole: bool = False
-    stuck: tuple[int, ...] = ()
+    stuck: Mapping[int, Barrier] = field(default_factory=dict)
 
 
 class WindowPlanner:
-    """Plans the next steps of robots on a graph. See `StepPlanner` for `rotations` and `shuffle`."""
+    """Plans the next steps of robots on a graph. `blocked`: the places held by robots that cannot move. See `StepPlanner` for `rotations`
+    and `shuffle`."""
 
-    def __init__(self, graph: Graph, shuffle: Callable[[list[int]], None], *, rotations: bool = False) -> None:
-        self.graph, self._shuffle = graph, shuffle
+    def __init__(
+        self, whole_graph: Graph, shuffle: Callable[[list[int]], None], *, blocked: Collection[int] = (), rotations: bool = False
+    ) -> None:
+        self._whole_graph, self._blocked, self._shuffle = whole_graph, blocked, shuffle
+        self.graph = graph = whole_graph.without(blocked) if blocked else whole_graph
         self._planner = StepPlanner(graph, rotations=rotations, shuffle=shuffle)
         self._restless = StepPlanner(graph, rotations=rotations, shuffle=shuffle, restless=True)
 
@@ -79,38 +86,61 @@ class WindowPlanner:
         asides = self._asides(robots, estimates)
         course = self._step_by_step(robots, steps, estimates, asides)
         is_useful = self._brings_nearer(course, robots) or self._clears_ways(course, robots, estimates, asides)
-        is_stalled = any(robots[number].stalled and not waits_its_turn(self.graph, number, robots, estimates) for number in estimates)
-        if is_useful and not searches and not is_stalled:
-            return Course(steps=course)
-        if effort == 0:
-            return Course(steps=course[:1])
-        places, goals, staying = course[0], self._reachable(robots), _staying(robots)
+        barriers = Barriers(self._whole_graph, self.graph, self._blocked, robots)
+        hindered = [number for number in self._travelling(robots) if robots[number].begins or robots[number].held_up or not is_useful]
+        stuck = {number: barrier for number in hindered if (barrier := barriers.shut_off(number)) is not None}
+        waiting = [number for number in hindered if number not in stuck and not barriers.waits_for_work(number)]
+        is_stalled = any(robots[number].stalled and not waits_its_turn(self.graph, number, robots, estimates) for number in waiting)
+        suffices = is_useful and not searches and not is_stalled
+        if effort == 0 or not waiting:
+            return Course(steps=course if suffices else course[:1], stuck=stuck)
+        halted = [number for number in waiting if not self._gets_on(number, course, robots, estimates)] if suffices else waiting
+        ways = None if suffices else self._search(course[0], self._goals_of(waiting, robots), effort, _staying(robots))
+        for number in halted:
+            if ways is None and not waits_its_turn(self.graph, number, robots, estimates):
+                ways = barriers.ways_past(number)
+        if ways is None and not suffices:
+            ways = self._search_one_by_one(waiting, stuck, barriers, effort, robots)
+        if ways is not None:
+            return Course(steps=self._beside(ways, robots, estimates), whole=True, stuck=stuck)
+        return Course(steps=course if is_useful else course[:1], stuck=stuck)
 
-        def follow(ways: list[Configuration]) -> Course:
-            return Course(steps=self._beside(ways, robots, estimates), whole=True)
-
-        if (ways := self._search(places, goals, effort, staying)) is not None:
-            return follow(ways)
-        in_line = (number for number in self._in_line(robots) if goals[number] not in (None, places[number]))
-        aims = {number: self._goal_of(number, goals) for number in in_line}
-        stuck: list[int] = []
-        for number, aim in aims.items():
+    def _search_one_by_one(
+        self, waiting: Sequence[int], stuck: dict[int, Barrier], barriers: Barriers, effort: int, robots: Sequence[Traveller]
+    ) -> list[Configuration] | None:
+        """Ways for one of the robots to its goal. Those for which there is no room, as is proved, become `stuck`."""
+        places, staying = tuple(robot.place for robot in robots), _staying(robots)
+        goals = self._goals_of(waiting, robots)
+        open_aims: list[Goals] = []
+        for number in waiting:
+            if goals[number] is None:
+                continue
+            aim = self._goal_of(number, goals)
             try:
-                if self._is_shut_off(number, aim, robots, effort):
-                    stuck.append(number)
-                    continue
                 ways = search_all(self.graph, places, aim, ALL * effort, dict(staying))
                 if ways is None and self._is_stuck(places, aim, effort, robots):
-                    stuck.append(number)
+                    stuck[number] = barriers.by_all(number, ALL * effort)
+                    continue
             except SearchLimit:
                 ways = self._search(places, aim, effort, staying)
             if ways is not None:
-                return follow(ways)
-        open_aims = [aim for number, aim in aims.items() if number not in stuck]
-        ways = self._on_detours(places, open_aims, effort // DETOUR, staying)
-        if ways is not None:
-            return follow(ways)
-        return Course(steps=course if is_useful else course[:1], stuck=tuple(stuck))
+                return ways
+            open_aims.append(aim)
+        return self._on_detours(places, open_aims, effort // DETOUR, staying)
+
+    def _travelling(self, robots: Sequence[Traveller]) -> list[int]:
+        """The robots with a way to go, the one that has waited longest first."""
+        return [
+            number
+            for number in self._in_line(robots)
+            if (goal := robots[number].goal) is not None
+            and robots[number].movable
+            and 0 < self.graph.distances(goal)[robots[number].place] < FAR
+        ]
+
+    def _goals_of(self, numbers: Collection[int], robots: Sequence[Traveller]) -> Goals:
+        """The goals of these robots that they can be at together."""
+        return [goal if number in numbers else None for number, goal in enumerate(self._reachable(robots))]
 
     def _beside(self, ways: list[Configuration], robots: Sequence[Traveller], estimates: Mapping[int, Estimate]) -> list[Configuration]:
         """The ways, while the robots that do not move on them go on step by step where these do not lead."""
@@ -131,19 +161,6 @@ class WindowPlanner:
         SearchLimit."""
         fixed = [number for number, robot in enumerate(robots) if not robot.movable and not robot.busy]
         return not any(robot.busy for robot in robots) or search_all(self.graph, places, aim, ALL * effort, fixed) is None
-
-    def _is_shut_off(self, number: int, aim: Goals, robots: Sequence[Traveller], effort: int) -> bool:
-        """Whether a robot cannot get past one that stands in its way even if they were alone: among many, they can do no more, and this is
-        proved in fewer steps. Raises SearchLimit."""
-        robot, goal = robots[number], aim[number]
-        assert goal is not None, "it is on its way"
-        way = {robot.place, *self.graph.way(robot.place, goal, number)}
-        standing = (other for other, blocker in enumerate(robots) if other != number and blocker.goal in (None, blocker.place))
-        for blocker in (other for other in standing if not way.isdisjoint(self._taken(robots[other].place))):
-            start, staying = (robot.place, robots[blocker].place), () if robots[blocker].movable or robots[blocker].busy else (1,)
-            if search_all(self.graph, start, (goal, None), ALL * effort, staying, (number, blocker)) is None:
-                return True
-        return False
 
     def _search(self, places: Configuration, goals: Goals, effort: int, staying: Sequence[tuple[int, int]]) -> list[Configuration] | None:
         """Ways to the goals; None if none are found."""
@@ -279,16 +296,20 @@ class WindowPlanner:
 
     def _brings_nearer(self, course: list[Configuration], robots: Sequence[Traveller]) -> bool:
         """Whether some robot comes nearer to its goal than it has been, or none has a way to go."""
-        is_anybody_away = False
-        for number, robot in enumerate(robots):
-            if robot.goal is None or not robot.movable:
-                continue
-            distances = self.graph.distances(robot.goal)
-            if 0 < distances[robot.place] < FAR:
-                is_anybody_away = True
-                if min(distances[configuration[number]] for configuration in course) < min(robot.nearest, distances[robot.place]):
-                    return True
-        return not is_anybody_away
+        travelling = self._travelling(robots)
+        return not travelling or any(self._comes_nearer(number, course, robots) for number in travelling)
+
+    def _comes_nearer(self, number: int, course: list[Configuration], robots: Sequence[Traveller]) -> bool:
+        """Whether a robot comes nearer to its goal than it has been."""
+        robot = robots[number]
+        distances = self.graph.distances(robot.goal) if robot.goal is not None else ()
+        return min(distances[places[number]] for places in course) < min(robot.nearest, distances[robot.place])
+
+    def _gets_on(self, number: int, course: list[Configuration], robots: Sequence[Traveller], estimates: Mapping[int, Estimate]) -> bool:
+        """Whether a robot comes nearer to its goal, or drives round those that stand in its way."""
+        estimate = estimates[number]
+        is_going_round = min(estimate[places[number]] for places in course) < estimate[robots[number].place]
+        return self._comes_nearer(number, course, robots) or (robots[number].held_up and not robots[number].stalled and is_going_round)
 
     def _clears_ways(
         self, course: list[Configuration], robots: Sequence[Traveller], estimates: Mapping[int, Estimate], asides: Mapping[int, int]

@@ -8,6 +8,7 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 
+from somrs.traffic.planning.barriers import Barrier
 from somrs.traffic.planning.graph import FAR, Graph, PrivatePlace
 from somrs.traffic.planning.pibt import Configuration, Goals
 from somrs.traffic.planning.window import Traveller, WindowPlanner
@@ -65,7 +66,7 @@ def test_a_robot_that_is_shut_in_keeps_another_one_from_its_goal_however_many_ot
     places = (shut_in, *range(9, 89, 10))
     waiting = Traveller(place=0, goal=goal, nearest=graph.distance(0, goal))  # it has come as near as it can
     others = travellers(places, [None] * len(places))
-    assert WindowPlanner(graph, Random(0).shuffle).plan([waiting, *others], 20).stuck == (0,)
+    assert WindowPlanner(graph, Random(0).shuffle).plan([waiting, *others], 20).stuck == {0: Barrier(robots=(1,))}
 
 
 def test_two_robots_do_not_step_aside_for_each_other_for_ever() -> None:

@@ -183,7 +183,9 @@ def _check_arrival(robot: Robot, goal: Point, ended: TripEnded) -> None:
             reason = f": {closed}" if closed else names or " by what stands there"
             raise GivenUp("blocked", f"{way} is blocked{reason}")
         case TripResult.NO_ROOM:
-            raise GivenUp("blocked", f"on {way} there is no room: {' and '.join(ended.robots)} cannot let it pass")
+            blockers = " and ".join(ended.robots)
+            help = "bring them somewhere else" if len(ended.robots) > 1 else "bring it somewhere else"
+            raise GivenUp("blocked", f"on {way} there is no room: {blockers} cannot let {robot.name} pass; {help}, or clear a place for it")
         case TripResult.IMMOBILE:
             raise GivenUp("drive-dead", f"{robot.name} cannot move")
 

@@ -1,0 +1,108 @@
+"""One robot in the way of another one: it makes room, or it is said at once that there is none, and who stands there."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from random import Random
+
+from somrs.kernel.component import Input, Received
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.traffic import TripEnded, TripResult
+from somrs.runtime.virtual_time import Work, World
+from somrs.traffic.component import SCHEMA, Traffic
+from somrs.traffic.planner import TrafficPlanner
+from somrs.traffic.roadmap import Lane, Place, Roadmap
+from somrs.traffic.state import PlanTraffic
+from verification.traffic_runs.vehicle import Robot, Vehicle
+
+SECONDS = 1.4
+"""The time for each lane."""
+LINE = ("R......BG", "#########", ".........")
+"""A dead end, in which two robots cannot pass each other; and a floor of its own."""
+MOST_SECONDS = 1.0
+ROWS = 10
+HALL = tuple("." * 31 + ("RBG" if row == ROWS // 2 else "###") for row in range(ROWS))
+"""A hall with a dead end of three places."""
+
+
+def drawn(*rows: str) -> Roadmap:
+    """The roadmap of a drawing: `#` is a wall, a letter names a place, and other places are named by column and row."""
+    names = {
+        (column, row): f"{column}-{row}" if sign == "." else sign
+        for row, text in enumerate(rows)
+        for column, sign in enumerate(text)
+        if sign != "#"
+    }
+    pairs = [(name, names[neighbour]) for (x, y), name in names.items() for neighbour in ((x + 1, y), (x, y + 1)) if neighbour in names]
+    return Roadmap(
+        places=tuple(Place(name=name, x=0.7 * x, y=0.7 * y) for (x, y), name in names.items()),
+        lanes=tuple(Lane(start=start, end=end, seconds=SECONDS) for pair in pairs for start, end in (pair, pair[::-1])),
+    )
+
+
+class Trips:
+    """Trips on a roadmap, on virtual time. `working`: the robots that work all the time; `broken`: those that cannot move."""
+
+    def __init__(
+        self, roadmap: Roadmap, robots: dict[str, tuple[str, list[str]]], working: Collection[str] = (), broken: Collection[str] = ()
+    ) -> None:
+        self.ends: list[tuple[float, TripEnded]] = []
+        """Those of the first robot's trips, each with its time in seconds."""
+        self._planner, self._first = TrafficPlanner(roadmap, Random()), next(iter(robots))
+        self.world = World(watch=self._watch)
+        self._start_time = self.world.now
+        dice = Random(0)
+        self.world.add("traffic", Traffic("traffic", roadmap), self._plan, journaled=SCHEMA)
+        for name, (place, ends) in robots.items():
+            robot = Robot(name=name, place=place, trips=ends, berths={}, broken=name in broken)
+            vehicle = Vehicle(robot, "traffic", lambda *_: SECONDS * dice.uniform(1.0, 1.3), 0.0, works=name in working)
+            self.world.add(name, vehicle)
+
+    def first_end(self, longest: float) -> tuple[float, TripEnded]:
+        """When and how the first trip of the first robot ended."""
+        assert self.world.run(longest, lambda: bool(self.ends)), "its trip has not ended"
+        return self.ends[0]
+
+    def _plan(self, task: object) -> Work:
+        assert isinstance(task, PlanTraffic)
+        yield 0.1, self._planner.plan(task)
+
+    def _watch(self, address: str, event: Input) -> None:
+        match event:
+            case Received(Message(body=TripEnded() as ended)) if address == self._first:
+                self.ends.append((self.world.now - self._start_time, ended))
+
+
+def test_it_is_said_at_once_that_there_is_no_room_although_others_get_on() -> None:
+    trips = Trips(drawn(*LINE), {"R": ("R", ["G"]), "B": ("B", []), "Other": ("0-2", ["8-2", "0-2"] * 9), "Idle": ("4-2", [])})
+    _, ended = trips.first_end(MOST_SECONDS)
+    assert (ended.result, ended.robots) == (TripResult.NO_ROOM, ("B",))
+
+
+def test_a_robot_that_is_broken_elsewhere_is_not_blamed() -> None:
+    trips = Trips(drawn(*LINE), {"R": ("R", ["G"]), "B": ("B", []), "Broken": ("0-2", [])}, broken=["Broken"])
+    _, ended = trips.first_end(MOST_SECONDS)
+    assert (ended.result, ended.robots) == (TripResult.NO_ROOM, ("B",))
+
+
+def test_a_broken_robot_where_the_other_one_would_make_room_is_named_first() -> None:
+    trips = Trips(drawn("R.....BG", "###X####"), {"R": ("R", ["G"]), "B": ("B", []), "Broken": ("X", [])}, broken=["Broken"])
+    _, ended = trips.first_end(MOST_SECONDS)
+    assert (ended.result, ended.robots) == (TripResult.CLOSED, ("Broken", "B"))
+
+
+def test_one_that_stands_in_a_dead_end_comes_out_although_many_others_are_under_way() -> None:
+    """Both have to come out of the dead end, so that no single step brings the robot nearer to its goal."""
+    roadmap, dice = drawn(*HALL), Random(1)
+    names = [place.name for place in roadmap.places if place.name not in "RBG"]
+    bystanders = {f"Other{number}": (start, dice.choices(names, k=40)) for number, start in enumerate(dice.sample(names, 40))}
+    undisturbed, _ = Trips(roadmap, {"R": ("R", ["G"]), "B": ("B", [])}).first_end(60.0)
+    seconds, ended = Trips(roadmap, {"R": ("R", ["G"]), "B": ("B", []), **bystanders}).first_end(600.0)
+    assert ended.result is TripResult.ARRIVED
+    assert seconds < 3 * undisturbed
+
+
+def test_one_that_works_is_waited_for() -> None:
+    trips = Trips(drawn(*HALL), {"R": ("R", ["G"]), "B": ("B", [])}, working=["B"])
+    trips.world.run(100.0, lambda: bool(trips.ends))
+    assert not trips.ends, "it makes room when its work is done"
