@@ -395,6 +395,9 @@ def test_tasks_of_two_task_managers_are_one_list_and_one_that_does_not_answer_is
         wait_for_task(with_two_managers, task, is_ended)
     rows["TaskManager2"].get_by_role("link", name=owners["TaskManager2"]).click()
     expect(page.locator("header").filter(has_text=owners["TaskManager2"])).to_contain_text("TaskManager2")
+    page.goto(f"{with_two_managers.url}/history")
+    for name, row in rows.items():
+        expect(row).to_contain_text(name)
 
 
 @pytest.fixture

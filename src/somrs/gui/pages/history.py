@@ -57,6 +57,7 @@ _END_CELL = """\
 <span>{{ props.row.outcome }}</span></span></q-td>"""
 _GOAL_CELL = """<q-td :props="props">
 <a :href="'/tasks/' + props.row.task" class="somrs-history-link somrs-formula">{{ props.row.effect }}</a>
+<span v-if="props.row.manager" class="somrs-soft"> · {{ props.row.manager }}</span>
 <div v-if="props.row.why" class="somrs-soft somrs-history-why">{{ props.row.why }}</div></q-td>"""
 
 
@@ -263,6 +264,7 @@ def _row(record: TaskRecord) -> dict[str, object]:
         "icon": sign.icon,
         "tone": sign.tone,
         "effect": record.effect,
+        "manager": record.task_manager,
         "why": reason or recovered,
         "devices": ", ".join(devices) or "none",
         "ended": format_time(record.ended_at),
