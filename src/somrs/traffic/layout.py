@@ -27,6 +27,7 @@ from somrs.space.free_space import FreeSpace
 from somrs.space.shafts import SAME_FLOOR, Shaft, shafts_of
 from somrs.space.solids import Point, Role, Solid, solid_of
 from somrs.space.squares import Squares, box_around
+from somrs.traffic.bays import find_bays
 from somrs.traffic.coverage import UNSEEN, Coverage, Crossings, Points
 from somrs.traffic.roadmap import Lane, Place, Roadmap, spacing_for
 
@@ -183,6 +184,8 @@ class _Storey:
         crossings = self._coverage.crossings()
         while len(joints := self._joints(points, crossings)):
             points = np.vstack([points, joints])
+        bays = find_bays(self._free_space, self._free, points, self._pairs(points), self.spacing, self._coverage.are_clear)
+        points = np.vstack([points, bays])
         return points, self._pairs(points)
 
     def _lattice(self) -> Iterator[Point]:

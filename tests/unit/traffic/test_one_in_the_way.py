@@ -51,12 +51,19 @@ class Trips:
         self._planner, self._first = TrafficPlanner(roadmap, Random()), next(iter(robots))
         self.world = World(watch=self._watch)
         self._start_time = self.world.now
+        self._robots: list[Robot] = []
         dice = Random(0)
         self.world.add("traffic", Traffic("traffic", roadmap), self._plan, journaled=SCHEMA)
         for name, (place, ends) in robots.items():
             robot = Robot(name=name, place=place, trips=ends, berths={}, broken=name in broken)
             vehicle = Vehicle(robot, "traffic", lambda *_: SECONDS * dice.uniform(1.0, 1.3), 0.0, works=name in working)
+            self._robots.append(robot)
             self.world.add(name, vehicle)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a robot still has a trip to make."""
+        return any(robot.trips for robot in self._robots)
 
     def first_end(self, longest: float) -> tuple[float, TripEnded]:
         """When and how the first trip of the first robot ended."""

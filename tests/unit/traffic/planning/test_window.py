@@ -71,8 +71,8 @@ def test_a_robot_that_is_shut_in_keeps_another_one_from_its_goal_however_many_ot
 
 def test_two_robots_do_not_step_aside_for_each_other_for_ever() -> None:
     """PIBT alone moves both to and fro: the one that is at its goal comes back to it each time."""
-    graph, at = grid("A...B.C", "#####D#")
-    assert plan_until_all_were_there(graph, (at["A"], at["B"]), (at["B"], at["A"]), 2) < 20
+    graph, named = grid("A...B.C", "#####D#")
+    assert plan_until_all_were_there(graph, (named["A"], named["B"]), (named["B"], named["A"]), 2) < 20
 
 
 def travellers(places: Configuration, goals: Goals) -> list[Traveller]:
@@ -86,24 +86,26 @@ def test_a_robot_without_a_way_does_not_keep_the_others() -> None:
 
 
 def test_a_robot_that_stands_in_a_dead_end_is_passed_by() -> None:
-    graph, at = grid("A.B.", "##C#")
-    course = WindowPlanner(graph, Random(0).shuffle).plan(travellers((at["A"], at["C"]), (at["B"], None)), 4).steps
-    assert course[-1] == (at["B"], at["C"])
+    graph, named = grid("A.B.", "##C#")
+    course = WindowPlanner(graph, Random(0).shuffle).plan(travellers((named["A"], named["C"]), (named["B"], None)), 4).steps
+    assert course[-1] == (named["B"], named["C"])
 
 
 def test_who_stands_where_another_wants_to_makes_room_while_others_are_under_way() -> None:
     """Two berths beside a place: from the one, a robot has to be out before another can come into the other. The others move all the time,
     so that nothing is searched for."""
-    public, at = grid("ABCDEFGH", "........")
+    public, named = grid("ABCDEFGH", "........")
     beside = tuple((at[name], 1.0) for name in "BC")
-    graph = public.with_private([PrivatePlace(0, beside, (at["B"], public.size + 1)), PrivatePlace(1, beside, (at["B"], public.size))])
+    graph = public.with_private(
+        [PrivatePlace(0, beside, (named["B"], public.size + 1)), PrivatePlace(1, beside, (named["B"], public.size))]
+    )
     parked, wanted = public.size, public.size + 1
-    places: Configuration = parked, at["C"], at["H"]
-    planner, oncoming = WindowPlanner(graph, Random(0).shuffle), at["G"]
+    places: Configuration = parked, named["C"], named["H"]
+    planner, oncoming = WindowPlanner(graph, Random(0).shuffle), named["G"]
     for _ in range(20):
         goals: Goals = [None, wanted, oncoming]
         places = planner.plan(travellers(places, goals), 4, effort=0).steps[-1]
-        oncoming = at["H"] if places[2] == at["G"] else at["G"]
+        oncoming = named["H"] if places[2] == named["G"] else named["G"]
         if places[1] == wanted:
             return
     raise AssertionError(f"it never came there: {places}")
@@ -111,22 +113,22 @@ def test_who_stands_where_another_wants_to_makes_room_while_others_are_under_way
 
 def test_who_is_held_up_drives_round_one_that_stands_in_its_way() -> None:
     """Beside the way is a berth from which nobody gets out while another one is before it. The way through the lower row is longer."""
-    public, at = grid("ABCDE", ".....")
-    graph = public.with_private([PrivatePlace(1, ((at["C"], 1.0),), (at["C"],))])
-    robots = [Traveller(place=at["B"], goal=at["E"], waiting=9.0, nearest=3.0, held_up=True), Traveller(place=public.size)]
+    public, named = grid("ABCDE", ".....")
+    graph = public.with_private([PrivatePlace(1, ((named["C"], 1.0),), (named["C"],))])
+    robots = [Traveller(place=named["B"], goal=named["E"], waiting=9.0, nearest=3.0, held_up=True), Traveller(place=public.size)]
     course = WindowPlanner(graph, Random(0).shuffle).plan(robots, 8, effort=0).steps
-    assert course[-1] == (at["E"], public.size)
+    assert course[-1] == (named["E"], public.size)
 
 
 def test_who_stands_in_the_only_way_gets_out_past_one_that_is_held_up_there() -> None:
     """The way out of the berth leads through where the other one waits, which has to go back first."""
-    public, at = grid("..ABCDE", "....F..")
-    graph = public.with_private([PrivatePlace(1, ((at["B"], 1.0),), (at["C"], at["F"]))])
-    places: Configuration = at["B"], public.size
+    public, named = grid("..ABCDE", "....F..")
+    graph = public.with_private([PrivatePlace(1, ((named["B"], 1.0),), (named["C"], named["F"]))])
+    places: Configuration = named["B"], public.size
     planner = WindowPlanner(graph, Random(0).shuffle)
     for _ in range(5):
-        robots = [Traveller(place=places[0], goal=at["E"], waiting=9.0, nearest=3.0, held_up=True), Traveller(place=places[1])]
+        robots = [Traveller(place=places[0], goal=named["E"], waiting=9.0, nearest=3.0, held_up=True), Traveller(place=places[1])]
         places = planner.plan(robots, 4, effort=0).steps[-1]
-        if places[0] == at["E"]:
+        if places[0] == named["E"]:
             return
     raise AssertionError(f"it never came there: {places}")
