@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from itertools import pairwise, product
 from random import Random
 
@@ -27,6 +27,9 @@ SPAN = 60.0
 def draw(seed: int) -> Scenario:
     dice = Random(seed)
     roadmap = _roadmap(dice)
+    aisle_dice = Random(f"narrow aisle {seed}")
+    if aisle_dice.random() < 0.15:
+        roadmap = _aisle(aisle_dice)
     names = [place.name for place in roadmap.places]
     count = dice.randint(2, max(2, min(10, len(names) // 3)))
     starts = dice.sample(names, count)
@@ -158,7 +161,6 @@ def _roadmap(dice: Random) -> Roadmap:
     """A grid with holes; a corridor with bays; or a ring with dead ends."""
     kind = dice.choice(("grid", "corridor", "ring"))
     points: dict[tuple[int, int], str] = {}
-    pairs: list[tuple[str, str]] = []
     if kind == "grid":
         columns, rows = dice.randint(2, 7), dice.randint(2, 6)
         cells = [(column, row) for column in range(columns) for row in range(rows)]
@@ -172,12 +174,29 @@ def _roadmap(dice: Random) -> Roadmap:
         around = [(column, row) for column in range(length) for row in range(3) if row != 1 or column in (0, length - 1)]
         points = {cell: f"P{cell[0]}-{cell[1]}" for cell in around}
         points |= {(column, 3): f"End{column}" for column in range(length) if dice.random() < 0.3}
+    roadmap = _joined(dice, points)
+    return roadmap if len(roadmap.places) >= 6 else _roadmap(dice)
+
+
+def _aisle(dice: Random) -> Roadmap:
+    """A narrow aisle with bays of one or two places on both sides, between two rooms."""
+    length = dice.randint(4, 10)
+    points = {(column, row): f"A{column}/{row}" for column in range(-3, 0) for row in range(-1, 2)}
+    points |= {(column, 0): f"Aisle{column}" for column in range(length)}
+    points |= {(length + column, row): f"B{column}/{row}" for column in range(3) for row in range(-1, 2)}
+    for column, side in product(range(1, length - 1), (-1, 1)):
+        if dice.random() < 0.2:
+            points |= {(column, side * depth): f"Bay{column}/{side * depth}" for depth in range(1, dice.randint(1, 2) + 1)}
+    return _joined(dice, points)
+
+
+def _joined(dice: Random, points: Mapping[tuple[int, int], str]) -> Roadmap:
+    """The roadmap of the largest part of these points in which each has lanes to those beside it."""
+    pairs: list[tuple[str, str]] = []
     for (column, row), name in points.items():
         pairs += [(name, points[near]) for near in ((column + 1, row), (column, row + 1)) if near in points]
     reached = _component(list(points.values()), pairs)
     places = tuple(Place(name=name, x=float(x), y=float(y)) for (x, y), name in points.items() if name in reached)
-    if len(places) < 6:
-        return _roadmap(dice)
     lanes = [
         Lane(start=start, end=end, seconds=dice.choice((1.0, 1.0, 2.0, 5.0)))
         for a, b in pairs
