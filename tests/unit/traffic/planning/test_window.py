@@ -95,7 +95,7 @@ def test_who_stands_where_another_wants_to_makes_room_while_others_are_under_way
     """Two berths beside a place: from the one, a robot has to be out before another can come into the other. The others move all the time,
     so that nothing is searched for."""
     public, named = grid("ABCDEFGH", "........")
-    beside = tuple((at[name], 1.0) for name in "BC")
+    beside = tuple((named[name], 1.0) for name in "BC")
     graph = public.with_private(
         [PrivatePlace(0, beside, (named["B"], public.size + 1)), PrivatePlace(1, beside, (named["B"], public.size))]
     )
