@@ -24,7 +24,7 @@ from somrs.protocol.messages.knowledge import Alteration, BrokenRule, Rejected, 
 from somrs.protocol.messages.neighbours import Neighbour
 from somrs.protocol.messages.observations import Observation
 from somrs.protocol.messages.reservations import UnderReservation
-from somrs.repository.neighbour_state import ForwardedUpdate
+from somrs.repository.neighbour_state import ForwardedUpdate, NeighbourState
 from somrs.repository.neighbour_view import View
 from somrs.repository.outcome import Outcome
 from somrs.repository.state import Contents
@@ -199,6 +199,19 @@ def rejected_by(home: str, rejected: Rejected) -> Rejected:
 
 def _at_home(home: str, rule: BrokenRule) -> str:
     return f"{home}:{rule.subject}" if rule.section == "objects" else rule.subject
+
+
+def notice(contents: Contents, neighbour: NeighbourState, body: Body, now: float) -> Send:
+    """What a neighbour is told."""
+    return tell(contents, neighbour.settings.address, body, now)
+
+
+def tell(contents: Contents, recipient: str, body: Body, now: float) -> Send:
+    """A message that has no answer."""
+    contents.notice_count += 1
+    id = message_id(contents.address, recipient, type(body).__name__, contents.notice_count, now)
+    header = Header(sender=contents.address, recipient=recipient, message_id=id)
+    return Send(Message(header=header, body=body), now + FORWARDING_TIME)
 
 
 def request(contents: Contents, address: str, body: Body, id: str, now: float) -> Send:

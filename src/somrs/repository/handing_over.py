@@ -19,9 +19,9 @@ from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object,
 from somrs.ontology.qualified_names import home_of, translated
 from somrs.protocol.messages.envelope import Message, message_id
 from somrs.protocol.messages.neighbours import Adopt, Adopted, AdoptionRefused
-from somrs.protocol.messages.reservations import Claim, ReservationMode
+from somrs.protocol.messages.reservations import Claim, Release, ReservationMode, Reserved
 from somrs.repository.committing import Committing
-from somrs.repository.forwarding import request
+from somrs.repository.forwarding import notice, request, tell
 from somrs.repository.importing import Importing
 from somrs.repository.neighbour_state import Handover, NeighbourState, SharedReservation
 from somrs.repository.outcome import Outcome
@@ -64,7 +64,13 @@ class HandingOver:
         contents = self._contents
         neighbour, name = contents.neighbours[handover.map], handover.object
         claims = tuple(
-            Claim(task=task, serial=2 * claimant.serial, goal=claimant.goal, priority=claimant.priority)
+            Claim(
+                task=task,
+                serial=claimant.serial,
+                goal=claimant.goal,
+                priority=claimant.priority,
+                repository=claimant.holder if contents.neighbour_at(claimant.holder) is not None else "",
+            )
             for task, claimant in contents.reservations.claimants.items()
             if name in claimant.held.changes and claimant.holder != neighbour.settings.address
         )
@@ -140,9 +146,12 @@ class HandingOver:
             yield from self._commit((*map(FactRemoved, facts), ObjectRemoved(name)), "", "", handover.map, now)
         for task, fence in adopted.fences.items():
             claimant = contents.reservations.claimants.get(task)
-            if claimant is not None:
+            if claimant is not None and not claimant.held.changes.isdisjoint((name, new_name)):
                 shared = contents.shared_reservations.setdefault(task, SharedReservation(task_manager=claimant.holder))
                 shared.fences[handover.map] = fence
+            else:  # it has released the object in the meantime
+                serial = 2 * contents.reservations.last_serial(task) + 1
+                yield notice(contents, neighbour, Release(task=task, serial=serial, ended=claimant is None), now)
         yield from self.begin(contained, now)
 
     # Taking
@@ -166,6 +175,9 @@ class HandingOver:
         contents.provenance.times[name] = dict(body.times)
         neighbour.adopted[body.object.name] = None
         fences = dict(self._reserve(name, body.claims, sender, now))
+        for task, fence in fences.items():
+            if (holder := contents.reservations.claimants[task].holder) != sender:
+                yield tell(contents, holder, Reserved(task=task, fence=fence), now)
         return Adopted(handover=body.handover, name=name, fences=fences, version=contents.version)
 
     def _here(self, name: str, neighbour: NeighbourState) -> str:
@@ -179,14 +191,17 @@ class HandingOver:
         """The tasks of the neighbour that have reserved the object have it here, too."""
         reservations = self._contents.reservations
         for claim in claims:
-            claimant = Claimant(holder=sender, goal=claim.goal, priority=claim.priority, arrival=0)
+            # A task of a common neighbour goes on reserving for itself.
+            is_known = self._contents.neighbour_at(claim.repository) is not None
+            holder, serial = (claim.repository, claim.serial) if is_known else (sender, 2 * claim.serial)
+            claimant = Claimant(holder=holder, goal=claim.goal, priority=claim.priority, arrival=0)
             reservation = Reservation(changes=frozenset((name,)))
             granted = reservations.reserve(claim.task, claimant, reservation, ReservationMode.UNDO, now)
             if isinstance(granted, Granted):
                 task_claimant = reservations.claimants[claim.task]
-                task_claimant.serial = max(task_claimant.serial, claim.serial)
+                task_claimant.serial = max(task_claimant.serial, serial)
+                reservations.heard_at[holder] = now
                 yield claim.task, granted.fence
-        reservations.heard_at[sender] = now
 
     # Both
 

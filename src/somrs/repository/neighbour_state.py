@@ -87,9 +87,10 @@ class Handover(Struct, kw_only=True):
 class SharedReservation(Struct, kw_only=True):
     """What a task has reserved of neighbours.
 
-    `task_manager`: its address. `fences`: the numbers of its reservations, by map. `request`: its latest request, while it is passed on,
-    with the `message`; `waiting`: the maps that are still to answer, in order; `request_id`: that of the message to the first of them.
-    `overtaken` and `holders`: from the answers so far.
+    `task_manager`: its address. `fences`: the numbers of its reservations, by map; 0 if not known. `request`: its latest request, while it
+    is passed on, with the `message`; `waiting`: the maps that are still to answer, in order, or, without a request, the one at which the
+    task waits for its turn; `request_id`: that of the message to the first of them.
+    `overtaken` and `holders`: from the answers so far. `asked`: the maps that know of the task, until it has ended.
     """
 
     task_manager: str
@@ -101,3 +102,4 @@ class SharedReservation(Struct, kw_only=True):
     granted: Reserved | None = None
     overtaken: tuple[str, ...] = ()
     holders: tuple[Holder, ...] = ()
+    asked: dict[str, None] = field(default_factory=dict)

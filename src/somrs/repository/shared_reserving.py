@@ -16,8 +16,7 @@ from msgspec import structs
 
 from somrs.kernel.component import Effects, Send
 from somrs.ontology.qualified_names import home_of, plain_name, translated
-from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.envelope import Message, message_id
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.reservations import (
     ClaimReservations,
@@ -30,7 +29,7 @@ from somrs.protocol.messages.reservations import (
     Reserved,
 )
 from somrs.protocol.messages.waits import Holder
-from somrs.repository.forwarding import FORWARDING_TIME, request
+from somrs.repository.forwarding import notice, request, tell
 from somrs.repository.neighbour_state import NeighbourState, SharedReservation
 from somrs.repository.reserving import Reserving
 from somrs.repository.state import Contents
@@ -48,16 +47,20 @@ class SharedReserving:
     # Requests of tasks
 
     def concerns_neighbours(self, request: Reserve) -> bool:
-        """Whether some of the objects are those of neighbours, or the task has such objects."""
+        """Whether some of the objects are those of neighbours, or the task has such objects or waits for them."""
         shared = self._contents.shared_reservations.get(request.task)
-        return any(home_of(name) for name in (*request.changes, *request.relies_on)) or (shared is not None and bool(shared.fences))
+        has_some = shared is not None and bool(shared.fences or shared.waiting)
+        return has_some or any(home_of(name) for name in (*request.changes, *request.relies_on))
 
     def begin(self, message: Message, request: Reserve, now: float) -> Effects:
         """Ask the homes of all objects, the first one now."""
         shared = self._contents.shared_reservations.setdefault(request.task, SharedReservation(task_manager=message.header.sender))
         if shared.request is not None and shared.request.serial >= request.serial:
             return  # it is under way, or a later one is
+        self._note_homes(request.task, shared)
         homes = {home_of(name) for name in (*request.changes, *request.relies_on)}
+        # Where it waited for objects that it does not need any more, it must not hinder others.
+        yield from self._release_at({*shared.waiting[:1]} - homes, request.task, 2 * request.serial - 2, False, now)
         shared.task_manager, shared.message, shared.request = message.header.sender, message, request
         shared.waiting = sorted({*homes - {""}, self._own_map})
         shared.granted, shared.overtaken, shared.holders = None, (), ()
@@ -79,14 +82,16 @@ class SharedReserving:
         shared = self._contents.shared_reservations.get(release.task)
         if shared is None:
             return
-        asked_maps = (shared.waiting[:1] if shared.request_id else []) if shared.request is not None else []
-        yield from self._release_at({*shared.fences, *asked_maps}, release.task, 2 * release.serial, release.ended, now)
+        self._note_homes(release.task, shared)
+        maps = {*shared.fences, *shared.waiting[:1], *(shared.asked if release.ended else ())}
+        yield from self._release_at(maps, release.task, 2 * release.serial, release.ended, now)
         if shared.message is not None:
             yield self._answer(shared.message, ReservationDenied(task=release.task, holders=()))
         if release.ended:
             del self._contents.shared_reservations[release.task]
         else:
-            self._contents.shared_reservations[release.task] = SharedReservation(task_manager=shared.task_manager)
+            kept = SharedReservation(task_manager=shared.task_manager, asked=shared.asked)
+            self._contents.shared_reservations[release.task] = kept
 
     def forget_unclaimed(self, claims: ClaimReservations, sender: str, now: float) -> Effects:
         """A Task Manager has said all that its tasks have: release what others of its tasks have of neighbours."""
@@ -95,11 +100,20 @@ class SharedReserving:
             if shared.task_manager == sender and task not in claimed:
                 yield from self.release(Release(task=task, serial=claims.serial, ended=True), now)
 
+    def _note_homes(self, task: str, shared: SharedReservation) -> None:
+        """What the task has may have got its home at another map, which has the reservation since."""
+        claimant = self._contents.reservations.claimants.get(task)
+        for name in (*claimant.held.changes, *claimant.held.relies_on) if claimant is not None else ():
+            if home := home_of(name):
+                shared.fences.setdefault(home, 0)
+
     # Answers and notices of neighbours
 
     def concerns(self, message: Message) -> bool:
         """Whether the message is the answer to a request, or a notice, of a neighbour."""
-        return isinstance(message.body, ReservationFree | ReservationLost) or self._asking(message.header.relates_to) is not None
+        is_notice = isinstance(message.body, Reserved) and message.header.relates_to is None
+        is_notice = is_notice or isinstance(message.body, ReservationFree | ReservationLost)
+        return is_notice or self._asking(message.header.relates_to) is not None
 
     def received(self, message: Message, now: float) -> Effects:
         """Handle an answer or a notice."""
@@ -113,6 +127,8 @@ class SharedReserving:
             case Fault(text=text) if task is not None:
                 holder = Holder(task=f"{self._waiting_map(task)}: {text}", goal="", objects=(), waiting=False)
                 yield from self._denied(task, (holder,), False, now)
+            case Reserved(task=task, fence=fence) if neighbour is not None:
+                yield from self._moved(task, fence, neighbour, now)
             case ReservationFree(task=task) if neighbour is not None:
                 yield from self._freed(task, neighbour, now)
             case ReservationLost(task=task, fence=fence, holders=holders) if neighbour is not None:
@@ -152,6 +168,8 @@ class SharedReserving:
             problem = Holder(task=f"{home} is no neighbour any more", goal="", objects=(), waiting=False)
             yield from self._denied(task, (problem,), False, now)
             return
+        if shared.request.mode is not ReservationMode.ASK:
+            shared.asked[home] = None
         body = structs.replace(
             shared.request,
             serial=2 * shared.request.serial,
@@ -178,11 +196,19 @@ class SharedReserving:
         assert granted is not None
         assert shared.request is not None
         is_hindered = shared.request.mode is ReservationMode.ASK and shared.holders
-        shared.message = shared.request = None
         if is_hindered:
             yield self._answer(message, ReservationDenied(task=task, holders=shared.holders))
         else:
             yield self._answer(message, structs.replace(granted, overtaken=shared.overtaken, holders=shared.holders))
+        self._conclude(task)
+
+    def _conclude(self, task: str) -> None:
+        """The request has its answer. Who only asked has nothing."""
+        shared = self._contents.shared_reservations[task]
+        assert shared.request is not None
+        if shared.request.mode is ReservationMode.ASK and not shared.asked:
+            del self._contents.shared_reservations[task]
+        shared.message = shared.request = None
 
     def _denied(self, task: str, holders: tuple[Holder, ...], waits: bool, now: float) -> Effects:
         """One map has denied its objects. If the task waits for them, it has nothing at any map."""
@@ -200,23 +226,35 @@ class SharedReserving:
             yield from self._release_at({*shared.fences} - {shared.waiting[0]}, task, 2 * reserve.serial, False, now)
             if shared.waiting[0] != self._own_map:
                 self._contents.reservations.release(task)
-        shared.message = shared.request = None
+        shared.waiting = shared.waiting[:1] if waits else []
+        self._conclude(task)
         yield self._answer(message, ReservationDenied(task=task, holders=holders, waits=waits))
 
     def _release_at(self, maps: set[str], task: str, serial: int, ended: bool, now: float) -> Effects:
         """Release what the task has at neighbours. `serial`: that of the message which does so, doubled."""
         shared = self._contents.shared_reservations[task]
         for home in sorted(maps):
-            shared.fences.pop(home, None)
+            if shared.fences.pop(home, None) is not None:
+                shared.asked[home] = None
             if (neighbour := self._contents.neighbours.get(home)) is not None:
-                yield self._notice(neighbour, Release(task=task, serial=serial + 1, ended=ended), now)
+                yield notice(self._contents, neighbour, Release(task=task, serial=serial + 1, ended=ended), now)
 
     def _freed(self, task: str, neighbour: NeighbourState, now: float) -> Effects:
         shared = self._contents.shared_reservations.get(task)
         if shared is None:
-            yield self._notice(neighbour, Release(task=task, serial=2 * int(now * 1000) + 1, ended=True), now)
+            yield notice(self._contents, neighbour, Release(task=task, serial=2 * int(now * 1000) + 1, ended=True), now)
         else:
-            yield self._tell(shared.task_manager, ReservationFree(task=task), now)
+            yield tell(self._contents, shared.task_manager, ReservationFree(task=task), now)
+
+    def _moved(self, task: str, fence: int, neighbour: NeighbourState, now: float) -> Effects:
+        """What a task has reserved has got its home at this neighbour. A task that has nothing any more releases it there."""
+        shared = self._contents.shared_reservations.get(task)
+        claimant = self._contents.reservations.claimants.get(task)
+        if shared is not None and (shared.request is not None or (claimant is not None and claimant.held)):
+            shared.fences[neighbour.settings.map] = fence
+        else:
+            serial = 2 * self._contents.reservations.last_serial(task) + 1
+            yield notice(self._contents, neighbour, Release(task=task, serial=serial, ended=claimant is None), now)
 
     def _lost(self, task: str, fence: int, holders: tuple[Holder, ...], neighbour: NeighbourState, now: float) -> Effects:
         """A neighbour has given away what a task had. The task has nothing any more, here neither."""
@@ -228,7 +266,9 @@ class SharedReserving:
         own_fence = claimant.fence
         self._contents.reservations.release(task)
         yield from self._release_at({*shared.fences}, task, 2 * claimant.serial, False, now)
-        yield self._tell(shared.task_manager, ReservationLost(task=task, fence=own_fence, holders=self._translated(holders, home)), now)
+        yield tell(
+            self._contents, shared.task_manager, ReservationLost(task=task, fence=own_fence, holders=self._translated(holders, home)), now
+        )
 
     def _translated(self, holders: tuple[Holder, ...], home: str) -> tuple[Holder, ...]:
         return tuple(
@@ -242,12 +282,3 @@ class SharedReserving:
 
     def _waiting_map(self, task: str) -> str:
         return self._contents.shared_reservations[task].waiting[0]
-
-    def _notice(self, neighbour: NeighbourState, body: Body, now: float) -> Send:
-        return self._tell(neighbour.settings.address, body, now)
-
-    def _tell(self, recipient: str, body: Body, now: float) -> Send:
-        self._contents.notice_count += 1
-        address = self._contents.address
-        id = message_id(address, recipient, type(body).__name__, self._contents.notice_count, now)
-        return Send(Message(header=Header(sender=address, recipient=recipient, message_id=id), body=body), now + FORWARDING_TIME)

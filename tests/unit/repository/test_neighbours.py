@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Change, Fact, FactAdded, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Value
@@ -17,7 +19,7 @@ from tests.support.answer_client import AnswerClient
 from tests.support.building import building
 from tests.support.lab import request
 
-BARN, YARD = "http://barn/repository", "http://yard/repository"
+BARN, YARD, MILL = "http://barn/repository", "http://yard/repository", "http://mill/repository"
 
 SITE = """
   {Table1}: {{type: Table, at: [1, 1, 0], Shape: {{Form: Box, Width: 1, Depth: 1, Height: 0.7}}}}
@@ -66,6 +68,20 @@ class Neighbourhood:
 
     def settle(self) -> None:
         self.world.run(90.0)
+
+    def add_mill(self) -> None:
+        """A third map, which all others show everything."""
+        self.world.add(MILL, repository("Mill", MILL, Table1="Shelf1", Table2="Shelf2"), journaled=SCHEMA)
+        addresses = {"Barn": BARN, "Yard": YARD, "Mill": MILL}
+        for map, address in addresses.items():
+            others = (Neighbour(map=other, address=addresses[other], shows_all=True) for other in addresses if other != map)
+            self.configure(address, map, *others)
+        self.settle()
+
+    def reserved_for(self) -> set[str]:
+        """The tasks that have, or wait for, objects of any map."""
+        contents = [component.contents for component in self.world.components.values() if isinstance(component, Repository)]
+        return {task for each in contents for task in (*each.reservations.claimants, *each.shared_reservations)}
 
 
 def test_a_neighbour_s_objects_are_on_the_map_under_qualified_names() -> None:
@@ -214,3 +230,59 @@ def test_an_update_that_is_repeated_while_it_waits_for_a_handover_waits_once() -
     two.world.reconnect(YARD)
     two.settle()
     assert two.holds(BARN, "?Jar: Jar isOn Yard:Ramp2 AND ?Jar.Color = Red")
+
+
+def test_a_question_of_a_preview_leaves_nothing_behind() -> None:
+    two = Neighbourhood()
+    two.ask(YARD, reserve("preview", 1, "Barn:Jar1", mode=ReservationMode.ASK), Reserved)
+    assert not two.at(YARD).contents.shared_reservations
+    assert not two.at(BARN).contents.reservations.claimants
+
+
+def test_a_task_that_waits_for_other_objects_now_hinders_nobody_where_it_waited() -> None:
+    two = Neighbourhood()
+    two.ask(BARN, reserve("barn-task", 1, "Jar1"), Reserved)
+    assert two.ask(YARD, reserve("yard-task", 1, "Barn:Jar1", mode=ReservationMode.WAIT), ReservationDenied).waits
+    two.ask(YARD, reserve("yard-task", 2, "Jar1"), Reserved)
+    two.settle()
+    assert two.at(BARN).contents.reservations.claimants["yard-task"].waiting is None
+    two.world.send(request(Release(task="yard-task", serial=3, ended=True), recipient=YARD))
+    two.settle()
+    assert [*two.at(BARN).contents.reservations.claimants] == ["barn-task"]
+
+
+def test_a_task_that_ends_while_it_waits_at_a_neighbour_waits_no_longer() -> None:
+    two = Neighbourhood()
+    two.ask(BARN, reserve("barn-task", 1, "Jar1"), Reserved)
+    assert two.ask(YARD, reserve("yard-task", 1, "Barn:Jar1", mode=ReservationMode.WAIT), ReservationDenied).waits
+    two.world.send(request(Release(task="yard-task", serial=2, ended=True), recipient=YARD))
+    two.settle()
+    assert [*two.at(BARN).contents.reservations.claimants] == ["barn-task"]
+
+
+def test_what_is_released_while_it_gets_another_home_is_free_there() -> None:
+    two = Neighbourhood()
+    two.ask(BARN, reserve("barn-task", 1, "Jar1"), Reserved)
+    two.world.cut_off(YARD)
+    two.update(BARN, situation="Jar1 isOn Yard:Ramp2")
+    two.world.send(request(Release(task="barn-task", serial=2, ended=True), recipient=BARN))
+    two.world.run(5.0)
+    two.world.reconnect(YARD)
+    two.settle()
+    assert two.reserved_for() == set()
+
+
+@pytest.mark.parametrize("is_away", [False, True], ids=["after the handover", "while it lasts"])
+def test_a_task_of_a_third_map_releases_what_it_has_wherever_that_is_at_home(is_away: bool) -> None:
+    three = Neighbourhood()
+    three.add_mill()
+    three.ask(MILL, reserve("mill-task", 1, "Barn:Jar1", "Yard:Jar1"), Reserved)
+    if is_away:
+        three.world.cut_off(YARD)
+    three.update(BARN, situation="Jar1 isOn Yard:Ramp2")
+    three.world.run(30.0)
+    three.world.send(request(Release(task="mill-task", serial=2, ended=True), recipient=MILL))
+    three.world.run(5.0)
+    three.world.reconnect(YARD)
+    three.settle()
+    assert three.reserved_for() == set()

@@ -108,10 +108,12 @@ class Claim(Struct, frozen=True, kw_only=True):
     """What a running task has under the number `fence`, or, if it `waits`, what it waits for; possibly nothing.
 
     `serial`: the number of the latest message about the task whose effect is in this. The answer to a later one may be on its way.
+    `repository`: the Repository that reserves for the task, if it is not that of the sender (only in Adopt).
     """
 
     task: str
     serial: int
+    repository: str = ""
     fence: int = 0
     waits: bool = False
     goal: str = ""
