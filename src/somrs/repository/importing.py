@@ -47,8 +47,8 @@ class Importing:
         yield from self._take_over(neighbour, names, (), (), now)
 
     def refresh(self, neighbour: NeighbourState, name: str, now: float) -> Effects:
-        """Have an object as the copy has it."""
-        yield from self._take_over(neighbour, [name], (), (), now)
+        """Have an object, and what is said of it, as the copy has it."""
+        yield from self._take_over(neighbour, [name, *_subjects_about(neighbour, name)], (), (), now)
 
     def remove_all(self, home: str, now: float) -> Effects:
         """Remove the objects of a neighbour."""
@@ -118,6 +118,16 @@ class Importing:
         )
         mergings = tuple(Merging(name=self._name(neighbour, merging.name), into=self._name(neighbour, merging.into)) for merging in merged)
         yield from self._commit(neighbour.settings.map, changes, renamings, mergings, now)
+        yield from self._complete(neighbour, self._added(changes), now)
+
+    def _complete(self, source: NeighbourState, added_names: Iterable[str], now: float) -> Effects:
+        """Have what other neighbours say of objects that this one has added."""
+        for neighbour in self._contents.neighbours.values():
+            if neighbour is not source:
+                map = neighbour.settings.map
+                names = (translated(name, self._contents.map.name, map) for name in sorted(added_names))
+                if subjects := dict.fromkeys(subject for name in names for subject in _subjects_about(neighbour, name)):
+                    yield from self._take_over(neighbour, subjects, (), (), now)
 
     def _commit(
         self, home: str, changes: tuple[Change, ...], renamed: tuple[Renaming, ...], merged: tuple[Merging, ...], now: float
@@ -200,7 +210,7 @@ class Importing:
         neighbour.omissions[plain_name(subject) if subject in self._added(changes) else subject] = violation.message
         return [change for change in changes if _subject(change) != subject and objects_of(change)[0] != subject]
 
-    def _added(self, changes: list[Change]) -> set[str]:
+    def _added(self, changes: Iterable[Change]) -> set[str]:
         return {change.object.name for change in changes if isinstance(change, ObjectAdded)}
 
     def _possible(self, neighbour: NeighbourState, changes: list[Change]) -> Iterator[Change]:
@@ -223,6 +233,11 @@ class Importing:
                 case ValueSet(name) if not present.get(name, name in self._contents.map.objects):
                     continue
             yield change
+
+
+def _subjects_about(neighbour: NeighbourState, name: str) -> Iterator[str]:
+    """The objects of the neighbour about which it has facts with an object of this name."""
+    return (fact.arguments[0] for fact in neighbour.copy.map.facts_about(name) if not home_of(fact.arguments[0]))
 
 
 def _subject(change: Change) -> str:

@@ -33,11 +33,9 @@ class View:
         return self._neighbour.shows_all or any(place in shown_places or home_of(place) == map for place in self._whereabouts(name))
 
     def shows_fact(self, fact: Fact) -> bool:
-        """Whether it sees the fact. The neighbour knows its own objects in it."""
+        """Whether it sees the fact. Whether it sees objects of others in it, it knows from them."""
         return (
-            bool(fact.arguments)
-            and self.shows(fact.arguments[0])
-            and all(home_of(name) == self._neighbour.map or self.shows(name) for name in fact.arguments[1:])
+            bool(fact.arguments) and self.shows(fact.arguments[0]) and all(home_of(name) or self.shows(name) for name in fact.arguments[1:])
         )
 
     def facts_from(self, name: str) -> Iterator[Fact]:

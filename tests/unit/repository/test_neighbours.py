@@ -6,7 +6,7 @@ import pytest
 
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Change, Fact, FactAdded, Object, ObjectAdded, ObjectRemoved
-from somrs.ontology.types import Value
+from somrs.ontology.types import PART_OF, Value
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import QueryMap, Rejected, RenameObject, Rows, Updated, UpdateMap
 from somrs.protocol.messages.neighbours import Neighbour, Neighbours, ReadNeighbours
@@ -286,3 +286,10 @@ def test_a_task_of_a_third_map_releases_what_it_has_wherever_that_is_at_home(is_
     three.world.reconnect(YARD)
     three.settle()
     assert three.reserved_for() == set()
+
+
+def test_a_third_map_has_what_is_said_of_objects_of_two_others() -> None:
+    three = Neighbourhood()
+    three.update(BARN, FactAdded(Fact(PART_OF, ("Jar1", "Yard:Room1"))))
+    three.add_mill()
+    assert three.at(MILL).contents.map.has_fact(PART_OF, ("Barn:Jar1", "Yard:Room1"))
