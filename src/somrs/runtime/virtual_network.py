@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -61,6 +62,8 @@ class VirtualNetwork:
         self._clock, self._medium, self._senders, self._deliver = clock, medium, senders, deliver
         self._parked: list[_Transmission] = []
         self._cut_off: set[str] = set()
+        self._separated: Counter[frozenset[str]] = Counter()
+        self._replaced: set[Sender] = set()
         self._posted: set[str] = set()
 
     def send(self, message: Message, expires_at: float | None = None, sender: Sender | None = None, number: int = 0) -> None:
@@ -78,8 +81,12 @@ class VirtualNetwork:
             self.messages.append(message)
         self._clock.schedule(self._clock.now, partial(self._expire if overdue else self._transmit, transmission))
 
-    def forget(self, sender: Sender) -> None:
+    def abandon(self, sender: Sender) -> None:
         """Forget the messages of a component that has ended, as far as they wait for their recipients."""
+        if sender not in self._replaced:
+            self._forget(sender)
+
+    def _forget(self, sender: Sender) -> None:
         self._parked = [transmission for transmission in self._parked if transmission.sender is not sender]
 
     def cut_off(self, address: str) -> None:
@@ -89,6 +96,23 @@ class VirtualNetwork:
     def reconnect(self, address: str) -> None:
         self._cut_off.discard(address)
         self.deliver_parked()
+
+    def separate(self, address: str, other_address: str) -> None:
+        """Let no message pass between two components. They are joined when `join` was called as often."""
+        self._separated[frozenset((address, other_address))] += 1
+
+    def join(self, address: str, other_address: str) -> None:
+        self._separated[frozenset((address, other_address))] -= 1
+        self.deliver_parked()
+
+    def linger(self, sender: Sender, seconds: float) -> None:
+        """A component that another process continues goes on sending for so long what it had under way."""
+        self._replaced.add(sender)
+        self._clock.schedule(self._clock.now + seconds, partial(self._end_lingering, sender))
+
+    def _end_lingering(self, sender: Sender) -> None:
+        self._replaced.discard(sender)
+        self._forget(sender)
 
     def _transmit(self, transmission: _Transmission) -> None:
         """Send the message, for the first time or again."""
@@ -119,11 +143,13 @@ class VirtualNetwork:
 
     def _reaches(self, message: Message) -> bool:
         sender, recipient = message.header.sender, message.header.recipient
-        return recipient in self._senders and not self._cut_off & {sender, recipient}
+        is_separated = self._separated[frozenset((sender, recipient))] > 0
+        return recipient in self._senders and not is_separated and not self._cut_off & {sender, recipient}
 
     def _abandoned(self, transmission: _Transmission) -> bool:
         """Whether the sender was killed, so that the message is not repeated. A copy under way may still arrive."""
-        return transmission.sender is not None and self._senders.get(transmission.sender.address) is not transmission.sender
+        sender = transmission.sender
+        return sender is not None and sender not in self._replaced and self._senders.get(sender.address) is not sender
 
     def _settle(self, transmission: _Transmission) -> None:
         transmission.is_settled, transmission.waiting = True, False
@@ -145,6 +171,8 @@ class VirtualNetwork:
             return
         if transmission in self._parked:
             self._parked.remove(transmission)
+        if transmission.sender in self._replaced:
+            return  # it cannot write down that its message has expired
         self._settle(transmission)
         self._deliver(
             transmission.sender.address if transmission.sender is not None else transmission.message.header.sender,

@@ -119,7 +119,7 @@ class World:
             for key in [key for key in entries if key[0] == address]:
                 del entries[key]
         if life is not None:
-            self._network.forget(life)
+            self._network.abandon(life)
 
     def kill(self, address: str, moment: KillPoint = KillPoint.BETWEEN_INPUTS, effects: int = 0) -> None:
         """Kill the component at this moment, for `AMID` after this number of effects; its disk stays. `alive` is False after that."""
@@ -137,8 +137,24 @@ class World:
         """Start the component again from its journal, at the point where it stopped. Kill it first, if it is alive."""
         journal = self._journal(address)
         self.remove(address)
+        self._restore(address, journal, journal.restart())
+
+    def add_standby(self, address: str) -> None:
+        """Let a standby on another host follow the component's journal from now on."""
+        self._journal(address).add_standby()
+
+    def take_over(self, address: str, lingering: float = 0.0) -> None:
+        """Let the standby continue the component. The earlier process, if it is alive, cannot write to the journal any more, and so handles
+        nothing; but it goes on sending what it had under way for `lingering` seconds."""
+        journal, life = self._journal(address), self._lives.get(address)
+        if life is not None and lingering:
+            self._network.linger(life, lingering)
+        self.remove(address)
+        self._restore(address, journal, journal.take_over())
+
+    def _restore(self, address: str, journal: VirtualJournal, known_records: list[object]) -> None:
         records = self.records[address]
-        records += [record for record in journal.restart() if record not in records]
+        records += [record for record in known_records if record not in records]
         self._restored(address, journal.journaled.component)
         self._begin(address, journal.journaled.component)
 
@@ -188,6 +204,14 @@ class World:
 
     def reconnect(self, address: str) -> None:
         self._network.reconnect(address)
+
+    def separate(self, address: str, other_address: str) -> None:
+        """Let no message pass between two components. Each of them reaches all others."""
+        self._network.separate(address, other_address)
+
+    def join(self, address: str, other_address: str) -> None:
+        """End what `separate` began."""
+        self._network.join(address, other_address)
 
     def timers(self, address: str) -> set[Hashable]:
         """Return the timers of a component that are set."""

@@ -60,3 +60,33 @@ def test_what_is_lost_on_the_way_comes_later() -> None:
     books.world.run(1.0)
     assert books.ledger.total == 1
     assert [round(time - start_time, 3) for time in tries[:5]] == [0.0, 0.05, 0.15, 0.35, 0.75]
+
+
+def test_two_that_are_separated_reach_all_others() -> None:
+    books = Books()
+    books.world.separate("ledger", "sink")
+    books.world.separate("sink", "ledger")
+    books.send_amount(3)
+    books.world.run(10.0)
+    assert books.ledger.total == 3
+    assert not books.sink.received
+    books.world.join("ledger", "sink")
+    books.world.run(1.0)
+    assert not books.sink.received
+    books.world.join("ledger", "sink")
+    books.world.run(1.0)
+    assert books.sink_messages() == expected([3])
+
+
+def test_a_process_that_was_replaced_goes_on_sending_what_it_had_under_way() -> None:
+    books = Books()
+    books.world.add_standby("ledger")
+    books.world.cut_off("sink")
+    books.send_amount(3)
+    books.world.run(5.0)
+    books.world.take_over("ledger", lingering=30.0)
+    books.world.run(5.0)
+    books.world.reconnect("sink")
+    books.world.run(1.0)
+    assert books.sink_messages() == expected([3])
+    assert len(books.sink.received) > len(books.sink_messages()), "both processes have sent it"

@@ -35,6 +35,11 @@ class Revive:
 
 
 @dataclass(frozen=True)
+class TakeOver:
+    lingering: float
+
+
+@dataclass(frozen=True)
 class Snapshot:
     pass
 
@@ -48,6 +53,7 @@ steps = st.one_of(
     st.builds(SendAmount, st.integers(-99, 99)),
     st.builds(Kill, st.sampled_from(KillPoint), st.integers(0, 5)),
     st.just(Revive()),
+    st.builds(TakeOver, st.sampled_from((0.0, 2.0, 30.0))),
     st.just(Snapshot()),
     st.builds(Wait, st.sampled_from((0.0, 0.001, 0.0015, 0.5, 3.0, 40.0))),
 )
@@ -69,6 +75,7 @@ def medium(seed: int | None) -> World:
 @given(st.lists(steps, max_size=25), st.none() | st.integers(0, 2**32))
 def test_whenever_it_is_killed_the_sums_are_right_and_everything_is_said(steps: list[object], seed: int | None) -> None:
     books = Books(world=medium(seed))
+    books.world.add_standby("ledger")
     for step in steps:
         match step:
             case SendAmount(amount):
@@ -77,6 +84,8 @@ def test_whenever_it_is_killed_the_sums_are_right_and_everything_is_said(steps: 
                 books.world.kill("ledger", moment, effects)
             case Revive():
                 books.revive()
+            case TakeOver(lingering):
+                books.world.take_over("ledger", lingering)
             case Snapshot() if books.world.alive("ledger"):
                 books.world.snapshot("ledger")
             case Wait(seconds):
