@@ -12,6 +12,7 @@ import pytest
 from msgspec import structs
 
 from somrs.kernel.component import Answered, Effect, Effects, EffectsReturning, Input, Received, TimerFired
+from somrs.kernel.durability import JournalCodec
 from somrs.kernel.reservations import Reservations
 from somrs.protocol.messages.directory import ServicesJoined, ServicesSubscribed
 from somrs.protocol.messages.events import UndoingCheaper
@@ -31,6 +32,7 @@ from somrs.task_manager.timers import RetryDue
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
 from somrs.task_manager.transaction.step_executor import StepExecutor
 from tests.support.paths import ROOT
+from verification.fault_runs.component_factory import ComponentFactory
 from verification.fault_runs.draw import draw
 from verification.fault_runs.result import Result, play_scenario, run
 from verification.fault_runs.scenario import (
@@ -40,17 +42,18 @@ from verification.fault_runs.scenario import (
     Disturbance,
     Fault,
     Kill,
+    Partition,
     Scenario,
     Setting,
     Sight,
     Slam,
     Survey,
+    TakeOver,
     TaskRequest,
     Undo,
     WorkFault,
     WorkFaultKind,
 )
-from verification.fault_runs.scenario_run import ComponentFactory
 from verification.fault_runs.shrink import minimize, shrink_scenario
 from verification.fault_runs.simulated_device import DeviceManager
 from verification.fault_runs.state_diff import difference
@@ -78,6 +81,13 @@ def test_whatever_goes_wrong_the_properties_hold(many_runs: Result) -> None:
 def test_work_is_not_undone_over_what_another_task_has_changed_while_this_one_waited(seed: int) -> None:
     """A robot was interrupted with a jar, or had put it down, and its task waited. Meanwhile, another task brought the jar elsewhere, and
     there the first one takes it again, and fails: it belongs back there."""
+    assert violated_property(replace(draw(seed), repositories=1)) is None
+
+
+@pytest.mark.parametrize("seed", [2, 5, 11, 21, 23, 28])
+def test_neighbours_agree_about_objects_and_release_what_tasks_have_had(seed: int) -> None:
+    """Things get their homes at other maps while tasks of third ones have them, or wait for them."""
+    assert draw(seed).repositories > 1
     assert not run(seed).failed
 
 
@@ -171,8 +181,8 @@ class Managers(ComponentFactory):
     def __init__(self, kind: type[TaskManager]) -> None:
         self.kind = kind
 
-    def task_manager(self, address: str) -> TaskManager:
-        return self.kind(address, repository="repository", registry="registry")
+    def task_manager(self, address: str, repository: str, registry: str) -> TaskManager:
+        return self.kind(address, repository=repository, registry=registry)
 
 
 CUT_OFF = make_scenario(
@@ -230,6 +240,21 @@ def test_tasks_that_do_not_leave_each_other_what_they_were_promised_are_noticed(
     assert violated_property(quarrel) is Property.MUTUAL_EXCLUSION
 
 
+def test_a_task_that_changes_what_another_one_has_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first task has put its jar down, and goes on with another one, when the second task takes the jar away."""
+    first, second = (
+        TaskRequest(at=start_time, task_manager="tm1", effect=effect, policy=Policy.TIME)
+        for start_time, effect in ((0.0, "Jar1 isOn Table2 AND Jar2 isOn Table2"), (15.0, "Jar1 isOn Table3"))
+    )
+    scenario = make_scenario(WorkFault(nth=1, kind=WorkFaultKind.SLOW), devices=(carrier(1), carrier(2), carrier(3), LOOKER))
+    quarrel = replace(scenario, requests=(first, second))
+    assert violated_property(quarrel) is None
+    monkeypatch.setattr(Reservations, "_conflicts", lambda *_, **__: {})
+    monkeypatch.setattr(Reservations, "_take", lambda *_: iter(()))
+    monkeypatch.setattr(TaskManagerState, "reserved_elsewhere", lambda *_: frozenset())
+    assert violated_property(quarrel) is Property.OWN_WORK
+
+
 def test_a_task_manager_that_leaves_what_it_did_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert violated_property(HALF_DONE) is None
     monkeypatch.setattr(ExecutionLog, "to_undo", lambda *_: [])
@@ -265,6 +290,32 @@ def test_a_task_manager_that_does_not_say_that_it_is_over_is_noticed(monkeypatch
     assert violated_property(make_scenario()) is Property.TERMINATION
     lost_device = make_scenario(Kill(at=15.0, target="devices/Robot1", seconds=None), devices=(carrier(1), LOOKER))
     assert violated_property(lost_device) is Property.ORPHAN
+
+
+@pytest.mark.parametrize("moment", [*KillPoint])
+@pytest.mark.parametrize("lingers", [0.0, 30.0])
+def test_a_standby_goes_on_with_the_tasks(moment: KillPoint, lingers: float) -> None:
+    for target in ("tm1", "repository", "registry"):
+        taken_over = make_scenario(TakeOver(at=4.0, target=target, moment=moment, lingers=lingers))
+        scenario_run, violation = play_scenario(taken_over)
+        assert violation is None
+        assert [view.outcome for view in scenario_run.witness.outcomes.values()] == [Outcome.ACCOMPLISHED]
+
+
+def test_a_standby_that_has_missed_something_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken_over = make_scenario(TakeOver(at=4.0, target="tm1"))
+    assert violated_property(taken_over) is None
+    encode = JournalCodec.encode_batch
+    monkeypatch.setattr(JournalCodec, "encode_batch", staticmethod(lambda entries: encode([]) if len([*entries]) == 1 else encode(entries)))
+    assert violated_property(taken_over) is Property.RESTART
+
+
+def test_components_that_do_not_reach_each_other_for_a_while_go_on_afterwards() -> None:
+    for sender, recipient in (("tm1", "repository"), ("tm1", "registry"), ("tm1", "devices/Robot1"), ("devices/Robot1", "registry")):
+        scenario = make_scenario(Partition(at=2.0, one=sender, other=recipient, seconds=150.0))
+        scenario_run, violation = play_scenario(scenario)
+        assert violation is None
+        assert any("cannot reach each other" in text for _, text in scenario_run.log)
 
 
 @pytest.mark.parametrize("snapshot", [False, True])
@@ -400,8 +451,8 @@ SURVEYED = replace(
 def test_things_that_cameras_see_come_to_the_map_once(monkeypatch: pytest.MonkeyPatch) -> None:
     scenario_run, violation = play_scenario(SURVEYED)
     assert violation is None
-    assert scenario_run.contents is not None
-    assert [name for name in scenario_run.contents.map.objects if name.startswith("Jar")] == ["Jar1", "Jar2", "Jar3", "Jar004"]
+    assert (contents := scenario_run.organisations.contents("")) is not None
+    assert [name for name in contents.map.objects if name.startswith("Jar")] == ["Jar1", "Jar2", "Jar3", "Jar004"]
     assert scenario_run.reality.places["Jar004"] == ("isOn", "Table3")
 
     def recognise_nothing(sightings: Sequence[Sighting], *_: object) -> Association:

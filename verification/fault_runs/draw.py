@@ -11,6 +11,7 @@ from somrs.protocol.messages.submission import Policy
 from somrs.runtime.virtual_time import KillPoint
 from verification.fault_runs.scenario import (
     AT_WORK,
+    MAPS,
     Carry,
     Cut,
     Departure,
@@ -20,17 +21,18 @@ from verification.fault_runs.scenario import (
     Kill,
     Loss,
     Move,
+    Partition,
     Scenario,
     Setting,
     Sight,
     Slam,
     Store,
     Survey,
+    TakeOver,
     TaskRequest,
     Undo,
     WorkFault,
     WorkFaultKind,
-    registry_addresses,
 )
 from verification.fault_runs.site import FLOOR, RECOGNITION, RESERVATION, SERVICES, WEIGHING
 
@@ -55,7 +57,9 @@ class _Draw:
         self.questions = random.Random(f"{seed}: what is asked, and what is not known")
         self.telling_dice = random.Random(f"{seed}: what is weighed, computed and sighted, and what undoing costs")
         self.registry_dice = random.Random(f"{seed}: how many Registries there are, and what happens to them")
-        self.registries = 2 if self.registry_dice.random() < OFTEN else 1
+        self.map_dice = random.Random(f"{seed}: how many maps there are, and who does not reach whom")
+        self.repositories = self.map_dice.choice((1, 1, 1, 2, 2, 3))
+        self.registries = 2 if self.registry_dice.random() < OFTEN and self.repositories == 1 else 1
         self.setting = dice.choice(list(Setting))
         self.managers = [f"tm{number}" for number in range(1, dice.choice((1, 1, 2, 3, 4)) + 1)]
         self.tables = [f"Table{number}" for number in range(1, dice.randint(2, 4) + 1)]
@@ -66,6 +70,8 @@ class _Draw:
         self.store = self.more_dice.choice(list(Store)) if self.setting is Setting.DOORS else Store.PRECONDITION
         self.carry = Carry.WEIGHED if self.setting is Setting.FLAT and self.telling_dice.random() < OFTEN else Carry.PLAIN
         self.hidden = [f"Hidden{number}" for number in range(1, self.telling_dice.choice((0, 0, 1, 2)) + 1)]
+        if self.repositories > 1:  # each Repository names new things for itself
+            self.hidden = []
         self.devices = [*self._devices()]
         self.count = dice.choice((1, 1, 2, 2, 3, 4, 6, 8))
         self.quarrel = self.chance(OFTEN)
@@ -84,13 +90,14 @@ class _Draw:
             setting=self.setting,
             managers=len(self.managers),
             registries=self.registries,
+            repositories=self.repositories,
             tables=tuple(self.tables),
             shelves=tuple(self.shelves),
             doors=tuple(self.doors),
             things=tuple(self.things),
             devices=(*self.devices, *self._tellers()),
             requests=tuple(self._requests()),
-            faults=(*self._faults(), *self._registry_kills()),
+            faults=(*self._faults(), *self._registry_kills(), *self._host_faults()),
             planning=self.dice.choice((0.0, 0.0, 0.5, 8.0)),
             hidden=tuple((thing, self.telling_dice.choice(self.supports)) for thing in self.hidden),
             weights=tuple(self._weights()),
@@ -270,12 +277,40 @@ class _Draw:
         if self.registries > 1 and dice.random() < OFTEN:
             yield Kill(
                 at=round(dice.random() * EVENTFUL, 2),
-                target=dice.choice(registry_addresses(self.registries)),
+                target=dice.choice(("registry", "registry-2")),
                 moment=dice.choice(list(KillPoint)),
                 effects=dice.randint(0, 4),
                 seconds=dice.choice((None, None, 2.0, 25.0, 90.0)),
                 snapshot=dice.random() < OFTEN,
             )
+
+    def _host_faults(self) -> Iterator[Fault]:
+        """Between components: partitions, hosts that are lost for good, and Repositories and Registries of further maps that are killed."""
+        dice = self.map_dice
+        central = [*(f"repository{suffix}" for suffix in self._suffixes()), *(f"registry{suffix}" for suffix in self._suffixes())]
+        replicated = [*self.managers, *central]
+        for _ in range(dice.choice((0, 0, 1, 2, 3)) if self.repositories > 1 else 0):
+            target, seconds = dice.choice(central), dice.choice((0.1, 2.0, 10.0, 25.0, 50.0))
+            at, moment, effects = self._map_time(), dice.choice(list(KillPoint)), dice.randint(0, 4)
+            yield Kill(at=at, target=target, moment=moment, effects=effects, seconds=seconds, snapshot=dice.random() < OFTEN)
+        for _ in range(dice.choice((0, 0, 0, 1, 1, 2))):
+            yield TakeOver(
+                at=self._map_time(),
+                target=dice.choice(replicated),
+                moment=dice.choice(list(KillPoint)),
+                effects=dice.randint(0, 4),
+                seconds=dice.choice((0.5, 2.6, 12.0)),
+                lingers=dice.choice((0.0, 0.0, 5.0, 30.0)),
+            )
+        for _ in range(dice.choice((0, 0, 1, 2, 3))):
+            one, other = dice.sample([*replicated, *(device.address for device in dice.sample(self.devices, 2))], 2)
+            yield Partition(at=self._map_time(), one=one, other=other, seconds=dice.choice((2.0, 12.0, 30.0, 70.0, 150.0)))
+
+    def _suffixes(self) -> list[str]:
+        return ["", *(f"-{map}" for map in MAPS[1 : self.repositories])]
+
+    def _map_time(self) -> float:
+        return round(self.map_dice.random() * EVENTFUL, 2)
 
     def _killing(self, target: str, *, final: bool) -> Kill:
         dice = self.dice

@@ -6,8 +6,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Relation, Truth, conjuncts
-from verification.fault_runs.scenario import Scenario, Setting
-from verification.fault_runs.site import FLOOR
+from verification.fault_runs.scenario import Scenario, Setting, floor_of
 
 Place = tuple[str, str]
 """A relation (`isOn` or `isHeldBy`) and its second object."""
@@ -42,6 +41,8 @@ class Reality:
     unnamed: set[str] = field(default_factory=set)
     """Things that the map does not have. They get the names that the Repository gives them."""
     tables: tuple[str, ...] = ()
+    floors: dict[str, str] = field(default_factory=dict)
+    """Where a device drops things, by its name."""
     reserved: set[tuple[str, str]] = field(default_factory=set)
     """The tables that devices have reserved, each with its thing."""
     doubtful: set[str] = field(default_factory=set)
@@ -59,6 +60,7 @@ class Reality:
             weights=dict(scenario.weights),
             unnamed=hidden,
             tables=scenario.tables,
+            floors={device.name: floor_of(scenario.map_number(device.name)) for device in scenario.devices},
         )
 
     def state(self, object: str) -> Place | bool:
@@ -109,7 +111,7 @@ class Reality:
             if place == ("isHeldBy", device):
                 if thing not in at_work_on:
                     self.doubtful.add(thing)
-                self.move_object(thing, ("isOn", FLOOR), time, None, device)
+                self.move_object(thing, ("isOn", self.floors[device]), time, None, device)
 
     def is_true(self, formula: Formula) -> bool:
         """Whether the formula holds, as far as it concerns places and doors."""

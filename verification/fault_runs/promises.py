@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from somrs.ontology.qualified_names import plain_name
 from somrs.protocol.frp.session import service_of
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.envelope import Message
@@ -58,8 +59,9 @@ class Promises:
         work = next((work for work in task.log if work.participant == pair[1]), None) if task is not None else None
         if task is None or work is None or service_type != Carry.WEIGHED or RESERVED not in task.task.effect:
             return
-        if work.goal is GoalKind.TASK and (inputs["Place"], inputs["Object"]) not in self._scenario_run.reality.reserved:
-            raise Violation(Property.OUTPUTS, f"{pair[1]} is to bring {inputs['Object']} to {inputs['Place']}, which nobody reserved")
+        place, thing = plain_name(inputs["Place"]), plain_name(inputs["Object"])
+        if work.goal is GoalKind.TASK and (place, thing) not in self._scenario_run.reality.reserved:
+            raise Violation(Property.OUTPUTS, f"{pair[1]} is to bring {thing} to {place}, which nobody reserved")
 
     def started(self, simulated_device: SimulatedDevice, device_work: DeviceWork) -> None:
         """Check that a device that begins to work does not carry what is too heavy for it."""

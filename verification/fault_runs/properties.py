@@ -1,8 +1,9 @@
 """The properties of the Failure Recovery Protocol, checked in one run: after each input, and at the end.
 
 The check observes the system from outside: the true actions of devices, the messages, the Repository's map, and what clients receive. Only
-the course of a transaction is read from the Task Manager itself. Three files have parts of the check: `recorded_reports.py` (the way of
-reports to the map), `promises.py` (what tasks and services promise) and `sightings.py` (what cameras see).
+the course of a transaction is read from the Task Manager itself. Four files have parts of the check: `recorded_reports.py` (the way of
+reports to the map), `own_work.py` (what tasks do to each other), `promises.py` (what tasks and services promise) and `sightings.py` (what
+cameras see).
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from somrs.entish.parse import parse
 from somrs.kernel.component import Input, Received
 from somrs.kernel.replica import ReplicaDue
 from somrs.kernel.service_replica import ServicesDue
+from somrs.ontology.homes import full_name, with_full_names
+from somrs.ontology.qualified_names import plain_name
 from somrs.ontology.truth import formula_holds
 from somrs.planner.model.problem import Problem
 from somrs.protocol.frp.session import service_of
@@ -31,6 +34,8 @@ from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import view
 from verification.fault_runs.client import preview_id
 from verification.fault_runs.ground_truth import Action
+from verification.fault_runs.names import plain_text
+from verification.fault_runs.own_work import OwnWork
 from verification.fault_runs.promises import Promises
 from verification.fault_runs.recorded_reports import RecordedReports
 from verification.fault_runs.sightings import Sightings
@@ -64,6 +69,7 @@ class Witness:
         self._endings: dict[str, Outcome] = {}
         """The decided outcome of each task that is being stopped."""
         self.sightings, self._promises = Sightings(scenario_run), Promises(scenario_run)
+        self._own_work = OwnWork(scenario_run)
         self._recorded_reports = RecordedReports(scenario_run.world)
         self._worked: dict[str, set[str | None]] = {}
         """The tasks for which devices worked on each object, whether or not the work changed it."""
@@ -88,6 +94,7 @@ class Witness:
                 text = f"{simulated_device.name} begins {own_label} while {other_device.name} is at {other_label}"
                 tasks = " and ".join(dict.fromkeys((device_work.transaction, other_work.transaction)))
                 raise Violation(Property.MUTUAL_EXCLUSION, f"{text}; both work on {device_work.object} for {tasks}")
+        self._own_work.started(device_work)
         self._contracted(device_work)
         self._promises.started(simulated_device, device_work)
         self._worked.setdefault(device_work.object, set()).add(device_work.transaction)
@@ -127,6 +134,7 @@ class Witness:
             pair = message.header.transaction or "", message.header.participant or ""
             self.sightings.read(message)
             self._promises.read(message)
+            self._own_work.read(message)
             self._recorded_reports.read(message)
             match message.body:
                 case frp.Terms() as terms:
@@ -147,13 +155,14 @@ class Witness:
         if terms is None or terms.condition is None or manager is None:
             return
         replica = manager.state.replica
-        if not formula_holds(parse(terms.condition), replica.map, replica.ontology):
+        condition = with_full_names(parse(plain_text(terms.condition)), replica.map, replica.ontology)
+        if not formula_holds(condition, replica.map, replica.ontology):
             raise Violation(Property.CONTRACT, f"{pair[1]} is told to start, although its terms demand {terms.condition}")
 
     def planning(self, address: str, problem: Problem) -> None:
         """Check a request to the planner. It may come from any transaction with this goal, or from a preview."""
         manager = self._scenario_run.task_manager(address)
-        if manager is None or any(str(parse(effect)) == str(problem.goal) for effect in self._previews.values()):
+        if manager is None or any(str(parse(effect)) == plain_text(str(problem.goal)) for effect in self._previews.values()):
             return
         self._recorded_reports.planned(manager, problem)
 
@@ -239,9 +248,9 @@ class Witness:
 
     def _mentions(self, work: WorkView, object: str) -> bool:
         """Whether the client learns of the object's new state: the work is stranded, or other work that compensates left it so."""
-        if object not in work.inputs.values():
+        if object not in map(plain_name, work.inputs.values()):
             return False
-        is_undone = work.situation is not None and self._scenario_run.reality.situation_of(object) in work.situation
+        is_undone = work.situation is not None and self._scenario_run.reality.situation_of(object) in plain_text(work.situation)
         return work.state is State.STRANDED or (work.step.startswith(GoalKind.UNDO) and is_undone)
 
     # The end of the run
@@ -256,6 +265,7 @@ class Witness:
 
     def _unsettled(self) -> Iterator[str]:
         scenario_run = self._scenario_run
+        yield from scenario_run.organisations.activity()
         yield from (f"the client got no answer to its request {number}" for number in scenario_run.client.open_requests)
         yield from (f"the client cannot cancel the task of its request {number}" for number in scenario_run.client.pending_cancellations)
         yield from (f"the client got no preview for its request {number}" for number in scenario_run.client.pending_previews)
@@ -272,7 +282,7 @@ class Witness:
             ):
                 yield f"{address} still waits for {sorted(map(str, timers))[0]}"
         for transaction, participant in self._terms:
-            device = scenario_run.world.components.get(f"devices/{service_of(participant).partition('.')[0]}")
+            device = scenario_run.world.components.get(f"devices/{service_of(plain_name(participant)).partition('.')[0]}")
             if isinstance(device, ServiceManager) and (state := device.state_of(transaction, participant)) not in (State.ENDED, State.NEW):
                 yield f"{participant} in {transaction} is {state}"
         for simulated_device in scenario_run.simulated_devices.values():
@@ -299,7 +309,8 @@ class Witness:
                 )
         for simulated_device, device_work in scenario_run.working:
             raise Violation(Property.ORPHAN, f"{simulated_device.name} still works for {device_work.participant}")
-        self._check_map()
+        for map in scenario_run.organisations.repositories:
+            self._check_map(map)
         self._check_copies()
         records: dict[str, TaskRecord] = {}
         for address in scenario_run.managers:
@@ -314,26 +325,27 @@ class Witness:
 
     def _check_copies(self) -> None:
         """Check that Task Managers know the map and the services on offer as they are at the end, when all news has had time to arrive."""
-        scenario_run, contents = self._scenario_run, self._scenario_run.contents
-        assert contents is not None, "the Repository runs at the end of a run"
-        listed = {address: offers for address in scenario_run.registries if (offers := scenario_run.offers_at(address)) is not None}
-        services = {address: {offer.service for offer in offers} for address, offers in listed.items()}
-        if any(names != services[address] for address in services for names in services.values()):
-            raise Violation(Property.COPIES, f"the Registries do not list the same: {services}")
+        scenario_run, organisations = self._scenario_run, self._scenario_run.organisations
+        for disagreement in organisations.disagreements():
+            raise Violation(Property.COPIES, disagreement)
+        for thing in scenario_run.reality.places if len(organisations.repositories) > 1 else ():
+            if len(homes := organisations.homes(thing)) != 1:
+                raise Violation(Property.IDENTITY, f"{thing} is at home on {' and '.join(homes) or 'no map'}")
         for address in scenario_run.managers:
             manager = scenario_run.task_manager(address)
             assert manager is not None, "it has ended all its tasks"
-            if manager.state.replica.map != contents.map:
+            contents = organisations.contents(scenario_run.scenario.maps[scenario_run.scenario.map_number(address)])
+            if contents is None or manager.state.replica.map != contents.map:
                 raise Violation(Property.COPIES, f"the map of {address} is not that of the Repository")
             directory = manager.state.discovery.directory
-            offers = listed.get(directory.registry) if directory is not None else None
+            offers = organisations.offers_at(directory.registry) if directory is not None else None
             if directory is None or directory.offers != offers:
                 raise Violation(Property.COPIES, f"{address} knows {directory and directory.offers}, and its Registry lists {offers}")
 
-    def _check_map(self) -> None:
+    def _check_map(self, map: str) -> None:
         """Check property 5 at the end, when every action has been reported or observed. Two cases are exempt: objects last moved by a
         device that never came back, and objects that a person moved, too, as a delayed report may describe the earlier action."""
-        scenario_run, contents = self._scenario_run, self._scenario_run.contents
+        scenario_run, contents = self._scenario_run, self._scenario_run.organisations.contents(map)
         assert contents is not None, "the Repository runs at the end of a run"
         for action in {action.object: action for action in scenario_run.reality.actions}.values():
             tasks = self._worked.get(action.object, set()) | {
@@ -342,11 +354,11 @@ class Witness:
             touched = len(tasks) > 1 and None in tasks
             if action.object in scenario_run.reality.doubtful or f"devices/{action.actor}" not in scenario_run.world.components or touched:
                 continue
-            formula = parse(scenario_run.reality.situation_of(action.object))
-            is_certain = contents.map.objects[action.object].values.get("Unknown") is not True
+            formula = with_full_names(parse(scenario_run.reality.situation_of(action.object)), contents.map, contents.ontology)
+            is_certain = contents.map.objects[full_name(action.object, contents.map)].values.get("Unknown") is not True
             if is_certain and not formula_holds(formula, contents.map, contents.ontology):
                 raise Violation(
-                    Property.MAP, f"{action.actor} had {action.object} {action.state_after}, which the map does not show at the end"
+                    Property.MAP, f"{action.actor} had {action.object} {action.state_after}, which the map {map} does not show at the end"
                 )
 
 

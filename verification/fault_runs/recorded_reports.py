@@ -5,12 +5,18 @@ It is a part of property 5. That the map is right in the end is checked in `prop
 
 from __future__ import annotations
 
+from functools import cache
+
+from somrs.entish.parse import parse
+from somrs.errors import FormulaError
+from somrs.ontology.qualified_names import plain_name
 from somrs.planner.model.problem import Problem
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import Message, normalised_id
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.runtime.virtual_time import World
 from somrs.task_manager.manager import TaskManager
+from verification.fault_runs.names import plain_text
 from verification.fault_runs.violation import Property, Violation
 
 ServiceReport = tuple[str, str]
@@ -39,7 +45,7 @@ class RecordedReports:
         header = message.header
         match message.body:
             case UpdateMap(author=author, situation=str(situation)):
-                self._updates[normalised_id(header.message_id)] = author, situation
+                self._updates[normalised_id(header.message_id)] = plain_text(author), _normalised(situation)
             case Updated() | Rejected():
                 self._note_update(normalised_id(header.relates_to or ""))
             case frp.Completed() | frp.Failed() | frp.Stopped() | frp.Compensated() | frp.Stranded():
@@ -83,7 +89,7 @@ class RecordedReports:
             and member.session.received_messages[kind].id == header.message_id
         ):
             reports = self._unrecorded.setdefault(transaction.id, {})
-            report = member.offer.service, situation
+            report = plain_name(member.offer.service), _normalised(situation)
             # The report may be recorded already: it arrived before, the Task Manager was killed, and the report was repeated.
             if self._recorded_at.get(report, -1.0) < self._first_sent[header.message_id]:
                 reports[header.message_id] = report
@@ -93,3 +99,12 @@ class RecordedReports:
         wanting = [t for t in manager.state.tasks.values() if t.outcome is None and any(p.goal == str(problem.goal) for p in t.executions)]
         if wanting and all(self._unrecorded.get(task.id) for task in wanting):
             self._check(wanting[0].id, "it was planned")
+
+
+@cache
+def _normalised(situation: str) -> str:
+    """The situation with plain names, as formulas are written."""
+    try:
+        return str(parse(plain_text(situation)))
+    except FormulaError:
+        return situation

@@ -10,9 +10,10 @@ from somrs.protocol.messages import events, waits
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import TaskRecord
+from verification.fault_runs.component_factory import ComponentFactory
 from verification.fault_runs.draw import draw
 from verification.fault_runs.scenario import Scenario
-from verification.fault_runs.scenario_run import ComponentFactory, ScenarioRun
+from verification.fault_runs.scenario_run import ScenarioRun
 from verification.fault_runs.violation import Violation
 
 RECOVERIES: dict[type[Event], str] = {

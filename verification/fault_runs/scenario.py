@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from enum import StrEnum
+from string import ascii_letters
 
 from somrs.ontology.services import Handler
 from somrs.protocol.messages.submission import Policy
@@ -13,9 +14,13 @@ AT_WORK = "the device at work"
 """The target of a fault: the device that works at that moment, if there is one."""
 
 
-def registry_addresses(count: int) -> list[str]:
-    """The addresses of so many Registries."""
-    return ["registry", *(f"registry-{number}" for number in range(2, count + 1))]
+MAPS = ("Barn", "Yard", "Mill")
+"""The names of maps, if there are several."""
+
+
+def floor_of(number: int) -> str:
+    """The floor of the map with this number, from 0: the place of objects that were dropped."""
+    return f"Floor{number + 1}"
 
 
 class Setting(StrEnum):
@@ -142,6 +147,29 @@ class Cut:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Partition:
+    """An interval in which no message passes between two components, whichever of them sends it."""
+
+    at: float
+    one: str
+    other: str
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TakeOver:
+    """A component's host dies at that moment or at the next input after it, or only seems to: with `lingers`, the process goes on sending
+    for so many seconds what it had sent before. After `seconds`, a standby on another host goes on as the same component."""
+
+    at: float
+    target: str
+    moment: KillPoint = KillPoint.BETWEEN_INPUTS
+    effects: int = 0
+    seconds: float = 2.6
+    lingers: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
     """An interval in which messages are lost or duplicated, with these probabilities, or delayed by up to `late` seconds."""
 
@@ -212,13 +240,14 @@ class Departure:
     device: str
 
 
-Fault = Kill | Cut | Disturbance | WorkFault | Move | Slam | Sight | Survey | Loss | Departure
+Fault = Kill | TakeOver | Cut | Partition | Disturbance | WorkFault | Move | Slam | Sight | Survey | Loss | Departure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """A scenario. `planning`: seconds that the planner takes. `things` with their supports, `doors` open or not, `shelves` with doors.
-    `registries`: how many Registries list the services; devices and Task Managers begin with one or another.
+    `repositories`: each has a map, and a Registry beside it; all are neighbours. Objects, devices and Task Managers are on the map of their
+    number. `registries`: how many Registries the first map has; devices and Task Managers begin with one or another.
 
     `hidden`: things with their supports that the map does not have. `weights`: in kg, of each thing, if the map has none.
     """
@@ -237,6 +266,27 @@ class Scenario:
     hidden: tuple[tuple[str, str], ...] = ()
     weights: tuple[tuple[str, float], ...] = ()
     registries: int = 1
+    repositories: int = 1
+
+    @property
+    def maps(self) -> tuple[str, ...]:
+        """The names of the maps. A single map has none."""
+        return MAPS[: self.repositories] if self.repositories > 1 else ("",)
+
+    @property
+    def repository_addresses(self) -> list[str]:
+        """In the order of the maps."""
+        return ["repository", *(f"repository-{map}" for map in self.maps[1:])]
+
+    def registry_addresses(self, map_number: int) -> list[str]:
+        """The Registries at the map with this number."""
+        count = self.registries if map_number == 0 else 1
+        first = "registry" if map_number == 0 else f"registry-{self.maps[map_number]}"
+        return [first, *(f"{first}-{number}" for number in range(2, count + 1))]
+
+    def map_number(self, name: str) -> int:
+        """The number, from 0, of the map that has a numbered object, device or Task Manager."""
+        return (int(name.lstrip(ascii_letters)) - 1) % self.repositories
 
     @property
     def thing_type(self) -> str:
@@ -246,7 +296,8 @@ class Scenario:
         """Return the scenario as text for people."""
         lines = [
             f"{self.setting}; {self.managers} Task Manager{'s' if self.managers > 1 else ''}, planning takes {self.planning:g} s",
-            *([f"{self.registries} Registries"] if self.registries > 1 else []),
+            *([f"{self.repositories} Repositories: {', '.join(self.maps)}"] if self.repositories > 1 else []),
+            *([f"{self.registries} Registries{' at the first' if self.repositories > 1 else ''}"] if self.registries > 1 else []),
             f"on tables {', '.join(self.tables)}; shelves {', '.join(f'{s} behind {d}' for s, d in self.shelves)}",
             f"doors: {', '.join(f'{door} open' if is_open else f'{door} closed' for door, is_open in self.doors)}",
             f"things: {', '.join(f'{thing} on {place}' for thing, place in self.things)}",

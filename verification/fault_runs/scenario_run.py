@@ -5,38 +5,33 @@ from __future__ import annotations
 import traceback
 import zlib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from msgspec import structs
 
-from somrs.kernel.component import Component, Input, Received, Send
+from somrs.kernel.component import Component, Input
 from somrs.kernel.following import LEASE
-from somrs.kernel.offers import Offers
 from somrs.kernel.replica import Replica
 from somrs.ontology.map import Map
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.protocol.messages.directory import Discover, Discovered
-from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
-from somrs.registry.component import SCHEMA as REGISTRY
+from somrs.protocol.messages.envelope import Message
 from somrs.registry.component import Registry
-from somrs.registry.neighbours import Neighbour
-from somrs.registry.selection import Selection
-from somrs.repository.component import SCHEMA as REPOSITORY
 from somrs.repository.component import Repository
-from somrs.repository.state import Contents
 from somrs.runtime.virtual_network import LATENCY
 from somrs.runtime.virtual_time import KillPoint, Work, World
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
-from somrs.service_manager.participant.state import ServiceManagerState
 from somrs.service_manager.participant.timers import DepartureRequested as LeaveNow
-from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.manager import SCHEMA, TaskManager
+from somrs.task_manager.transaction.state import TaskState
 from verification.fault_runs.bystanders import Bystanders
 from verification.fault_runs.client import Client
+from verification.fault_runs.component_factory import ComponentFactory, profile
 from verification.fault_runs.ground_truth import Reality
+from verification.fault_runs.names import DeviceNames
+from verification.fault_runs.organisations import Organisations
 from verification.fault_runs.properties import Witness
 from verification.fault_runs.scenario import (
     AT_WORK,
@@ -47,48 +42,30 @@ from verification.fault_runs.scenario import (
     Kill,
     Loss,
     Move,
+    Partition,
     Scenario,
     Sight,
     Slam,
     Survey,
-    Undo,
+    TakeOver,
     WorkFault,
     WorkFaultKind,
-    registry_addresses,
 )
-from verification.fault_runs.simulated_device import DeviceManager, DeviceWork, InputObserver, SimulatedDevice
-from verification.fault_runs.site import map_of, ontology, service_type
+from verification.fault_runs.simulated_device import DeviceManager, DeviceWork, SimulatedDevice
 from verification.fault_runs.state_diff import difference
 from verification.fault_runs.violation import Property, Violation
 
 LONG = 4 * 3600.0
 """Seconds after the last fault has healed within which every task has to end and every participant has to be released."""
 
+READING_TIME = 20.0
+"""Seconds in which Repositories and Registries get to know their neighbours, before a run with several maps."""
+
 AFTERWARDS = 60.0
 """Seconds after the end in which there may be no activity."""
 
 MAX_EVENTS = 100_000
 """The limit on the inputs of a run; no scenario needs as many."""
-
-
-class ComponentFactory:
-    """Makes the components of a run. Tests override it to introduce defects."""
-
-    def task_manager(self, address: str) -> TaskManager:
-        return TaskManager(address, repository="repository", registry="registry")
-
-    device_manager = DeviceManager
-
-    def service_manager(self, profile: Profile, simulated_device: SimulatedDevice, observe_input: InputObserver) -> DeviceManager:
-        return self.device_manager(profile, repository="repository", registry="registry").attach(simulated_device, observe_input)
-
-    def restore_service_manager(
-        self, state: ServiceManagerState, simulated_device: SimulatedDevice, observe_input: InputObserver
-    ) -> DeviceManager:
-        return self.device_manager.restored(state).attach(simulated_device, observe_input)
-
-    def revive(self, world: World, address: str) -> None:
-        world.revive(address)
 
 
 class ScenarioRun:
@@ -109,20 +86,18 @@ class ScenarioRun:
         self.events = 0
         self._tries: Counter[str] = Counter()
         self._work_counts: Counter[str | None] = Counter()
-        self._targets: dict[Kill | Cut, str] = {}
+        self._targets: dict[Kill | TakeOver | Cut, str] = {}
         self._disturbances: list[Disturbance] = []
         self._cuts: Counter[str] = Counter()
         self._doomed: dict[str, Component] = {}
         self._fallen: dict[str, Component] = {}
         self._listeners: list[Callable[[float, Input], None]] = []
         self.client = Client(scenario.requests)
+        self.organisations = Organisations(scenario)
         self.witness = Witness(self)
         self._bystanders = Bystanders(self)
         self.managers = [f"tm{number}" for number in range(1, scenario.managers + 1)]
-        self.world.add("repository", self._repository(), journaled=REPOSITORY)
-        self.registries = registry_addresses(scenario.registries)
-        for address in self.registries:
-            self.world.add(address, self._registry(address), journaled=REGISTRY)
+        self.organisations.begin(self.world)
         self.world.add("client", self.client)
         self._scheduled: list[tuple[float, Callable[[], None]]] = []
         for traits in scenario.devices:
@@ -131,32 +106,20 @@ class ScenarioRun:
             else:
                 self._join(traits)
         for number, address in enumerate(self.managers):
-            manager = self.factory.task_manager(address)
-            manager.state.requests.registry = self._registry_of(number)
+            map_number = scenario.map_number(address)
+            registry = self.organisations.registry_of(map_number, number)
+            manager = self.factory.task_manager(address, self.organisations.repository_of(map_number), registry)
             schema = structs.replace(SCHEMA, restore=type(manager).restored)
             self.world.add(address, manager, partial(self._plan, address), journaled=schema)
 
     # Components
 
-    def _registry(self, address: str) -> Registry:
-        everything = Selection()
-        neighbours = (
-            Neighbour(name=other, address=other, takes=everything, gives=everything, is_of_site=True)
-            for other in self.registries
-            if other != address
-        )
-        return Registry(address, ontology(), "repository", neighbours)
-
-    def _registry_of(self, number: int) -> str:
-        """The Registry with which the Task Manager or the device with this number begins."""
-        return self.registries[number % len(self.registries)]
-
-    def _repository(self) -> Repository:
-        return Repository("repository", Contents(ontology=ontology(), map=map_of(self.scenario)))
-
     def _join(self, traits: DeviceTraits) -> None:
         next_fault = partial(self._work_fault, traits.name)
-        simulated_device = SimulatedDevice(traits, self.reality, next_fault, lambda: self.world.now, self._observe_start, self._break)
+        names = DeviceNames(self.scenario.maps[self.scenario.map_number(traits.name)], self.organisations.fixed_homes)
+        simulated_device = SimulatedDevice(
+            traits, names, self.reality, next_fault, lambda: self.world.now, self._observe_start, self._break
+        )
         self.simulated_devices[traits.address] = simulated_device
         schema = structs.replace(
             SERVICE_MANAGER, restore=lambda state: self.factory.restore_service_manager(state, simulated_device, self.witness.observe_input)
@@ -164,35 +127,29 @@ class ScenarioRun:
         self.world.add(traits.address, self._device(traits), simulated_device.carry_out, journaled=schema)
 
     def _device(self, traits: DeviceTraits) -> ServiceManager:
-        manager = self.factory.service_manager(profile(traits), self.simulated_devices[traits.address], self.witness.observe_input)
-        manager.state.joining.registry = self._registry_of(self.scenario.devices.index(traits))
-        return manager
+        organisations, map_number = self.organisations, self.scenario.map_number(traits.name)
+        registry = organisations.registry_of(map_number, self.scenario.devices.index(traits))
+        simulated_device = self.simulated_devices[traits.address]
+        return self.factory.service_manager(
+            profile(traits), organisations.repository_of(map_number), registry, simulated_device, self.witness.observe_input
+        )
 
     def task_manager(self, address: str) -> TaskManager | None:
         """Return the Task Manager at the address; None while it is down."""
         component = self.world.components.get(address)
         return component if isinstance(component, TaskManager) else None
 
+    def running_tasks(self) -> Iterator[TaskState]:
+        """The tasks that have not ended, also those of Task Managers that are down."""
+        for address in self.managers:
+            component = self.world.components.get(address) or self._fallen.get(address) or self._doomed.get(address)
+            if isinstance(component, TaskManager):
+                yield from component.state.running_tasks
+
     @property
     def offered_types(self) -> set[str]:
         """The service types that devices offer."""
         return {service for device in self.scenario.devices for service in device.services}
-
-    @property
-    def contents(self) -> Contents | None:
-        repository = self.world.components.get("repository")
-        return repository.contents if isinstance(repository, Repository) else None
-
-    def offers_at(self, registry: str) -> Offers | None:
-        """What a Registry lists; None if it is down for good. All of it fits on a page."""
-        if not self.world.alive(registry):
-            return None
-        header = Header(sender=ANONYMOUS, recipient=registry, message_id="urn:so-mrs:all-offers")
-        effects = self.world.components[registry].handle(Received(Message(header=header, body=Discover())), self.world.now)
-        (page,) = (effect.message.body for effect in effects if isinstance(effect, Send))
-        assert isinstance(page, Discovered)
-        assert not page.more
-        return Offers(page.offers)
 
     @property
     def working(self) -> list[tuple[SimulatedDevice, DeviceWork]]:
@@ -218,6 +175,11 @@ class ScenarioRun:
             raise Violation(Property.UNHANDLED_INPUT, text) from error
 
     def _play(self) -> None:
+        if self.scenario.repositories > 1:
+            self._run(READING_TIME)
+            self.start = self.world.now
+        for address in {fault.target for fault in self.scenario.faults if isinstance(fault, TakeOver)}:
+            self.world.add_standby(address)
         for number, request in enumerate(self.scenario.requests):
             self._schedule(request.at, partial(self.world.fire_timer, "client", f"submit {number}"))
         for fault in self.scenario.faults:
@@ -228,7 +190,7 @@ class ScenarioRun:
         self.reap()
         if not self._run(LONG, self.witness.settled):
             raise Violation(Property.TERMINATION, f"{LONG / 3600:.0f} hours after the last fault: {self.witness.unsettled()}")
-        self._run(AFTERWARDS if len(self.registries) == 1 else AFTERWARDS + 2 * LEASE)
+        self._run(AFTERWARDS if len(self.organisations.all_registries) == 1 else AFTERWARDS + 2 * LEASE)
         self.witness.finish()
 
     def add_listener(self, listener: Callable[[float, Input], None]) -> None:
@@ -247,6 +209,12 @@ class ScenarioRun:
                 self._schedule(offset, partial(self._kill, fault))
                 if seconds is not None:
                     self._schedule(offset + seconds, partial(self._revive, fault))
+            case TakeOver(at=offset, seconds=seconds):
+                self._schedule(offset, partial(self._lose_host, fault))
+                self._schedule(offset + seconds, partial(self._take_over, fault))
+            case Partition(at=offset, seconds=seconds, one=one, other=other):
+                self._schedule(offset, partial(self._separate, one, other))
+                self._schedule(offset + seconds, partial(self._join_again, one, other))
             case Cut(at=offset, seconds=seconds):
                 self._schedule(offset, partial(self._cut, fault))
                 self._schedule(offset + seconds, partial(self._reconnect, fault))
@@ -325,6 +293,30 @@ class ScenarioRun:
         self.factory.revive(self.world, address)
         self.reap()
 
+    def _lose_host(self, take_over: TakeOver) -> None:
+        if not take_over.lingers:
+            self._kill(Kill(at=take_over.at, target=take_over.target, moment=take_over.moment, effects=take_over.effects))
+
+    def _take_over(self, take_over: TakeOver) -> None:
+        address = take_over.target
+        self.reap()
+        if address in self.lost_devices:
+            return
+        self.note(f"a standby continues {address}")
+        if address not in self._fallen:
+            self._fallen[address] = self.world.components[address]
+        self._doomed.pop(address, None)
+        self.restart_times[address] = self.world.now
+        self.world.take_over(address, take_over.lingers)
+
+    def _separate(self, one: str, other: str) -> None:
+        self.note(f"{one} and {other} cannot reach each other")
+        self.world.separate(one, other)
+
+    def _join_again(self, one: str, other: str) -> None:
+        self.note(f"{one} and {other} can reach each other again")
+        self.world.join(one, other)
+
     def _restored(self, address: str, component: Component) -> None:
         self._check_same_state(address, self._fallen.pop(address), component)
 
@@ -396,13 +388,6 @@ class ScenarioRun:
         assert isinstance(task, Problem), "a Task Manager's only background work is planning"
         self.witness.planning(address, task)
         yield self.scenario.planning, plan(task)
-
-
-def profile(traits: DeviceTraits) -> Profile:
-    """Return the device's profile for its Service Manager."""
-    undoable = traits.undo is not Undo.IMPOSSIBLE
-    capabilities = tuple(Capability(type=service_type(name), method=name, stoppable=True, undoable=undoable) for name in traits.services)
-    return Profile(name=traits.name, type="PioneerP3DX", capabilities=capabilities, valid_for=traits.valid_for, lease=traits.lease)
 
 
 def _copy(manager: TaskManager) -> tuple[int, Map]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from somrs.ontology.objects import ObjectAdded
+from somrs.ontology.qualified_names import plain_name
 from somrs.protocol.messages.envelope import Message, normalised_id
 from somrs.protocol.messages.knowledge import Event, Updated
 from verification.fault_runs.site import looks_of
@@ -37,7 +39,7 @@ class Sightings:
         """The looks of the things that each survey saw, by the id of its report."""
         self._there: dict[float, set[str]] = {}
         """The looks of the things that surveys saw, by their times."""
-        self._record_count = 0
+        self._record_counts: Counter[str] = Counter()
 
     def looks(self, thing: str) -> str:
         return next(looks for looks, name in self._names.items() if name == thing)
@@ -49,23 +51,26 @@ class Sightings:
 
     def learn_names(self) -> None:
         """Follow what the Repository records: each thing comes to the map once, and nothing is missed that was seen."""
-        records = self._scenario_run.world.records["repository"]
-        for record in records[self._record_count :]:
-            if isinstance(record, Event):
-                self._follow(record)
-        self._record_count = len(records)
+        for address in self._scenario_run.organisations.repositories.values():
+            records = self._scenario_run.world.records.get(address, [])
+            for record in records[self._record_counts[address] :]:
+                if isinstance(record, Event):
+                    self._follow(record)
+            self._record_counts[address] = len(records)
 
     def _follow(self, event: Event) -> None:
         for change in event.changes:
             looks = change.object.values.get("Texture") if isinstance(change, ObjectAdded) else None
             if isinstance(change, ObjectAdded) and isinstance(looks, str):
+                if self._scenario_run.scenario.repositories > 1 and plain_name(change.object.name) == self._names[looks]:
+                    continue  # it comes to the map of a neighbour, or gets another home
                 if self._names[looks] not in self._scenario_run.reality.unnamed:
                     raise Violation(Property.IDENTITY, f"{self._names[looks]} came to the map once more, as {change.object.name}")
                 self._scenario_run.reality.name(self._names[looks], change.object.name)
                 self._names[looks] = change.object.name
         if event.reception is not None and event.reception.as_of is not None:
             seen = {self._names[looks] for looks in self._there.get(event.reception.as_of, ())}
-            if missed := seen.intersection(event.reception.missing):
+            if missed := seen.intersection(map(plain_name, event.reception.missing)):
                 raise Violation(Property.IDENTITY, f"{min(missed)} was seen, and the map marks it as missing")
 
     def read(self, message: Message) -> None:
@@ -76,5 +81,5 @@ class Sightings:
         names: Mapping[str, str] = message.body.reception.names
         for number, texture in enumerate(looks):
             name = names.get(f"Seen{number}")
-            if name is not None and name != self._names[texture]:
+            if name is not None and plain_name(name) != self._names[texture]:
                 raise Violation(Property.IDENTITY, f"{self._names[texture]} was seen, and was taken for {name}")

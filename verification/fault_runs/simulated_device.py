@@ -8,14 +8,16 @@ from typing import Self
 
 from somrs.entish.parse import parse
 from somrs.kernel.component import Effect, Input, Withdraw
+from somrs.ontology.qualified_names import plain_name
 from somrs.runtime.virtual_time import QUIET, Work
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.timers import Activity, WorkWanted
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
 from verification.fault_runs.ground_truth import Place, Reality, placements
+from verification.fault_runs.names import DeviceNames
 from verification.fault_runs.scenario import DeviceTraits, Store, WorkFaultKind
 from verification.fault_runs.scenario import Undo as Undoing
-from verification.fault_runs.site import FLOOR, RECOGNITION, RESERVATION, TELLING
+from verification.fault_runs.site import RECOGNITION, RESERVATION, TELLING
 
 FOREVER = 1e7
 """Seconds."""
@@ -41,7 +43,7 @@ class DeviceWork:
 
     @property
     def object(self) -> str:
-        return next(iter(self.order.inputs.values()))
+        return plain_name(next(iter(self.order.inputs.values())))
 
 
 @dataclass
@@ -50,6 +52,7 @@ class SimulatedDevice:
     device breaks without a message."""
 
     traits: DeviceTraits
+    names: DeviceNames
     reality: Reality
     next_fault: Callable[[], WorkFaultKind | None]
     now: Callable[[], float]
@@ -80,6 +83,9 @@ class SimulatedDevice:
         self.current_work.clear()
 
     def carry_out(self, task: object) -> Work:
+        return self.names.answers(task, self._carry_out(self.names.understood(task)))
+
+    def _carry_out(self, task: object) -> Work:
         match task:
             case Quote(order):
                 return self._quote(order)
@@ -193,7 +199,7 @@ class SimulatedDevice:
         elif not mine:
             return ServiceFailed(f"{object} is not in the gripper any more", None)
         elif not reality.reachable(target[1]):
-            self._place_object(object, ("isOn", FLOOR), order.transaction)
+            self._place_object(object, ("isOn", self.reality.floors[self.name]), order.transaction)
             return ServiceFailed(
                 "the door is closed", f"{reality.situation_of(object)} AND {reality.situation_of(reality.shelf_doors[target[1]])}"
             )
@@ -206,7 +212,7 @@ class SimulatedDevice:
         match fault_kind:
             case WorkFaultKind.DROP | WorkFaultKind.MISPUT:
                 if mine:
-                    self._place_object(object, ("isOn", FLOOR), order.transaction)
+                    self._place_object(object, ("isOn", self.reality.floors[self.name]), order.transaction)
                 situation = reality.situation_of(object)
                 yield 0.0, ServiceFailed("it slipped", situation) if fault_kind is WorkFaultKind.DROP else WorkDone(situation=situation)
             case WorkFaultKind.FAIL:
@@ -218,7 +224,9 @@ class SimulatedDevice:
                 yield 0.0, WorkDone(situation=self._promised(order))
             case WorkFaultKind.RAVE:
                 failed = self._move(order, object, target)
-                yield 0.0, failed or WorkDone(situation=f"{object} isOn Nowhere")
+                # Another map takes an unknown place for one that is not shown to it; an unknown relation is none anywhere.
+                lost = f"isLostAt {self.reality.floors[self.name]}" if self.names.is_qualifying else "isOn Nowhere"
+                yield 0.0, failed or WorkDone(situation=f"{object} {lost}")
             case WorkFaultKind.DIE:
                 self.on_break(self.traits)
         yield FOREVER, QUIET
@@ -248,7 +256,7 @@ class SimulatedDevice:
         object = next(iter(order.inputs.values()))
         mine = self.reality.state(object) == ("isHeldBy", self.name)
         if mine and self.traits.lays_down:
-            self._place_object(object, ("isOn", FLOOR), order.transaction)
+            self._place_object(object, ("isOn", self.reality.floors[self.name]), order.transaction)
         is_certain = mine or self.reality.state(object) == self._last_places.get(object)
         yield 0.0, WorkDone(situation=self.reality.situation_of(object) if is_certain else None)
 

@@ -10,10 +10,10 @@ from somrs.ontology.map import Map
 from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import PART_OF, Ontology, Value
-from verification.fault_runs.scenario import Scenario, Setting
+from verification.fault_runs.scenario import Scenario, Setting, floor_of
 
-FLOOR = "Floor1"
-"""The place of objects that were dropped."""
+FLOOR = floor_of(0)
+"""The floor of the first map."""
 
 ONTOLOGY = """
 ontology: faults
@@ -99,9 +99,24 @@ def service_type(name: str) -> ServiceType:
     return ontology().services[name]
 
 
-def map_of(scenario: Scenario) -> Map:
-    """Return the map at the start, with the devices on it."""
-    return Map(_objects(scenario), _facts(scenario))
+def homes_of(scenario: Scenario) -> dict[str, str]:
+    """The map of each object at the start. A shelf is where its door is, and a thing where it stands."""
+    floors = map(floor_of, range(scenario.repositories))
+    numbered = (*floors, *scenario.tables, *(door for door, _ in scenario.doors), *(device.name for device in scenario.devices))
+    homes = {name: scenario.maps[scenario.map_number(name)] for name in numbered}
+    homes |= {shelf: homes[door] for shelf, door in scenario.shelves}
+    return homes | {thing: homes[place] for thing, place in scenario.things}
+
+
+def map_of(scenario: Scenario, home: str) -> Map:
+    """Return the map with this name at the start, with its devices on it."""
+    homes = homes_of(scenario)
+
+    def is_here(name: str) -> bool:
+        return homes.get(name, home) == home
+
+    objects = (object for object in _objects(scenario) if is_here(object.name))
+    return Map(objects, (fact for fact in _facts(scenario) if all(map(is_here, fact.arguments))), home)
 
 
 def _objects(scenario: Scenario) -> Iterator[Object]:
@@ -111,7 +126,7 @@ def _objects(scenario: Scenario) -> Iterator[Object]:
 
     yield Object(name="Building1", type="Building")
     yield Object(name="Storey1", type="Storey")
-    yield placed(FLOOR, "Floor")
+    yield from (placed(floor_of(number), "Floor") for number in range(scenario.repositories))
     yield from (placed(table, "Table") for table in scenario.tables)
     yield from (placed(shelf, "Shelf") for shelf, _ in scenario.shelves)
     yield from (placed(door, "Door", Open=is_open) for door, is_open in scenario.doors)
@@ -126,8 +141,14 @@ def looks_of(thing: str) -> str:
 
 def _facts(scenario: Scenario) -> Iterator[Fact]:
     yield Fact(PART_OF, ("Storey1", "Building1"))
-    yield Fact(PART_OF, (FLOOR, "Storey1"))
-    standing = [*scenario.tables, *(s for s, _ in scenario.shelves), *(d for d, _ in scenario.doors), *(t for t, _ in scenario.things)]
+    floors = map(floor_of, range(scenario.repositories))
+    standing = [
+        *floors,
+        *scenario.tables,
+        *(s for s, _ in scenario.shelves),
+        *(d for d, _ in scenario.doors),
+        *(t for t, _ in scenario.things),
+    ]
     yield from (Fact(PART_OF, (name, "Storey1")) for name in [*standing, *(device.name for device in scenario.devices)])
     yield from (Fact("isBehind", (shelf, door)) for shelf, door in scenario.shelves)
     yield from (Fact("isOn", (thing, place)) for thing, place in scenario.things)

@@ -9,6 +9,7 @@ class Property(StrEnum):
     """The properties of the protocol, and one of the implementation."""
 
     MUTUAL_EXCLUSION = "mutual exclusion"
+    OWN_WORK = "no change of what another task has"
     CONTRACT = "no work without a contract"
     TERMINATION = "termination"
     PARTIAL_RESULT = "no silent partial result"

@@ -74,14 +74,14 @@ class Neighbourhood:
         self.world.add(MILL, repository("Mill", MILL, Table1="Shelf1", Table2="Shelf2"), journaled=SCHEMA)
         addresses = {"Barn": BARN, "Yard": YARD, "Mill": MILL}
         for map, address in addresses.items():
-            others = (Neighbour(map=other, address=addresses[other], shows_all=True) for other in addresses if other != map)
-            self.configure(address, map, *others)
+            neighbours = (Neighbour(map=name, address=addresses[name], shows_all=True) for name in addresses if name != map)
+            self.configure(address, map, *neighbours)
         self.settle()
 
     def reserved_for(self) -> set[str]:
         """The tasks that have, or wait for, objects of any map."""
-        contents = [component.contents for component in self.world.components.values() if isinstance(component, Repository)]
-        return {task for each in contents for task in (*each.reservations.claimants, *each.shared_reservations)}
+        repositories = [self.at(address).contents for address in (BARN, YARD, MILL) if address in self.world.components]
+        return {task for contents in repositories for task in (*contents.reservations.claimants, *contents.shared_reservations)}
 
 
 def test_a_neighbour_s_objects_are_on_the_map_under_qualified_names() -> None:
