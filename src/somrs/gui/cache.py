@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-FILES = "/_nicegui/"
-"""Prefix of the addresses that serve only files."""
+OWN_FILES = "/files/"
+FILES = ("/_nicegui/", OWN_FILES)
+"""Prefixes of the addresses that serve only files."""
 
 MAX_BYTES = 32 * 2**20
 """Limit of the cache in bytes. One file has many addresses (with `/./` in them), which a client might try out."""

@@ -7,7 +7,6 @@ import asyncio
 import contextlib
 import os
 import secrets
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,12 +55,9 @@ def _application(api: LiveApi, data: Path) -> FastAPI:
     from nicegui import app, ui
 
     from somrs.gui.pages import define, fleet, history, map, missing, ontology, person, start, tasks
-    from somrs.gui.shell import LOOK
 
     pages = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     pages.mount("/api", Proxy(api.client))
-    for file in ("look.css", "connection.js", "portals.js"):
-        app.add_static_file(local_file=str(resources.files("somrs.gui").joinpath(file)), url_path=f"{LOOK}/{file}")
     app.config.quasar_config["loadingBar"]["skipHijack"] = True  # no bar for requests: it has no name, and no page waits for one
     for page_module in (start, map, ontology, define, tasks, fleet, history, person, missing):
         page_module.register(api)

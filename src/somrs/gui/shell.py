@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
+from importlib import resources
 from typing import Literal, ParamSpec, Protocol, TypeVar
 
 from nicegui import app, ui
@@ -13,6 +14,7 @@ from nicegui import app, ui
 from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
 from somrs.gui.address import AddressBanner
+from somrs.gui.assets import publish
 from somrs.gui.mode_control import ModeBanner, ModeControl
 from somrs.gui.stop_control import StopControl
 from somrs.gui.unavailable_banner import ApiUnavailableBanner
@@ -51,8 +53,11 @@ BUILD_TIME = 60.0
 """Seconds for the server to build a page, for which it may have to wait for a busy system. NiceGUI drops a page that no browser has opened
 after this time, and its own limit of 3 s would end in an error page."""
 
-LOOK = "/look"
-"""Path of the files that all pages load."""
+LOOK, CONNECTION, PORTALS = (
+    publish(name, resources.files("somrs.gui").joinpath(name).read_text(encoding="utf-8"))
+    for name in ("look.css", "connection.js", "portals.js")
+)
+"""Addresses of the files that all pages load."""
 
 for popup in (ui.select, ui.menu, ui.dialog):
     # Lists, menus and dialogs appear without animation: during one, Quasar delays setting the focus, and may take it from the field in
@@ -75,8 +80,8 @@ def page(title: str, path: str, api: LiveApi, parameters: Collection[str] = (), 
 
     The main landmark takes the focus when the page has loaded, so that the keyboard and screen readers begin at the content."""
     ui.page_title(f"{title} · SO-MRS")
-    scripts = (f'<script type="module" src="{LOOK}/{name}.js"></script>' for name in ("connection", "portals"))
-    ui.add_head_html(f'<link rel="stylesheet" href="{LOOK}/look.css">{"".join(scripts)}')
+    scripts = (f'<script type="module" src="{address}"></script>' for address in (CONNECTION, PORTALS))
+    ui.add_head_html(f'<link rel="stylesheet" href="{LOOK}">{"".join(scripts)}')
     dark = ui.dark_mode(value=app.storage.user.get("dark"))
     with ui.header(elevated=False).classes("somrs-header"), ui.element("nav").classes("somrs-nav").props('aria-label="Pages"'):
         if navigation:

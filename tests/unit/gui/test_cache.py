@@ -6,8 +6,10 @@ import asyncio
 from typing import Any
 
 import pytest
+from nicegui import app as nicegui_app
 from starlette.types import Message, Receive, Scope, Send
 
+from somrs.gui.assets import publish
 from somrs.gui.cache import CONDITIONS, MAX_BYTES, Cache
 
 FOREVER = "public, max-age=31536000, immutable"
@@ -140,3 +142,14 @@ def test_a_file_that_ended_too_early_is_not_kept() -> None:
     get_file(app)
     get_file(app)
     assert server.request_count == 2
+
+
+def test_a_published_file_is_kept_under_an_address_of_its_content() -> None:
+    path = publish("look.css", "a {}")
+    status, headers, body = get_file(Cache(nicegui_app), path)
+    assert (status, body, headers["content-type"], headers["cache-control"]) == (200, b"a {}", "text/css; charset=utf-8", FOREVER)
+    assert publish("look.css", "a {}") == path != publish("look.css", "b {}")
+    server = Server()
+    app = Cache(server)
+    assert get_file(app, path) == get_file(app, path)
+    assert server.request_count == 1

@@ -25,19 +25,21 @@ Events, each with a dict:
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any, Literal
 
 from nicegui.element import Element
 from nicegui.events import GenericEventArguments
 
-from somrs.gui.components import LIVE
-from somrs.gui.components.scene import MODULES
+from somrs.gui.components import LIVE, publish_modules
 
 Mode = Literal["view", "pick", "edit"]
+publish_modules(Path(__file__).parent / "modules")
+
 EventHandler = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 
-class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"somrs-floorplan": "modules", "somrs-scene": str(MODULES)}):
+class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE]):
     """`storey`: the storey to show, by default the first. `snap`: grid size for dragged objects in metres, 0 for none."""
 
     def __init__(self, *, mode: Mode = "view", storey: str | None = None, snap: float = 0.0, legend: bool = False) -> None:

@@ -1,14 +1,7 @@
 // The floor plan as an element: its tools, and its interface to the page and the map. `modules/plan.js` draws it; `modules/doings.js`
 // handles user actions.
 
-import { doings } from "somrs-floorplan/doings.js";
-import { Hands } from "somrs-floorplan/hands.js";
-import { kindById, LEGEND } from "somrs-floorplan/kinds.js";
-import { get, Live } from "somrs-floorplan/live.js";
-import { Plan } from "somrs-floorplan/plan.js";
-import { Poses } from "somrs-floorplan/poses.js";
-import { sample } from "somrs-floorplan/shapes.js";
-import { TrafficNews } from "somrs-floorplan/traffic.js";
+import { doings, get, Hands, kindById, LEGEND, Live, Plan, Poses, sample, TrafficNews } from "somrs-floorplan";
 
 const TRAFFIC = "somrs-traffic"; // set while traffic is shown, per browser tab
 const KEPT = "somrs-plan"; // the visible part, stored per browser tab for reloads

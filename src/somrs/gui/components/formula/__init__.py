@@ -18,6 +18,7 @@ The element calls `/api/formulas` itself, so that it works, and keeps its text, 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -26,8 +27,10 @@ from nicegui.elements.mixins.value_element import ValueElement
 from nicegui.events import GenericEventArguments, Handler, ValueChangeEventArguments
 
 from somrs.api.formulas import CheckResult
-from somrs.gui.components import LIVE
+from somrs.gui.components import LIVE, publish_modules
 from somrs.ontology.types import ObjectType
+
+publish_modules(Path(__file__).parent / "modules")
 
 
 class Report(CheckResult, frozen=True, kw_only=True):
@@ -36,7 +39,7 @@ class Report(CheckResult, frozen=True, kw_only=True):
     text: str
 
 
-class FormulaField(ValueElement[str], DisableableElement, component="formula.js", dependencies=[LIVE], esm={"somrs-formula": "modules"}):
+class FormulaField(ValueElement[str], DisableableElement, component="formula.js", dependencies=[LIVE]):
     VALUE_PROP = "value"
     LOOPBACK = False
 

@@ -4,7 +4,7 @@
 // element calls the API itself, so that typing does not wait for the page's own connection.
 
 import { follow } from "live";
-import { counted, pieces, placed, proposals } from "somrs-formula/text.js";
+import { counted, pieces, placed, proposals } from "somrs-formula";
 
 const CHECK = 180; // milliseconds without typing before the text is checked
 const AGAIN = 2000; // milliseconds before a failed request is repeated

@@ -14,17 +14,18 @@ import nicegui
 from nicegui.element import Element
 from nicegui.events import GenericEventArguments
 
-from somrs.gui.components import LIVE
+from somrs.gui.components import LIVE, publish_modules
 
 THREE = Path(nicegui.__file__).parent / "elements" / "scene" / "dist"
 """The three.js that NiceGUI bundles."""
 MODULES = Path(__file__).parent / "modules"
 """Modules of the view. The floor plan uses the one that interpolates motion."""
+publish_modules(MODULES)
 
 EventHandler = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 
-class Scene3D(Element, component="scene3d.js", dependencies=[LIVE], esm={"nicegui-scene": str(THREE), "somrs-scene": str(MODULES)}):
+class Scene3D(Element, component="scene3d.js", dependencies=[LIVE], esm={"nicegui-scene": str(THREE)}):
     """`height`: as in CSS. `follow`: the object that the camera follows. `version`: show this version of the map, without updates; None:
     the current one.
 

@@ -1,4 +1,9 @@
 """Elements that show a task: plan, messages, timeline, story, terms and the list of tasks."""
 
-MODULES = {"somrs-task": "modules"}
-"""JavaScript modules shared by these elements, by import name."""
+from __future__ import annotations
+
+from pathlib import Path
+
+from somrs.gui.components import publish_modules
+
+publish_modules(Path(__file__).parent / "modules")

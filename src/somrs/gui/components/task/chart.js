@@ -1,9 +1,7 @@
 // Sequence chart of a task's messages between Task Manager and services: a lifeline each, an arrow per message, growing at the end. Rows
 // are drawn once, in blocks that the browser skips while they are out of sight, which keeps thousands of them fast.
 
-import { escaped, fitting } from "somrs-task/marks.js";
-import { clock, said, saidOf, since } from "somrs-task/messages.js";
-import { feed } from "somrs-task/feed.js";
+import { clock, escaped, feed, fitting, said, saidOf, since } from "somrs-task";
 
 const ROW = 38; // pixels from one message to the next
 const BLOCK = 40; // messages per picture

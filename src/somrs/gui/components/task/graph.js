@@ -1,9 +1,7 @@
 // A plan as a graph: a box per step, coloured and marked by its state, and a curve per ordering, which shows the fact that it provides on
 // hover and focus. For a task (`task`), it follows the steps' states; for a preview (`steps`), it shows the plan.
 
-import { curve, layered } from "somrs-task/layout.js";
-import { escaped, fitting, look, sign, word } from "somrs-task/marks.js";
-import { feed } from "somrs-task/feed.js";
+import { curve, escaped, feed, fitting, layered, look, sign, word } from "somrs-task";
 
 const WIDE = 212;
 const HIGH = { task: 66, plan: 50 }; // a task's steps have a line for the state

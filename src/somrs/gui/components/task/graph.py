@@ -8,11 +8,10 @@ import msgspec
 from nicegui.element import Element
 
 from somrs.gui.components import LIVE
-from somrs.gui.components.task import MODULES
 from somrs.protocol.messages.task_views import StepView
 
 
-class PlanGraph(Element, component="graph.js", dependencies=[LIVE], esm=MODULES):
+class PlanGraph(Element, component="graph.js", dependencies=[LIVE]):
     """With `task` (the full id), the element shows and follows that task's plan; otherwise it shows `steps`."""
 
     def __init__(

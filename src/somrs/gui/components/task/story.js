@@ -1,7 +1,6 @@
 // The story of a task in chapters: events, recovery actions and results. And all events, as a list that grows.
 
-import { feed } from "somrs-task/feed.js";
-import { clock, since } from "somrs-task/messages.js";
+import { clock, feed, since } from "somrs-task";
 
 const SHOWN = 300; // events shown at first, the latest; the others on demand
 

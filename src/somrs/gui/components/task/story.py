@@ -8,7 +8,6 @@ from typing import TypedDict
 from nicegui.element import Element
 
 from somrs.gui.components import LIVE
-from somrs.gui.components.task import MODULES
 from somrs.gui.components.task.waits import WaitText
 
 
@@ -40,7 +39,7 @@ class Part(TypedDict):
     took: str
 
 
-class StoryBook(Element, component="story.js", dependencies=[LIVE], esm=MODULES):
+class StoryBook(Element, component="story.js", dependencies=[LIVE]):
     """`show_chapters` sets the chapters. The element follows the task's events itself."""
 
     def __init__(self, task: str) -> None:

@@ -1,10 +1,7 @@
 // Work in a task over time: a lane per device, a bar per piece of work, which grows while the work continues; outlined, the promised time;
 // at the top, the events of the task.
 
-import { drawn, lanes, ticks, works } from "somrs-task/bars.js";
-import { escaped, fitting, sign } from "somrs-task/marks.js";
-import { since, span } from "somrs-task/messages.js";
-import { feed } from "somrs-task/feed.js";
+import { drawn, escaped, feed, fitting, lanes, sign, since, span, ticks, works } from "somrs-task";
 
 const LANE = 38;
 const TOP = 58;

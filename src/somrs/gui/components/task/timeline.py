@@ -5,10 +5,9 @@ from __future__ import annotations
 from nicegui.element import Element
 
 from somrs.gui.components import LIVE
-from somrs.gui.components.task import MODULES
 
 
-class DeviceTimeline(Element, component="timeline.js", dependencies=[LIVE], esm=MODULES):
+class DeviceTimeline(Element, component="timeline.js", dependencies=[LIVE]):
     """`task`: the full id. The element follows the task itself."""
 
     def __init__(self, task: str, *, empty: str = "No work has begun yet") -> None:

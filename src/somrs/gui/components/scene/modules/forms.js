@@ -5,7 +5,7 @@ import { shade } from "./pieces.js";
 export const METAL = "#6b7178";
 const POT = "#a5644a";
 
-function plain(pieces, body, color = body.color) {
+export function plain(pieces, body, color = body.color) {
   if (body.form === "Polygon") pieces.prism(body.outline, body.height, 0, color);
   else if (body.form === "Cylinder") pieces.cylinder(body.radius, body.height, 0, 0, body.height / 2, color, { sides: 32 });
   else pieces.box(body.width, body.depth, body.height, 0, 0, body.height / 2, color);
@@ -174,5 +174,3 @@ export function form(pieces, body, ancestors) {
   const draw = known && (body.form === "Box" || !BOXES.has(known)) ? FORMS[known] : plain;
   draw(pieces, body);
 }
-
-export { plain };
