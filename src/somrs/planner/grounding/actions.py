@@ -46,22 +46,24 @@ def added_facts(action: Action, world: World) -> Iterator[Fact]:
 def make_action(operator: Operator, binding: Binding, world: World) -> Action | None:
     """The action with the binding; None if an effect is no valid fact (an object in a place relation to itself, an undefined value), if
     the map settles the choice that it makes, or if a service that tells something tells nothing new."""
-    add_effects = [_effect(pattern, binding, world) for pattern in operator.add_effects]
-    if any(fact is None for fact in add_effects):
-        return None
+    add_effects: list[Fact] = []
+    for pattern in operator.add_effects:
+        effect = _effect(pattern, binding, world)
+        if effect is None:
+            return None
+        add_effects.append(effect)
     if operator.tells and operator.service is not None:
         if operator.service.kind is not ServiceKind.PHYSICAL:
-            add_effects = [fact for fact in add_effects if fact is not None and world.is_open(fact)]
+            add_effects = [fact for fact in add_effects if world.is_open(fact)]
         if not add_effects or world.is_fruitless(operator.service, binding):
             return None
 
     def ground(pattern: Pattern) -> Fact:
-        arguments = tuple(value for term in pattern[1] if (value := argument_of(term, binding)) is not None)
-        return world.canonical((pattern[0], arguments))
+        return world.canonical((pattern[0], _arguments(pattern, binding)))
 
     preconditions = tuple(dict.fromkeys(map(ground, operator.preconditions)))
     if operator.static_ways:
-        if any(fact is not None and world.is_settled(fact, operator) for fact in add_effects):
+        if any(world.is_settled(fact, operator) for fact in add_effects):
             return None
         preconditions = tuple(fact for fact in preconditions if not world.is_settled(fact, operator))
     substitution = (
@@ -75,7 +77,7 @@ def make_action(operator: Operator, binding: Binding, world: World) -> Action | 
         operator,
         binding,
         preconditions,
-        tuple(dict.fromkeys(fact for fact in add_effects if fact is not None)),
+        tuple(dict.fromkeys(add_effects)),
         tuple(map(ground, operator.delete_effects)),
         numeric_conditions,  # type: ignore[arg-type]
         numeric_effects,  # type: ignore[arg-type]
@@ -91,11 +93,12 @@ def _effect(pattern: Pattern, binding: Binding, world: World) -> Fact | None:
         value = _value(terms[1], attribute, binding, world)
         fits = isinstance(owner, str) and value is not None and world.has_attribute(owner, predicate[1:])
         return (predicate, (owner, value)) if fits and owner is not None and value is not None else None
-    arguments = tuple(part for term in terms if (part := argument_of(term, binding)) is not None)
+    arguments = _arguments(pattern, binding)
     if predicate not in world.ontology.relations:
         return predicate, arguments
-    if any(name not in world.map.objects for name in arguments):
-        return None
+    for name in arguments:
+        if name not in world.map.objects:
+            return None
     if len(set(arguments)) < len(arguments) and not _with_itself(predicate, world):
         return None
     return world.canonical((predicate, arguments))
@@ -109,7 +112,10 @@ def _with_itself(predicate: str, world: World) -> bool:
 
 def _value(term: Argument | Term, attribute: AttributeType | None, binding: Binding, world: World) -> Constant | None:
     """The new value of the attribute, in the attribute's unit; None if it is undefined or out of range."""
-    terms: Mapping[str, Term] = {name: as_term(value) for name, value in binding.items()}
+    if isinstance(term, Constant):
+        terms: Mapping[str, Term] = {}  # it reads no variable
+    else:
+        terms = {name: as_term(value) for name, value in binding.items()}
     measured = measure(term, world.map, world.ontology, terms) if not isinstance(term, str) else None
     if measured is None or attribute is None:
         return None
@@ -127,11 +133,17 @@ def _value(term: Argument | Term, attribute: AttributeType | None, binding: Bind
     return None
 
 
+def _arguments(pattern: Pattern, binding: Binding) -> tuple[Argument, ...]:
+    """The arguments of the pattern whose variables are bound."""
+    arguments = [argument_of(term, binding) for term in pattern[1]]
+    return tuple([argument for argument in arguments if argument is not None])
+
+
 def argument_of(term: Argument | Term, binding: Binding) -> Argument | None:
     """The argument that a term of a pattern stands for; None while its variable is not bound."""
     if isinstance(term, Variable):
         return binding.get(term.name)
-    assert isinstance(term, str | Name | Number | Text | Truth)
+    assert isinstance(term, (str, Constant))
     return term
 
 

@@ -60,6 +60,7 @@ class Vocabulary:
         self._groups = groups
         self._excluded: dict[str, tuple[str, ...]] = {}
         self._exclusive: dict[str, bool] = {}
+        self._symmetric: dict[str, bool] = {}
         for effect in effects:
             for part in conjuncts(effect):
                 match part:
@@ -103,8 +104,11 @@ class Vocabulary:
         return exclusive
 
     def is_symmetric(self, relation: str) -> bool:
-        relation_type = self.ontology.relations.get(relation)
-        return relation_type is not None and relation_type.symmetric and len(relation_type.joins) == 2
+        if (symmetric := self._symmetric.get(relation)) is None:
+            relation_type = self.ontology.relations.get(relation)
+            symmetric = relation_type is not None and relation_type.symmetric and len(relation_type.joins) == 2
+            self._symmetric[relation] = symmetric
+        return symmetric
 
     def changing(self, term: Term) -> Attribute | None:
         """The attribute that the term reads, if its values are changing facts; else None. Raises Inexpressible."""

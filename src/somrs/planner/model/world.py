@@ -281,8 +281,10 @@ class World:
             return self.value(arguments[0], predicate[1:]) is None
         if self.ontology.relations[predicate].excludes is None:
             return not fresh.isdisjoint(self._names(arguments))
-        group = (predicate, *self.vocabulary.excluded_by(predicate))
-        return not any(self.map.facts_with(relation, 0, name) for relation in group for name in self._names(arguments[:1]))
+        [name] = self._names(arguments[:1])
+        if self.map.facts_with(predicate, 0, name):
+            return False
+        return not any(self.map.facts_with(relation, 0, name) for relation in self.vocabulary.excluded_by(predicate))
 
     def is_fruitless(self, service: ServiceType, binding: Binding) -> bool:
         """Whether all devices that could tell it told nothing a short time ago."""
@@ -306,7 +308,10 @@ class World:
                 yield parse(service.start_condition)
 
     def _names(self, arguments: tuple[Argument, ...]) -> tuple[str, ...]:
-        return tuple(argument if isinstance(argument, str) else "" for argument in arguments)
+        for argument in arguments:
+            if not isinstance(argument, str):
+                return tuple(argument if isinstance(argument, str) else "" for argument in arguments)
+        return arguments  # type: ignore[return-value]  # all are names
 
     def canonical(self, fact: Fact) -> Fact:
         """The fact in canonical form: the arguments of a symmetric relation are sorted."""
