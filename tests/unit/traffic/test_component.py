@@ -291,6 +291,21 @@ def test_where_nobody_can_make_room_the_trip_ends() -> None:
     assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.NO_ROOM, robots=("R2",)) in drive(harness)
 
 
+def test_a_trip_that_was_begun_after_the_plan_does_not_end_because_of_it() -> None:
+    harness = Harness(roadmap(LINE))
+    harness.enter("R1", "West")
+    harness.enter("R2", "East")
+    harness.wait(1)
+    harness.postponed = []
+    harness.trip("R1", "East")
+    harness.wait(1)
+    assert harness.postponed
+    harness.send("R1", CancelTrip(robot="R1", fence=harness.fences["R1"], trip="R1 to East"))
+    harness.trip("R1", "A")
+    harness.make_postponed_plans()
+    assert TripEnded(robot="R1", trip="R1 to A", result=TripResult.ARRIVED) in drive(harness)
+
+
 def test_a_robot_waits_for_hours_for_one_that_works_in_its_way() -> None:
     harness = Harness(roadmap(("West", "A", "East"), ("A", "Bay")))
     harness.enter("R1", "West")
