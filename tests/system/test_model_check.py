@@ -15,7 +15,7 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import Cancel, End, Fault, State, Stop
 from somrs.protocol.messages.reservations import Claim
 from somrs.task_manager.reservations import TaskReservation
-from verification.model_check import participant
+from verification.model_check import participant, reservation_rules
 from verification.model_check.coordinator import Coordinators
 from verification.model_check.explore import explore
 from verification.model_check.media import DUPLICATING, EMPTY, FIFO, LOSSY_FIFO, MEDIA, OUTBOX, UNORDERED, Medium
@@ -244,6 +244,11 @@ def test_media() -> None:
 def _reservations(medium: Medium, *, restarts: bool = True, decisions: bool = False, lapses: bool = False) -> list[Property]:
     model = ReservationModel(medium=medium, restarts=restarts, decisions=decisions, lapses=lapses)
     return _fallen({**check_reservations(model, "").cells})
+
+
+@pytest.mark.parametrize(("rule", "change"), reservation_rules.RULES)
+def test_a_wrong_rule_of_reservations_is_noticed(rule: str, change: str) -> None:
+    assert reservation_rules.find_violation(rule, reservation_rules.RULES[rule, change])
 
 
 @pytest.mark.parametrize("medium", [OUTBOX if medium is LOSSY_FIFO else medium for medium in MEDIA], ids=str)

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from verification.model_check import reservation_rules
 from verification.model_check.media import MEDIA
 from verification.model_check.mutations import all_mutations, judge_all
 from verification.model_check.property import Property
@@ -144,7 +145,12 @@ def _mutations(console: Console, processes: int) -> tuple[int, int]:
             f"{verdict.caught_by or ('the entry is used' if verdict.is_exercised else 'the entry is not used')}"
         )
     unexplained = len(uncaught) - explained
-    console.print(f"{len(verdicts)} mutations in {time.perf_counter() - started_at:.0f} s")
+    wrong_rules = {change: reservation_rules.find_violation(rule, wrong) for (rule, change), wrong in reservation_rules.RULES.items()}
+    for change in (change for change, violation in wrong_rules.items() if not violation):
+        console.print(f"reservations: {change}: violates no property")
+        unexplained += 1
+    caught += sum(map(bool, wrong_rules.values()))
+    console.print(f"{len(verdicts) + len(wrong_rules)} mutations in {time.perf_counter() - started_at:.0f} s")
     console.print(f"{caught} caught, {explained} explained, {unexplained} unexplained")
     return caught + explained - len(stale), unexplained + len(stale)
 
