@@ -92,6 +92,8 @@ class ForeignRobot:
         self.is_replaced = False
         self._gated: set[int] = set()
         """The places before which it waits for PassageOpen, by the progress with which it comes to them."""
+        self._returned = 0
+        """The number of the report with which it gave its way back last."""
         self._open: tuple[int, str] | None = None
         """Before which place the passages are open, with the progress of that time."""
         self.on_arrival: Callable[[str, str], None] = lambda start, end: None
@@ -125,7 +127,7 @@ class ForeignRobot:
     def enter(self, place: str, lease: float, **values: object) -> Any:
         answer = self.service.EnterTraffic(Robot=self.name, Place=place, Lease=lease, _soapheaders=self._from(), **values)
         self.place, self.way, self.fence = place, [], answer.Fence
-        self.number = self.grant = self.progress = 0
+        self.number = self.grant = self.progress = self._returned = 0
         return answer
 
     def report(self, **values: object) -> Any:
@@ -159,12 +161,13 @@ class ForeignRobot:
                 self._gated = {int(texts["Progress"][0]) + int(number) for number in texts.get("Gated", [])}
             case "TripEnded":
                 self.ended[texts["Trip"][0]] = texts["Result"][0], texts.get("Robots", [])
-            case "PassageOpen" if int(texts["Fence"][0]) == self.fence:
+            case "PassageOpen" if int(texts["Fence"][0]) == self.fence and int(texts["Report"][0]) >= self._returned:
                 self._open = int(texts["Progress"][0]), texts["Place"][0]
             case "PassageClosed" if (int(texts["Fence"][0]), int(texts["Progress"][0])) == (self.fence, self.progress):
                 if self.way[:1] == texts["Place"]:
                     self.way, self._open = [], None
                     self.report(Mobility="busy")
+                    self._returned = self.number
                     self.report()
             case "RoadmapReplaced" if int(texts["Fence"][0]) == self.fence:
                 self.is_replaced = True

@@ -206,10 +206,12 @@ class Drives:
         notice = PassageNotice(record.progress, place, closed is None)
         if record.told != notice:
             record.told = notice
-            kind = PassageOpen if closed is None else PassageClosed
-            name, passage = self._berths.name(place), closed or passages[0]
-            body = kind(robot=robot, fence=record.fence, progress=record.progress, passage=passage, place=name)
-            yield self._send(record.address, body)
+            name, fence, progress = self._berths.name(place), record.fence, record.progress
+            if closed is None:
+                opened = PassageOpen(robot=robot, fence=fence, progress=progress, passage=passages[0], place=name, report=record.reported)
+                yield self._send(record.address, opened)
+            else:
+                yield self._send(record.address, PassageClosed(robot=robot, fence=fence, progress=progress, passage=closed, place=name))
 
     def _is_closed_to(self, name: str, robot: str) -> bool:
         """Whether nobody is let in, and the robot is not inside."""

@@ -38,6 +38,8 @@ class Participant:
         """The places of the way before which passages have to be open, by the progress with which it comes to them."""
         self._let_in: tuple[int, str] | None = None
         """To which place it may come through a passage, with the progress of that time."""
+        self._returned = 0
+        """The number of the report with which it gave its way back last."""
 
     def enter(self, lease: float, berths: tuple[Berth, ...] = (), mobility: Mobility = Mobility.FREE) -> EnterTraffic:
         """Take part, from where the robot is. `lease`: in seconds."""
@@ -50,7 +52,7 @@ class Participant:
         """
         if answer.fence <= self.fence:
             return False
-        self.fence, self.way, self._grant, self._progress, self._let_in = answer.fence, (), 0, 0, None
+        self.fence, self.way, self._grant, self._progress, self._let_in, self._returned = answer.fence, (), 0, 0, None, 0
         return True
 
     def granted(self, grant: Granted) -> bool:
@@ -64,7 +66,7 @@ class Participant:
 
     def opened(self, notice: PassageOpen) -> bool:
         """Note that a passage is open. Returns whether the robot may depart."""
-        if notice.fence == self.fence:
+        if notice.fence == self.fence and notice.report >= self._returned:
             self._let_in = notice.progress, notice.place
         return self.may_depart
 
@@ -96,12 +98,13 @@ class Participant:
     def report(self, mobility: Mobility = Mobility.FREE) -> ReportPlace:
         """Say where the robot is: after each arrival, when its mobility changes, and to renew its lease. One that is not free gives back
         what it was granted."""
+        number = self._number()
         if mobility is not Mobility.FREE:
-            self.way, self._let_in = (), None
+            self.way, self._let_in, self._returned = (), None, number
         return ReportPlace(
             robot=self.robot,
             fence=self.fence,
-            number=self._number(),
+            number=number,
             grant=self._grant,
             progress=self._progress,
             place=self.place,

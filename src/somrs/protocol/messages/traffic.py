@@ -161,7 +161,8 @@ class PassageOpen(MessageBody, frozen=True, kw_only=True, tag=True):
     next one of its way. It stays open until the robot has reported that place, and so on.
 
     Sent for each place that is `gated` in Granted; after a ride, the robot is at `place` without having moved. `progress`: how many places
-    the robot had come to by its last report. A robot that gives its way back forgets it.
+    the robot had come to by its last report, and `report` the number of that report. A robot that gives its way back forgets it, and
+    ignores one whose `report` is an earlier one than that with which it gave its way back: it was sent before.
     """
 
     robot: str
@@ -169,6 +170,7 @@ class PassageOpen(MessageBody, frozen=True, kw_only=True, tag=True):
     progress: int
     passage: str
     place: str
+    report: int = 0
 
 
 class PassageClosed(MessageBody, frozen=True, kw_only=True, tag=True):
