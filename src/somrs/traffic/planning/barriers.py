@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
+from somrs.traffic.planning import turns
 from somrs.traffic.planning.exhaustive import search_all
 from somrs.traffic.planning.graph import Graph
 from somrs.traffic.planning.lacam import SearchLimit
@@ -18,23 +19,11 @@ MOST_PAIRS = 300_000
 of them goes a little way. Where they cannot, one of them is shut in."""
 
 
-class Traveller(Protocol):
+class Traveller(turns.Traveller, Protocol):
     """A robot; see `window.Traveller`."""
 
     @property
-    def place(self) -> int: ...
-
-    @property
-    def goal(self) -> int | None: ...
-
-    @property
-    def movable(self) -> bool: ...
-
-    @property
     def busy(self) -> bool: ...
-
-    @property
-    def held_up(self) -> bool: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
