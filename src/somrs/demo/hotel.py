@@ -73,6 +73,10 @@ def _reasons(view: TaskView) -> tuple[str, ...]:
     return tuple(dict.fromkeys(hindrance.reason for hindrance in view.waiting_to_retry.hindrances)) if view.waiting_to_retry else ()
 
 
+def _services_at_work(view: TaskView) -> list[str]:
+    return [work.service for work in view.work if work.state is State.EXECUTING]
+
+
 def _goal(thing: str) -> str:
     return f"{thing} isOn {_DELIVERIES[thing]}"
 
@@ -86,8 +90,8 @@ class _ScenarioRecord:
     marks: list[Mark] = field(default_factory=list)
     passenger: str | None = None
     """The robot that was in the lift when it broke."""
-    cargo: str | None = None
-    """What it held."""
+    delivery: str | None = None
+    """What it delivers, whether it has it already or not."""
     stuck_at: float = 0.0
     """The height at which it was, m."""
     height_before_repair: float = 0.0
@@ -133,7 +137,7 @@ class _ScenarioPlayer:
             await self._submit(thing)
         await self._lift_breaks()
         async with _meanwhile(self._picture_other_lift()):
-            await self._ended(_FIRST.keys() - {self.record.cargo})
+            await self._ended(_FIRST.keys() - {self.record.delivery})
         await self._take_picture("C", _STOREYS["upper floor"])
         await self._mark("operator", f"takes {_OTHER_LIFT} out of order, too, for an inspection")
         await self._set_mode(_OTHER_LIFT, Mode.OUT_OF_ORDER)
@@ -152,8 +156,11 @@ class _ScenarioPlayer:
         record, lift = self.record, await self._operator.observe(_LIFT)
         for name, state in (await self._operator.robots()).items():
             if math.dist((state.x, state.y), (lift.x, lift.y)) < 1 and state.z is not None:
-                record.passenger, record.cargo, record.stuck_at = name, state.holding, state.z
-        await self._mark(_LIFT, f"breaks half-way, with {record.passenger} and {record.cargo} in it")
+                record.passenger, record.stuck_at = name, state.z
+        while (delivery := self._delivery_of(record.passenger)) is None:
+            await asyncio.sleep(0.02)
+        record.delivery = delivery
+        await self._mark(_LIFT, f"breaks half-way, with {record.passenger} in it, which delivers {delivery}")
         await self._take_picture("A", _LIFT)
 
     async def _guest_orders_what_no_robot_can_bring(self) -> None:
@@ -174,9 +181,9 @@ class _ScenarioPlayer:
         await self._operator.repair(_LIFT, Fault.DRIVE)
         record.is_mended = True
         await self._mark("mechanic", f"repairs {_LIFT}")
-        if record.cargo is not None:
-            await self._ended([record.cargo])
-            await self._take_picture("E", record.cargo)
+        if record.delivery is not None:
+            await self._ended([record.delivery])
+            await self._take_picture("E", record.delivery)
 
     async def _set_mode(self, lift: str, mode: Mode) -> None:
         await self._client.update(UpdateMap(changes=(ValueSet(lift, MODE, mode.value),), author="the operator"))
@@ -198,6 +205,11 @@ class _ScenarioPlayer:
     async def _ended(self, things: Collection[str]) -> None:
         """Wait until the deliveries have ended."""
         await asyncio.gather(*(self._watchers[thing] for thing in things))
+
+    def _delivery_of(self, robot: str | None) -> str | None:
+        """What a robot delivers now."""
+        deliveries = (thing for thing, view in self.record.views.items() if f"{robot}.TransferObject" in _services_at_work(view))
+        return next(deliveries, None)
 
     # What is shown
 
@@ -243,7 +255,7 @@ class _ScenarioPlayer:
             return view.outcome.value
         if view.waiting_to_retry is not None:
             return f"waits: {' and '.join(_reasons(view))}"
-        services = [work.service for work in view.work if work.state is State.EXECUTING]
+        services = _services_at_work(view)
         if not services:
             return "is being arranged"
         robot, _, service_type = services[-1].partition(".")
@@ -331,18 +343,18 @@ async def perform(system: System, folder: Path, console: Console) -> int:
 
 def _checks_of_story(record: _ScenarioRecord) -> dict[str, bool]:
     """What happened to the lifts and the deliveries, each with whether it is so."""
-    cargo, (last_thing,) = record.cargo, _LAST
+    delivery, (last_thing,) = record.delivery, _LAST
     return {
-        "the lift broke half-way, with a robot and its load in it": cargo in _FIRST and 0 < record.stuck_at < 3.2,
+        "the lift broke half-way, with a robot in it that had a delivery": delivery in _FIRST and 0 < record.stuck_at < 3.2,
         "the robot stayed in the cabin, which stood still until the repair": record.height_before_repair == record.stuck_at,
         "the robot said why it waited": {line.sender for line in _reports_of_waiting(record.lines)}
         == {f"{record.passenger}.TransferObject"},
         "the others were delivered meanwhile, also upstairs, by the other lift": record.accomplished_before_repair
-        == _FIRST.keys() - {cargo},
+        == _FIRST.keys() - {delivery},
         "the delivery for which no lift worked waited, and named the lifts": out_of_order(sorted([_LIFT, _OTHER_LIFT]))
         in record.hindrances,
-        "after the repair, the robot in the lift delivered its load itself": cargo is not None
-        and [work.service for work in record.views[cargo].work] == [f"{record.passenger}.TransferObject"],
+        "after the repair, the robot in the lift made its delivery itself": delivery is not None
+        and [work.service for work in record.views[delivery].work] == [f"{record.passenger}.TransferObject"],
         "after the repair, the delivery that waited went on": record.views[last_thing].outcome is Outcome.ACCOMPLISHED,
         "all deliveries were accomplished": record.accomplished() == _DELIVERIES.keys(),
     }

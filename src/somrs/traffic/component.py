@@ -145,6 +145,7 @@ class Traffic:
             case Notified(HoldTraffic(reason=reason)):
                 self._hold(reason, now)
         self._note_silent(now)
+        yield from self._dispatcher.take_back()
         yield from self._dispatcher.end_trips()
         yield from self._dispatcher.grant(now)
         yield from self._dispatcher.plan(now, self._drop_berths)
@@ -199,7 +200,7 @@ class Traffic:
                 self.state.astray.pop(name, None)
                 if self.state.robots.pop(name, None) is not None:
                     self._schedule.leave(name)
-                    self._obstacles_changed()
+                    self._dispatcher.obstacles_changed()
                 yield self._answer(message, TrafficLeft(robot=name))
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
@@ -260,7 +261,7 @@ class Traffic:
         self.state.robots[body.robot] = RobotRecord(
             address=address, fence=self.state.fences, lease=lease, expires_at=now + lease, mobility=body.mobility
         )
-        self._obstacles_changed()
+        self._dispatcher.obstacles_changed()
         self._dispatcher.concern(body.robot)
         return self._entered(body.robot)
 
@@ -295,10 +296,10 @@ class Traffic:
         kept_count = 2 if body.between else 1
         if body.mobility is not Mobility.FREE and body.grant == record.grants and len(held) > count + kept_count:
             self._schedule.retreat(body.robot, kept_count)
-            self._obstacles_changed()
+            self._dispatcher.obstacles_changed()
         if record.silent or (record.mobility is not body.mobility and Mobility.IMMOBILE in (record.mobility, body.mobility)):
             record.silent, record.mobility = False, body.mobility
-            self._obstacles_changed()
+            self._dispatcher.obstacles_changed()
         elif record.mobility is not body.mobility:
             record.mobility = body.mobility
             self._dispatcher.work_changed()
@@ -318,17 +319,11 @@ class Traffic:
         for record in self.state.robots.values():
             if not record.silent and record.expires_at <= now:
                 record.silent = True
-                self._obstacles_changed()
+                self._dispatcher.obstacles_changed()
         self._drives.note_silent(now)
         if (idle := self._drives.idle) != self.state.idle:
             self.state.idle = idle
             self._apply_closed()
-
-    def _obstacles_changed(self) -> None:
-        """What was planned does not hold any more, nor what is being planned."""
-        self.state.changed, self.state.whole, self.state.is_planning = True, False, False
-        self.state.serial, self.state.failures = self.state.serial + 1, 0
-        self._schedule.plan({})
 
     # Berths
 
@@ -345,7 +340,7 @@ class Traffic:
         self.state.closings += 1
         self._berths.close(self.state.all_closed)
         self._schedule.graph = self._berths.graph
-        self._obstacles_changed()
+        self._dispatcher.obstacles_changed()
 
     def _hold(self, reason: str, now: float) -> None:
         """Hold traffic, or let it go on: what was planned ends. The time in which it was held counts for no trip."""
@@ -353,7 +348,7 @@ class Traffic:
         for record in self.state.robots.values():
             if record.trip is not None:
                 record.trip.progressed_at = now
-        self._obstacles_changed()
+        self._dispatcher.obstacles_changed()
 
     def _drop_berths(self) -> None:
         """Forget the berths that nobody uses any more, but not while a plan is being made in which they may occur."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import takewhile
 
 from somrs.errors import UsageError
 from somrs.kernel.component import Ask, Effects, Send, SetTimer
@@ -112,6 +113,12 @@ class Dispatcher:
         and where there is no room, it is proved with room for those that come free."""
         self.state.changed, self.state.whole, self.state.failures = True, False, 0
 
+    def obstacles_changed(self) -> None:
+        """What was planned does not hold any more, nor what is being planned."""
+        self.state.changed, self.state.whole, self.state.is_planning = True, False, False
+        self.state.serial, self.state.failures = self.state.serial + 1, 0
+        self._schedule.plan({})
+
     def concern(self, name: str) -> None:
         """Have it looked at whether the trip of this robot ends."""
         self._concerned[name] = None
@@ -130,6 +137,26 @@ class Dispatcher:
         return self._send(record, ended)
 
     # Grants
+
+    def take_back(self) -> Effects:
+        """Take back what robots in lifts that stand still were granted outside, where others may pass meanwhile. Those that were told that
+        the lift is open may be on their way there."""
+        for name in filter(self._is_confined, self.state.robots):
+            held, record = self._schedule.held(name), self.state.robots[name]
+            inside = len([*takewhile(self._passages.is_inside, held)])
+            may_leave = inside == 1 and record.told is not None and record.told.is_open and record.told.progress == record.progress
+            if len(held) > inside and not may_leave:
+                self._schedule.retreat(name, inside)
+                self.obstacles_changed()
+                yield self.granted(name)
+
+    def _is_confined(self, name: str) -> bool:
+        """Whether a robot is in a lift that does not work, or whose program does not answer: it goes on as soon as that does, and not
+        before."""
+        if not self.state.idle:
+            return False
+        lifts = self._passages.lifts_on(self.state.held[name][:1])
+        return any(passage.name in lifts for passage in self.state.idle)
 
     def grant(self, now: float) -> Effects:
         """Grant places in the order of the plan, unless a plan is being made, which begins where the granted ways end."""
@@ -156,6 +183,7 @@ class Dispatcher:
             return False
         place = self._schedule.grant(name)
         if place is not None:
+            self.state.granted_at = now
             self.concern(name)
         if place is not None and record.trip is not None:
             distance = self._berths.graph.distance(place, record.trip.destination)
@@ -199,7 +227,7 @@ class Dispatcher:
     def plan(self, now: float, drop_berths: Callable[[], None]) -> Effects:
         """Ask for a plan, if there is reason to, and none is being made. Before, `drop_berths` forgets those that nobody uses."""
         state = self.state
-        if state.is_planning or not (state.changed or self._is_exhausted()) or (state.whole and any(state.planned.values())):
+        if state.is_planning or not (state.changed or self._is_exhausted()) or self._is_followed(now):
             return
         if state.hold and not self._leaving:
             return
@@ -236,9 +264,13 @@ class Dispatcher:
     def _goal(self, name: str) -> int | None:
         """Where the robot is to go now, if anywhere. While traffic is held, it only leaves the zone in which its granted way ends."""
         if self.state.hold:
-            return self._exits.nearest(name)
-        trip = self.state.robots[name].trip
+            return self._exits.nearest(name) if not self._is_confined(name) else None
+        trip = self._current_trip(name)
         return trip.destination if trip is not None else None
+
+    def _current_trip(self, name: str) -> Trip | None:
+        """The robot's trip, if it can go on with it now."""
+        return self.state.robots[name].trip if not self.state.hold and not self._is_confined(name) else None
 
     @property
     def _leaving(self) -> set[str]:
@@ -246,29 +278,36 @@ class Dispatcher:
         return {name for name in self.state.robots if self._goal(name) is not None} if self.state.hold else set()
 
     def _planned_robot(self, name: str, record: RobotRecord, now: float, planned_before: float, *, may_search: bool) -> PlannedRobot:
-        trip = record.trip if not self.state.hold else None
+        trip, is_confined = self._current_trip(name), self._is_confined(name)
         return PlannedRobot(
             name=name,
             place=self._schedule.last(name),
             goal=self._goal(name),
             waiting=now - trip.since if trip is not None else 0.0,
             nearest=trip.nearest if trip is not None else FAR,
-            movable=not record.silent and record.mobility is Mobility.FREE,
-            busy=not record.silent and record.mobility is Mobility.BUSY,
+            movable=not record.silent and record.mobility is Mobility.FREE and not is_confined,
+            busy=not record.silent and (record.mobility is Mobility.BUSY or is_confined),
             begins=trip is not None and trip.since >= planned_before,
             held_up=trip is not None and now > trip.progressed_at + HELD_UP,
             stalled=may_search and self._is_stalled(name, record, now, STALL),
         )
 
     def _is_stalled(self, name: str, record: RobotRecord, now: float, limit: float) -> bool:
-        """Whether a robot has come no nearer to its goal for so long, though nobody works there."""
-        trip = record.trip if not self.state.hold else None
-        return trip is not None and not record.silent and now > trip.progressed_at + limit and self.occupant(name, trip) is None
+        """Whether a robot has come no nearer to its goal for so long, though it has driven where it may, and nobody works at its goal."""
+        trip = self._current_trip(name)
+        if trip is None or record.silent or len(self._schedule.held(name)) > AHEAD or now <= trip.progressed_at + limit:
+            return False
+        return self.occupant(name, trip) is None
 
     def occupant(self, name: str, trip: Trip) -> str | None:
         """The robot that works where the trip of this one leads; None if there is none."""
         holder = self._schedule.holder(trip.destination, besides=name)
         return holder if holder is not None and self.state.robots[holder].mobility is Mobility.BUSY else None
+
+    def _is_followed(self, now: float) -> bool:
+        """Whether the plan is to be followed to its end, and somebody gets on by it: those for whom it waits may not come for long."""
+        state = self.state
+        return state.whole and any(state.planned.values()) and now <= max(state.planned_at, state.granted_at) + LONGEST_TURN
 
     def _is_exhausted(self) -> bool:
         """Whether the plan has come to its end for a robot that is not at its goal."""

@@ -215,8 +215,8 @@ class TrafficState(Struct, kw_only=True):
     roadmap; `closings`: how often other places and lanes were closed on it; `is_roadmap_expected`: another one is about to
     come. `astray`: the robots that took part on the roadmap before and not on this one yet, with the points of the places that they held,
     in the order of their ways. `closed`: what follows from the map; `idle`: the passages that are closed because their programs do not take
-    part, do not answer, or say that they do not work. `planned_at`: when the last plan was asked for. `failures`: how many of the last
-    plans moved nobody.
+    part, do not answer, or say that they do not work. `planned_at`: when the last plan was asked for; `granted_at`: when somebody was
+    granted a place of one last. `failures`: how many of the last plans moved nobody.
     `searched_at`: when ways were searched for last because a robot had not come nearer to its goal.
     """
 
@@ -244,6 +244,7 @@ class TrafficState(Struct, kw_only=True):
     is_roadmap_expected: bool = False
     astray: dict[str, tuple[Position, ...]] = field(default_factory=dict)
     planned_at: float = 0.0
+    granted_at: float = 0.0
     failures: int = 0
     searched_at: float = 0.0
 

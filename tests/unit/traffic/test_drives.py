@@ -102,8 +102,13 @@ class Lab:
         self.world.add(name, program, partial(self._work, self.hardware[name]))
         self.report(name)
 
-    def report(self, name: str, *, working: bool = True, shared: bool = False) -> None:
-        self.world.notify(name, PassageStatus(level=self.hardware[name].level, working=working, shared=shared))
+    def report(self, name: str, *, shared: bool = False) -> None:
+        self.world.notify(name, PassageStatus(level=self.hardware[name].level, working=self.hardware[name].works, shared=shared))
+
+    def set_working(self, name: str, works: bool) -> None:
+        """A passage breaks, or is mended."""
+        self.hardware[name].works = works
+        self.report(name)
 
     def _work(self, hardware: Hardware, task: object) -> Work:
         assert isinstance(task, PassageCall | Release | Complaint)
@@ -119,6 +124,8 @@ class Lab:
             hardware.level = None
             self.report(name)
             yield RIDE, QUIET
+            while not hardware.works:
+                yield RIDE, QUIET
             hardware.level = task.level
             self.report(name)
         yield 1.0, None
@@ -267,13 +274,27 @@ def test_robots_wait_while_people_use_a_lift_and_say_so() -> None:
 
 def test_a_lift_that_reports_a_fault_is_closed_until_it_is_mended() -> None:
     lab = Lab(building(), "Lift1", "Door1")
-    lab.report("Lift1", working=False)
+    lab.set_working("Lift1", False)
     cart = lab.robot("Cart", "L4", "U4")
     lab.world.run(60.0)
     assert cart.place == "L4"
     assert any("Lift1 is out of order" in body.text for body in lab.sent("Cart") if isinstance(body, Fault))
-    lab.report("Lift1")
+    lab.set_working("Lift1", True)
     assert lab.world.run(600.0, lambda: not cart.trips)
+
+
+def test_the_others_go_on_while_a_lift_stands_still_with_a_robot_in_it() -> None:
+    """The robot has a way out of the cabin that it cannot go: nobody waits for that, nor for what was planned for it."""
+    lab = Lab(building(lifts=2), "Lift1", "Lift2", "Door1")
+    cart = lab.robot("Cart", "L4", "U1")
+    others = lab.robot("Other1", "U1", *["U0", "U4"] * 20), lab.robot("Other2", "L2", *["L0", "L4"] * 20)
+    assert lab.world.run(60.0, lambda: cart.place == "LCabin1" and lab.hardware["Lift1"].level is None)
+    lab.set_working("Lift1", False)
+    lab.run(*others)
+    assert cart.place == "LCabin1"
+    assert {robot.robot: robot.held for robot in lab.view().robots}["Cart"] == ("LCabin1", "UCabin1")
+    lab.set_working("Lift1", True)
+    lab.run(cart)
 
 
 def test_only_the_passages_of_the_building_have_programs() -> None:

@@ -41,10 +41,19 @@ def drawn(*rows: str) -> Roadmap:
 
 
 class Trips:
-    """Trips on a roadmap, on virtual time. `working`: the robots that work all the time; `broken`: those that cannot move."""
+    """Trips on a roadmap, on virtual time.
+
+    `working`: the robots that work all the time; `broken`: those that cannot move; `hindered`: those in front of which people stand, and
+    which arrive nowhere.
+    """
 
     def __init__(
-        self, roadmap: Roadmap, robots: dict[str, tuple[str, list[str]]], working: Collection[str] = (), broken: Collection[str] = ()
+        self,
+        roadmap: Roadmap,
+        robots: dict[str, tuple[str, list[str]]],
+        working: Collection[str] = (),
+        broken: Collection[str] = (),
+        hindered: Collection[str] = (),
     ) -> None:
         self.ends: list[tuple[float, TripEnded]] = []
         """Those of the first robot's trips, each with its time in seconds."""
@@ -56,7 +65,8 @@ class Trips:
         self.world.add("traffic", Traffic("traffic", roadmap), self._plan, journaled=SCHEMA)
         for name, (place, ends) in robots.items():
             robot = Robot(name=name, place=place, trips=ends, berths={}, broken=name in broken)
-            vehicle = Vehicle(robot, "traffic", lambda *_: SECONDS * dice.uniform(1.0, 1.3), 0.0, works=name in working)
+            seconds = 1e9 if name in hindered else SECONDS
+            vehicle = Vehicle(robot, "traffic", lambda *_, seconds=seconds: seconds * dice.uniform(1.0, 1.3), 0.0, works=name in working)
             self._robots.append(robot)
             self.world.add(name, vehicle)
 
@@ -113,3 +123,17 @@ def test_one_that_works_is_waited_for() -> None:
     trips = Trips(drawn(*HALL), {"R": ("R", ["G"]), "B": ("B", [])}, working=["B"])
     trips.world.run(100.0, lambda: bool(trips.ends))
     assert not trips.ends, "it makes room when its work is done"
+
+
+def test_others_go_on_while_people_stand_in_front_of_a_robot() -> None:
+    """It has driven nowhere for long, but ways that others give it do not help: it does not use those that it has."""
+    robots = {"R": ("0-2", ["8-2", "0-2"] * 20), "Hindered": ("0-0", ["8-0"])}
+    trips = Trips(drawn(".........", "####.####", "........."), robots, hindered=["Hindered"])
+    assert trips.world.run(1_000.0, lambda: len(trips.ends) == 40), len(trips.ends)
+    assert {ended.result for _, ended in trips.ends} == {TripResult.ARRIVED}
+
+
+def test_others_do_not_wait_for_one_that_makes_no_room_although_it_could() -> None:
+    robots = {"Other": ("0-0", ["9-0", "0-0"] * 20), "R": ("R", ["G"]), "B": ("B", [])}
+    trips = Trips(drawn(*HALL), robots, hindered=["B"])
+    assert trips.world.run(3_000.0, lambda: len(trips.ends) == 40), len(trips.ends)
