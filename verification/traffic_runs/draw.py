@@ -88,7 +88,7 @@ def _gate_incidents(dice: Random, roadmap: Roadmap) -> tuple[GateIncident, ...]:
             trouble=dice.choice(tuple(GateTrouble)),
             gate=gate,
             at=dice.uniform(0, SPAN),
-            seconds=dice.choice((2.0, 20.0, 60.0)),
+            seconds=dice.choice((2.0, 20.0, 60.0, 400.0)),
         )
         for gate in gates
         for _ in range(dice.choice((0, 1, 2)))
@@ -154,7 +154,7 @@ def _berths(dice: Random, robot: str, roadmap: Roadmap) -> dict[str, Berth]:
 
 def _incident(dice: Random, robots: int) -> Incident:
     trouble = dice.choice(tuple(Trouble))
-    return Incident(trouble=trouble, at=dice.uniform(0, SPAN), seconds=dice.choice((2.0, 20.0, 60.0)), robot=dice.randrange(robots))
+    return Incident(trouble=trouble, at=dice.uniform(0, SPAN), seconds=dice.choice((2.0, 20.0, 60.0, 400.0)), robot=dice.randrange(robots))
 
 
 def _roadmap(dice: Random) -> Roadmap:

@@ -106,6 +106,8 @@ class Hardware:
             gate.level = None
             self._notify(name, gate.status)
             yield self._dice.uniform(0.5, 2.0) * RIDE, QUIET
+            while not gate.works:
+                yield 1.0, QUIET  # the cabin stands still on its way
             gate.level = task.level
             self._notify(name, gate.status)
         if not gate.is_open:

@@ -75,8 +75,8 @@ class Play:
         """Why traffic is held; empty if it is not."""
         self._leaving = False
         """Whether the granted way of a robot ends in a zone, which it has to leave when traffic is held."""
-        self._grants: dict[tuple[str, int], tuple[int, str]] = {}
-        """By robot and fence: the number of the last grant, and the last place of the way."""
+        self._grants: dict[tuple[str, int], Granted] = {}
+        """By robot and fence: the last grant."""
         self._worker = Robot(name="Worker", place=scenario.worker, trips=[], berths={}) if scenario.worker is not None else None
 
     def run(self) -> Outcome:
@@ -199,12 +199,12 @@ class Play:
     def _note_grant(self, granted: Granted) -> None:
         """Raise Violation if a robot is granted more than before while traffic is held, and none has to leave a zone."""
         traffic, entry = self.world.components.get(TRAFFIC), (granted.robot, granted.fence)
-        number, end = self._grants.get(entry, (0, granted.way[-1]))
-        if granted.number <= number:
+        earlier = self._grants.get(entry, granted)
+        if granted.number < earlier.number:
             return  # it is sent again
-        if isinstance(traffic, Traffic) and traffic.state.hold and granted.way[-1] != end and not self._leaving:
+        if isinstance(traffic, Traffic) and traffic.state.hold and granted.way[-1] not in earlier.way and not self._leaving:
             raise Violation(f"{granted.robot} was granted its way to {granted.way[-1]} while traffic was held")
-        self._grants[entry] = granted.number, granted.way[-1]
+        self._grants[entry] = granted
 
     def _watch(self, address: str, event: Input) -> None:
         self._apart()
