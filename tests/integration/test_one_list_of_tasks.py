@@ -16,7 +16,7 @@ from somrs.api.tasks import TasksChanged
 from somrs.cli import task_commands
 from somrs.client.client import Client
 from somrs.client.refusals import NotFound
-from somrs.errors import FormulaError, RemoteError
+from somrs.errors import FormulaError, RemoteError, UsageError
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.previews import Preview
@@ -179,6 +179,20 @@ def test_submissions_with_one_key_are_one_task_though_the_one_that_took_it_is_go
         assert (await api.tasks.submit(Submit(effect=FIRST), once="key")).task == task
         assert await wait_for_end(api, task) == [Outcome.ACCOMPLISHED]
         assert (await api.tasks.list()).total == 1
+
+    run_scenario(tmp_path, scenario)
+
+
+def test_a_task_goes_to_the_task_manager_that_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    async def scenario(system: SmallSystem, api: LiveApi) -> None:
+        tasks = [(await api.tasks.submit(Submit(effect=effect), task_manager="TaskManager2")).task for effect in (FIRST, SECOND)]
+        assert owners(system) == dict.fromkeys(tasks, 2)
+        with pytest.raises(UsageError, match="there is no Task Manager Nobody here; there is TaskManager1, TaskManager2"):
+            await api.tasks.submit(Submit(effect=FIRST), task_manager="Nobody")
+        assert await wait_for_end(api, *tasks) == [Outcome.ACCOMPLISHED] * 2
+        third = Submit(effect="Tin001 isOn Platform001")
+        assert await task_commands.run_task(third, tmp_path, wait=True, json=False, task_manager="TaskManager1") == 0
+        assert [*owners(system).values()].count(1) == 1
 
     run_scenario(tmp_path, scenario)
 

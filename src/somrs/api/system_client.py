@@ -75,6 +75,7 @@ class Client:
         priority: int = 0,
         waits: bool = True,
         idempotency_key: str | None = None,
+        task_manager: str | None = None,
     ) -> str:
         """Submit a task, and return its id at once; `watch` follows the task.
 
@@ -88,6 +89,7 @@ class Client:
             priority: among tasks that need the same objects or devices, the one with the higher number goes first.
             waits: while no service can do it, for reasons that pass, the task waits and tries again; otherwise it fails.
             idempotency_key: submissions with the same key are one task, so that a submission can be repeated after a timeout.
+            task_manager: the name of the Task Manager that is to have it; by default, any of them takes it.
         """
         task = Submit(
             effect=goal,
@@ -99,7 +101,7 @@ class Client:
             priority=priority,
             waits=waits,
         )
-        return (await self.api.tasks.submit(task, once=idempotency_key)).task
+        return (await self.api.tasks.submit(task, once=idempotency_key, task_manager=task_manager)).task
 
     async def look(self, formula: str, *, policy: Policy = Policy.PRICE, deadline: float | None = None) -> str:
         """Submit a task that finds out for which objects and values the formula holds, and return its id at once; `findings` waits for the

@@ -70,14 +70,15 @@ class TaskService:
         self._task_feed = TaskFeed(context.client, context.hub)
 
     @operation("POST", "/tasks")
-    async def submit(self, body: Submit, once: str | None = None, by: str | None = None) -> Submitted:
+    async def submit(self, body: Submit, once: str | None = None, by: str | None = None, task_manager: str | None = None) -> Submitted:
         """Submit a task: a goal to achieve, as a formula.
 
         `once`: an idempotency key of your choice. Submissions with the same key are one task, so that a request can be repeated if no
-        response arrived. `by`: the author of the task.
+        response arrived. `by`: the author of the task. `task_manager`: the name of the Task Manager that is to have it; by default, the one
+        with the fewest open tasks takes it.
         """
         id = message_id("task", "once", once) if once is not None else None
-        return Submitted(task=await self._client.submit(body, patience=PATIENCE, id=id, author=by))
+        return Submitted(task=await self._client.submit(body, PATIENCE, id, by, task_manager))
 
     @operation("POST", "/tasks/preview")
     async def preview(self, body: Preview) -> Previewed:

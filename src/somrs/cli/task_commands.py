@@ -46,14 +46,15 @@ def handlers(on_failure: list[str], on_compensation: list[str]) -> tuple[Handler
     return tuple(procedures)
 
 
-async def run_task(task: Submit, data: Path, *, wait: bool, json: bool) -> int:
-    """Submit a task, and follow it if `wait`. Returns the exit status: 0 if it was accomplished, or submitted without `wait`.
+async def run_task(task: Submit, data: Path, *, wait: bool, json: bool, task_manager: str | None = None) -> int:
+    """Submit a task, to any Task Manager or the one with this name, and follow it if `wait`. Returns the exit status: 0 if it was
+    accomplished, or submitted without `wait`.
 
     With `json`, prints the task as it ended; of a task that asks what is so, its findings.
     """
     console = terminal.console()
     async with Client(Addresses.read(data)) as client:
-        id = await client.submit(task, patience=PATIENCE)
+        id = await client.submit(task, patience=PATIENCE, task_manager=task_manager)
         if not wait:
             if json:
                 terminal.print_json({"task": id})

@@ -27,6 +27,11 @@ TimeValue = Annotated[float, typer.Option(help="With --policy weighted: what a s
 Deadline = Annotated[float | None, typer.Option(help="Seconds, in the world's time, within which the task has to be accomplished.")]
 
 
+TaskManagerName = Annotated[
+    str | None, typer.Option("--task-manager", help="The name of the Task Manager that is to have it; by default, any of them takes it.")
+]
+
+
 def stated_task(
     formula: str,
     precondition: str | None,

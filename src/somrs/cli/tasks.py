@@ -13,7 +13,7 @@ from msgspec import structs
 
 from somrs.cli.ontology import DEFAULT_AUTHOR, Author
 from somrs.cli.options import DEFAULT_FOLDER, Data, Formula, Json, Priority, Unavailable, UnavailableOption, awaited, fail, guarded
-from somrs.cli.task_options import Deadline, PolicyOption, PolicyWanted, Precondition, TimeValue, stated_task
+from somrs.cli.task_options import Deadline, PolicyOption, PolicyWanted, Precondition, TaskManagerName, TimeValue, stated_task
 
 if TYPE_CHECKING:
     from somrs.protocol.messages.records import ReadRecords
@@ -71,6 +71,7 @@ def do(
         list[str], typer.Option(help=f"A goal to achieve to undo a step, instead of the situation before it: {_PROCEDURE}")
     ] = [],  # noqa: B006  # as above
     unavailable: Unavailable = UnavailableOption.wait,
+    task_manager: TaskManagerName = None,
     wait: Annotated[bool, typer.Option(help="Wait until the task has ended.")] = True,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
@@ -81,7 +82,7 @@ def do(
 
     task = stated_task(formula, precondition, policy, time_value, deadline, priority, unavailable)
     submission = structs.replace(task, handlers=guarded(lambda: handlers(on_failure, on_compensation)))
-    sys.exit(awaited(run(submission, data, wait=wait, json=json)))
+    sys.exit(awaited(run(submission, data, wait=wait, json=json, task_manager=task_manager)))
 
 
 @tasks_app.command()
@@ -90,6 +91,7 @@ def look(
     policy: PolicyWanted = PolicyOption.price,
     deadline: Annotated[float | None, typer.Option(help="Seconds within which it has to be found out.")] = None,
     unavailable: Unavailable = UnavailableOption.fail,
+    task_manager: TaskManagerName = None,
     wait: Annotated[bool, typer.Option(help="Wait until the observations have ended.")] = True,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
@@ -101,7 +103,7 @@ def look(
 
     waits = unavailable is UnavailableOption.wait
     submission = Submit(effect=formula, policy=Policy(policy.value), deadline=deadline, waits=waits, recognise=True)
-    sys.exit(awaited(run(submission, data, wait=wait, json=json)))
+    sys.exit(awaited(run(submission, data, wait=wait, json=json, task_manager=task_manager)))
 
 
 @tasks_app.command()

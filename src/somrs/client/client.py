@@ -238,15 +238,23 @@ class Client:
 
     # The Task Managers
 
-    async def submit(self, task: submission.Submit, patience: float = 0.0, id: str | None = None, author: str | None = None) -> str:
-        """Submit a task, and return its id. Submissions with the same message `id` are one task. With several Task Managers, any takes it.
+    async def submit(
+        self,
+        task: submission.Submit,
+        patience: float = 0.0,
+        id: str | None = None,
+        author: str | None = None,
+        task_manager: str | None = None,
+    ) -> str:
+        """Submit a task, and return its id. Submissions with the same message `id` are one task. With several Task Managers, any takes it,
+        or that with the name `task_manager`.
 
         Raises:
             FormulaError: there is a mistake in a formula of the task.
-            UsageError: something else about the task is invalid.
+            UsageError: something else about the task is invalid, or no Task Manager has this name.
             RemoteError: no Task Manager accepted the task.
         """
-        answer = await self.task_managers.submit(task, patience, id, author)
+        answer = await self.task_managers.submit(task, patience, id, author, task_manager)
         match answer:
             case submission.Submitted(task=id) | reservations.TaskAssigned(task=id):
                 return id

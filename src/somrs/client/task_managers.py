@@ -15,7 +15,7 @@ from typing import Generic, Protocol, TypeVar
 from msgspec import Struct, structs
 
 from somrs.client.joined_records import join_records, of_task_manager
-from somrs.errors import RemoteError
+from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.records import ReadRecords, Records
@@ -177,15 +177,18 @@ class TaskManagers:
 
     # Any one
 
-    async def submit(self, task: Submit, patience: float, id: str | None, author: str | None) -> object:
-        """State a task at the Task Manager with the fewest open tasks, or at another one if that does not answer. Returns the answer.
+    async def submit(self, task: Submit, patience: float, id: str | None, author: str | None, name: str | None = None) -> object:
+        """State a task at the Task Manager with this name; by default, at the one with the fewest open tasks, or at another one if that
+        does not answer. Returns the answer.
 
-        They agree whose it is, so that it is one task even if several have received it.
+        They agree whose it is, so that it is one task even if several have received it. Raises UsageError if none has this name.
         """
+        if name is not None and name not in self.addresses:
+            raise UsageError(f"there is no Task Manager {name} here; there is {', '.join(self.addresses)}")
         if not self.several:
             return await self._ask(next(iter(self.addresses.values())), task, object, patience=patience, id=id, author=author)
         id = id or uuid.uuid4().urn
-        addresses = await self._by_load(id)
+        addresses = await self._by_load(id) if name is None else [self.addresses[name]]
         ask_one = partial(self._ask, body=SubmitOnce(submission=task), expected=object, id=id, author=author)
         answer = await retry_unanswered(lambda: first_answer(addresses, ask_one), patience)
         if isinstance(answer, TaskAssigned):
