@@ -1,4 +1,5 @@
-"""Measures how many robots the simulator moves in real time on one core, in both kinds of worlds: `python benchmarks/worlds.py [N ...]`.
+"""Measures how many robots the simulator moves in real time on one core, in both kinds of worlds: `python benchmarks/worlds.py
+[physics|kinematic] [N ...]`.
 
 Robots stand in a hall, 3 m apart, between pillars. Each drives to and fro between its place and the free floor beside it, without a pause,
 so that all of them move all the time. CPU time is that of the simulation alone, without sockets.
@@ -103,11 +104,12 @@ def measure(kind: WorldKind, type: str, robots: int) -> None:
 
 
 def main() -> None:
-    if len(sys.argv) > 3 and sys.argv[1] in tuple(WorldKind):
+    if len(sys.argv) == 4 and sys.argv[2] in TYPES.values():
         measure(WorldKind(sys.argv[1]), sys.argv[2], int(sys.argv[3]))
         return
-    numbers = [int(number) for number in sys.argv[1:]] or list(NUMBERS)
-    for kind in WorldKind:
+    kinds = [kind for kind in WorldKind if kind in sys.argv[1:]] or list(WorldKind)
+    numbers = [int(word) for word in sys.argv[1:] if word.isdigit()] or list(NUMBERS)
+    for kind in kinds:
         for label, type in TYPES.items():
             print(f"\n{kind}, robots {label}")
             print(f"  {'robots':>6} {'times real time':>18} {'µs per robot, s':>16} {'drives a s':>12} {'MB':>10}", flush=True)
