@@ -93,6 +93,7 @@ class _Step:
                 return None
             self._take(robot, place)
         for robot in order:
+            self._let_out(robot)
             if self._decided[robot] == UNDECIDED and not self._find_place(robot) and self._decided[robot] == UNDECIDED:
                 return None
         if fixed and not self._rotations and any(self._is_in_circle(robot) for robot, _ in fixed):
@@ -141,7 +142,7 @@ class _Step:
         if self._shuffle is not None:
             self._shuffle(candidates)
         now, restless, corridors = self._now, self._restless, self._corridors
-        meets = {place: self._meets_somebody(robot, place) for place in candidates}
+        meets = {place: self._oncoming(robot, place) != NOBODY for place in candidates}
         candidates.sort(
             key=lambda place: (
                 meets[place],
@@ -168,11 +169,21 @@ class _Step:
             self._take(robot, here)
         return False
 
-    def _meets_somebody(self, robot: int, place: int) -> bool:
-        """Whether the robot would enter a corridor at the place in which another one comes towards it."""
+    def _let_out(self, robot: int) -> None:
+        """Let the robot that comes out of a corridor decide first, if this one waits for it, maybe where the other has to pass."""
+        if self._decided[robot] != UNDECIDED:
+            return
+        estimate = self._estimates[robot]
+        best = min(self._graph.options(self._places[robot], robot), key=estimate.__getitem__, default=self._places[robot])
+        oncoming = self._oncoming(robot, best)
+        if oncoming != NOBODY and self._decided[oncoming] == UNDECIDED:
+            self._find_place(oncoming)
+
+    def _oncoming(self, robot: int, place: int) -> int:
+        """The robot that comes towards this one in the corridor that it would enter at the place; NOBODY if there is none."""
         corridor = self._corridors[place]
         if corridor == NOWHERE or corridor == self._corridors[self._places[robot]]:
-            return False
+            return NOBODY
         estimate = self._estimates[robot]
         for oncoming in range(len(self._places)):
             for taken in (self._places[oncoming], self._decided[oncoming]):
@@ -180,8 +191,8 @@ class _Step:
                     continue
                 exit = self._exit(oncoming, taken)
                 if exit != taken and estimate[exit] >= estimate[place]:  # one that is to stay there gives way
-                    return True
-        return False
+                    return oncoming
+        return NOBODY
 
     def _exit(self, robot: int, place: int) -> int:
         """Where a robot at a place in a corridor leaves it; its goal, if that is inside."""

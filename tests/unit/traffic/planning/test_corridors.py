@@ -8,6 +8,7 @@ import pytest
 
 from somrs.traffic.planning.corridors import NOWHERE
 from somrs.traffic.planning.graph import Graph, PrivatePlace
+from somrs.traffic.planning.pibt import StepPlanner
 from somrs.traffic.planning.window import Traveller, WindowPlanner
 from tests.support.roadmaps import grid
 
@@ -73,3 +74,15 @@ def test_a_robot_waits_outside_while_others_come_through(seed: int) -> None:
         columns = [inside.index(configuration[robot]) for configuration in path if configuration[robot] in inside]
         assert columns in (sorted(columns), sorted(columns, reverse=True)), "it went back"
     assert len(path) < 22
+
+
+def test_one_that_waits_before_a_corridor_lets_those_pass_that_come_out() -> None:
+    """It stands on their way, and goes before them wherever both want to the same place."""
+    graph, at = grid("ABC####", "DEFGHIJ", "KLM####")
+    planner, goals = StepPlanner(graph, shuffle=Random(0).shuffle), (at["J"], at["D"])
+    places: tuple[int, ...] = (at["E"], at["I"])
+    for _ in range(20):
+        following = planner.step(places, [graph.distances(goal) for goal in goals], [0, 1])
+        assert following is not None
+        places = following
+    assert places == goals
