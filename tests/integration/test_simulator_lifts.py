@@ -129,6 +129,20 @@ def test_a_robot_gets_out_of_a_lift_that_is_taken_out_of_order(world: WorldKind)
     assert height(run, "Robot1") == HEIGHT
 
 
+def test_a_robot_that_was_granted_a_lift_takes_it_after_everything_was_stopped_for_long(world: WorldKind) -> None:
+    run = Run(tower((2, 2, 0)), world)
+    simulation = run.simulation
+    end = run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
+    run.run_for(2)
+    for device in simulation.devices():
+        simulation.set_paused(device, True)
+    run.run_until(lambda: simulation.rest(simulation.time + 60))
+    for device in simulation.devices():
+        simulation.set_paused(device, False)
+    run.run_until(lambda: end)
+    assert isinstance(end[0], CommandDone), end
+
+
 def test_a_lift_that_breaks_on_the_way_to_it_sends_the_robot_back(world: WorldKind) -> None:
     run = Run(tower((2, 2, 0)), world)
     end = run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT))

@@ -65,6 +65,8 @@ class SimulatedTraffic:
         self._ways = Ways(self.office.roadmap, {}, {})
         self.changed, self.outdated = True, False
         self._look_time = self._join_time = 0.0
+        self._rested = 0.0
+        """Seconds in which nothing moved: no periods passed in which leases were renewed, so they do not count for traffic."""
         self._standing: dict[float, list[Disc]] = {}
         self._hold = ""
         self._out_of_order: tuple[str, ...] = ()
@@ -91,10 +93,19 @@ class SimulatedTraffic:
             self._store(positions)
         self._deliver(message)
 
+    @property
+    def _now(self) -> float:
+        """The time of traffic."""
+        return self._scene.time - self._rested
+
+    def rest(self, seconds: float) -> None:
+        """Let time pass in which nothing moves. Call it when the time of the scene has been put forward."""
+        self._rested += seconds
+
     def receive(self, message: Message) -> None:
         """A message from outside the simulation."""
         foreign, astray = self.office.foreign, {*self.office.component.state.astray}
-        self.office.receive(message, self._scene.time)
+        self.office.receive(message, self._now)
         self.changed |= (foreign, astray) != (self.office.foreign, {*self.office.component.state.astray})
         self._passages.advance(self.office)  # the simulation rests until a door has to move
 
@@ -215,7 +226,7 @@ class SimulatedTraffic:
 
     def advance(self, map: Map, ontology: Ontology) -> None:
         """Let time pass."""
-        now = self._scene.time
+        now = self._now
         self._use_made()
         if self.outdated:
             self._renew(map, ontology)
@@ -240,7 +251,7 @@ class SimulatedTraffic:
 
     def _join(self) -> None:
         """Let robots enter that do not take part."""
-        self._join_time = self._scene.time
+        self._join_time = self._now
         for robot in self._robots.values():
             if not robot.road.takes_part and not _is_silent(robot):
                 robot.road.level = _level(robot)
@@ -248,7 +259,7 @@ class SimulatedTraffic:
 
     def _close(self) -> None:
         """Close what is blocked by things on the floor, doors, and robots that do not take part."""
-        self._look_time = self._scene.time
+        self._look_time = self._now
         self._robots.levels |= {_level(robot) for robot in self._robots.values()}
         if self.office.foreign:
             self._robots.levels |= {*self.office.levels}

@@ -104,7 +104,8 @@ class Simulation:
             self._last_motion = self.time
         if self.time - max(self._last_motion, self.scene.disturbed) < RESTING:
             return False
-        self.scene.time = until_time
+        resting_time, self.scene.time = until_time - self.time, until_time
+        self._traffic.rest(resting_time)
         return True
 
     def step(self) -> None:
