@@ -14,7 +14,9 @@ from somrs.client.refusals import NotFound
 from somrs.devices.simulator.link.commands import CommandDone, DriveTo
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
+from somrs.ontology.objects import ValueSet
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import Phase
 from tests.support.hang import HANG_TIME
@@ -101,6 +103,19 @@ def test_all_devices_are_stopped_and_released_at_once(tmp_path: Path) -> None:
             await api.control.stop(device="Robot9")
         with pytest.raises(UsageError, match="not both"):
             await api.control.stop(device="Robot1", storey="Storey1")
+
+    play(tmp_path, scenario, Porter("Robot1"), Porter("Robot2", 20.0))
+
+
+def test_a_storey_is_stopped_with_the_robots_on_it(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, api: LiveApi) -> None:
+        storey = next(name for name, object in api.context.map.objects.items() if object.type == "Storey")
+        assert {"Robot1", "Robot2"} <= {*(await api.control.stop(storey=storey)).stopped}
+        assert (await api.control.release(storey=storey)).stopped == ()
+        await api.map.change(UpdateMap(changes=(ValueSet(storey, "Elevation", 4.0), ValueSet("Robot2", "PositionZ", 4.0))))
+        while api.context.map.objects[storey].values.get("Elevation") != 4.0:
+            await asyncio.sleep(0.02)
+        assert {"Robot1", "Robot2"} & {*(await api.control.stop(storey=storey)).stopped} == {"Robot2"}
 
     play(tmp_path, scenario, Porter("Robot1"), Porter("Robot2", 20.0))
 

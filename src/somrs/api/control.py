@@ -7,21 +7,24 @@ survives restarts, and all who follow the map act on it: the simulator holds its
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 
 import msgspec
 
 from somrs.api.context import Context
+from somrs.api.traffic import TrafficService
 from somrs.client.client import PATIENCE
 from somrs.client.operations import operation
 from somrs.client.refusals import NotFound
 from somrs.entish.parse import nearest
-from somrs.errors import UsageError
+from somrs.errors import SomrsError, UsageError
 from somrs.ontology.modes import BUILDING, BUILDING_MODES, DOOR, LIFT, PASSAGE_MODES, Mode, modes, reason_of
 from somrs.ontology.objects import Change, ValueSet
 from somrs.ontology.types import IN_SERVICE, MODE, PAUSED, Value
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.submission import Submit, Submitted
+from somrs.space.storeys import span_of
 
 
 class StoppedDevices(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,8 +49,8 @@ class Modes(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ControlService:
-    def __init__(self, context: Context) -> None:
-        self._context = context
+    def __init__(self, context: Context, traffic: TrafficService) -> None:
+        self._context, self._traffic = context, traffic
 
     @operation("GET", "/control/stop")
     async def stopping(self) -> StoppedDevices:
@@ -60,14 +63,15 @@ class ControlService:
     async def stop(self, device: str | None = None, storey: str | None = None, by: str = "") -> StoppedDevices:
         """Stop a device, all devices of a storey, or without either all devices. They stand still, and keep their work.
 
-        Devices of the simulator stop by themselves. A device of another make stops if its program follows `Paused` on the map.
+        Those of a storey are its parts, and the robots that are on it now. Devices of the simulator stop by themselves. A device of another
+        make stops if its program follows `Paused` on the map.
         """
-        return await self._set(self._selected(PAUSED, device, storey), PAUSED, True, by)
+        return await self._set(await self._selected(PAUSED, device, storey), PAUSED, True, by)
 
     @operation("POST", "/control/release")
     async def release(self, device: str | None = None, storey: str | None = None, by: str = "") -> StoppedDevices:
         """Let a device, all devices of a storey, or all devices go on after a stop."""
-        return await self._set(self._selected(PAUSED, device, storey), PAUSED, False, by)
+        return await self._set(await self._selected(PAUSED, device, storey), PAUSED, False, by)
 
     @operation("GET", "/control/mode")
     async def modes(self) -> Modes:
@@ -90,7 +94,7 @@ class ControlService:
     @operation("POST", "/control/service/{device}")
     async def service(self, device: str, active: bool = True, by: str = "") -> None:
         """Take a device out of service (`active=false`), or back. Out of service, it finishes the work that it has, and gets no more."""
-        await self._set(self._selected(IN_SERVICE, device, None), IN_SERVICE, active, by)
+        await self._set(await self._selected(IN_SERVICE, device, None), IN_SERVICE, active, by)
 
     @operation("POST", "/control/go/{device}")
     async def go(self, device: str, place: str, by: str | None = None) -> Submitted:
@@ -132,7 +136,7 @@ class ControlService:
         types = {type for type in ontology.types if ontology.is_device(type) and attribute in ontology.attributes_of(type)}
         yield from sorted(name for name, object in map.objects.items() if object.type in types)
 
-    def _selected(self, attribute: str, device: str | None, storey: str | None) -> list[str]:
+    async def _selected(self, attribute: str, device: str | None, storey: str | None) -> list[str]:
         names = [*self._devices(attribute)]
         if not names:
             raise UsageError(f"no device on the map has the attribute {attribute}; add the attribute to the type Device of this site")
@@ -144,8 +148,25 @@ class ControlService:
             return [device]
         if storey is not None:
             self._known(storey)
-            return [name for name in names if storey in self._wholes(name)]
+            return await self._on_storey(storey, names)
         return names
+
+    async def _on_storey(self, storey: str, devices: list[str]) -> list[str]:
+        """Which of the devices are parts of the storey, or stand at its height and are part of no storey. A robot that is under way is
+        where traffic has it; others are where the map has them."""
+        map, ontology = self._context.map, self._context.ontology
+        span, heights = span_of(storey, map, ontology), {}
+        with suppress(SomrsError):  # a stop does not fail because the simulator does not answer
+            heights = {robot.robot: robot.granted[0][2] for robot in (await self._traffic.read()).robots if robot.granted}
+
+        def is_there(name: str) -> bool:
+            wholes = self._wholes(name)
+            if span is None or storey in wholes or any(span_of(whole, map, ontology) is not None for whole in wholes):
+                return storey in wholes
+            height = heights.get(name, value_of(name, "PositionZ", map, ontology))
+            return isinstance(height, int | float) and span[0] <= height < span[1]
+
+        return [name for name in devices if is_there(name)]
 
     def _with_mode(self, mode: Mode, building: str | None, lift: str | None, door: str | None) -> list[str]:
         """The objects that are to have a mode. Raises UsageError."""

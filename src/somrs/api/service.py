@@ -40,12 +40,12 @@ class ApiService:
 
     def __init__(self, context: Context) -> None:
         self.context = context
-        orders = OrderService(context)
+        orders, traffic = OrderService(context), TrafficService(context)
         self.ontology = OwlService(context, orders)
         self.map = MapService(context)
         self.tasks = TaskService(context)
         self.fleet = FleetService(context)
-        self.control = ControlService(context)
+        self.control = ControlService(context, traffic)
         self.formulas = FormulaService(context)
         self.orders = orders
         self.people = PeopleService(context)
@@ -53,7 +53,7 @@ class ApiService:
         self.records = RecordService(context)
         self.scene = SceneService(context)
         self.system = SystemService(context)
-        self.traffic = TrafficService(context)
+        self.traffic = traffic
         self.zones = ZoneService(context)
 
     def operations(self) -> Iterator[Operation]:
