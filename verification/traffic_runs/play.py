@@ -95,7 +95,7 @@ class Play:
         )
 
     def _run(self) -> None:
-        world, started_at = self.world, self.world.now
+        world = self.world
         self._apart()
         world.add(TRAFFIC, Traffic(TRAFFIC, self.scenario.roadmap), self._plan, journaled=SCHEMA)
         for gate in self._hardware.gates:
@@ -104,12 +104,18 @@ class Play:
             self._start(number)
         if self._worker is not None:
             world.add(self._worker.name, Vehicle(self._worker, TRAFFIC, partial(self._seconds, 1.0), 0.0, works=True))
+        world.run(LONGEST, self._all_take_part)  # who is not known at all has to be seen by the robots themselves
+        started_at = world.now
         for at, event in sorted(self._events(), key=lambda moment: moment[0]):
             world.run(started_at + at - world.now)
             event()
         if not world.run(LONGEST, lambda: not any(robot.trips for robot in self.robots)):
             places = ", ".join(f"{robot.name} at {robot.place} to {robot.trips[0]}" for robot in self.robots if robot.trips)
             raise Violation(f"not arrived: {places}")
+
+    def _all_take_part(self) -> bool:
+        traffic = self.world.components[TRAFFIC]
+        return isinstance(traffic, Traffic) and all(robot.name in traffic.state.robots for robot in self.robots)
 
     def _events(self) -> Iterator[tuple[float, Callable[[], None]]]:
         """What happens to robots and traffic, and when."""

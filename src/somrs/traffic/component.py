@@ -292,6 +292,7 @@ class Traffic:
         if not 0 <= count < len(held) or held[count] != place:
             raise UsageError(f"{body.robot} was not granted its way to {body.place}: let it enter anew, where it is")
         record.progress = body.progress
+        record.moved_at = now if count else record.moved_at
         self._schedule.advance(body.robot, count)
         kept_count = 2 if body.between else 1
         if body.mobility is not Mobility.FREE and body.grant == record.grants and len(held) > count + kept_count:

@@ -250,6 +250,9 @@ class Dispatcher:
         searches = may_search and any(self._is_stalled(name, record, now, LONGEST_TURN) for name, record in state.robots.items())
         if any(robot.stalled for robot in robots):
             state.searched_at = now
+            state.searches += 1
+            # Of the searches, every second one is twice as thorough, every fourth one four times, and so on.
+            growth = max(growth, state.searches & -state.searches)
         effort = min(EFFORT * growth, MOST_EFFORT) * CROWD // max(CROWD, len(robots))
         problem = PlanTraffic(
             serial=state.serial,
@@ -295,11 +298,12 @@ class Dispatcher:
         )
 
     def _is_stalled(self, name: str, record: RobotRecord, now: float, limit: float) -> bool:
-        """Whether a robot has come no nearer to its goal for so long, though it has driven where it may, and nobody works at its goal."""
+        """Whether a robot has come no nearer to its goal for so long, though it drives where it may, and nobody works at its goal."""
         trip = self._current_trip(name)
-        if trip is None or record.silent or len(self._schedule.held(name)) > AHEAD or now <= trip.progressed_at + limit:
+        if trip is None or record.silent or now <= trip.progressed_at + limit:
             return False
-        return self.occupant(name, trip) is None
+        has_way = len(self._schedule.held(name)) > AHEAD and now > record.moved_at + STALL
+        return not has_way and self.occupant(name, trip) is None
 
     def occupant(self, name: str, trip: Trip) -> str | None:
         """The robot that works where the trip of this one leads; None if there is none."""

@@ -41,9 +41,9 @@ class Trip(Struct, kw_only=True):
 class RobotRecord(Struct, kw_only=True):
     """A robot that takes part.
 
-    `silent`: its lease has ended. `grants`: how often it was granted places. `progress`: how many places it has come to since it entered.
-    `reported`, `requested`: the numbers of its last report and of its last request. `told`: what it was told last of the passage on its
-    way.
+    `silent`: its lease has ended. `grants`: how often it was granted places. `progress`: how many places it has come to since it entered;
+    `moved_at`: when it came to the last one. `reported`, `requested`: the numbers of its last report and of its last request. `told`: what
+    it was told last of the passage on its way.
     """
 
     address: str
@@ -55,6 +55,7 @@ class RobotRecord(Struct, kw_only=True):
     trip: Trip | None = None
     grants: int = 0
     progress: int = 0
+    moved_at: float = 0.0
     reported: int = 0
     requested: int = 0
     told: PassageNotice | None = None
@@ -217,7 +218,7 @@ class TrafficState(Struct, kw_only=True):
     in the order of their ways. `closed`: what follows from the map; `idle`: the passages that are closed because their programs do not take
     part, do not answer, or say that they do not work. `planned_at`: when the last plan was asked for; `granted_at`: when somebody was
     granted a place of one last. `failures`: how many of the last plans moved nobody.
-    `searched_at`: when ways were searched for last because a robot had not come nearer to its goal.
+    `searched_at`: when ways were searched for last because a robot had not come nearer to its goal; `searches`: how often that was.
     """
 
     address: str
@@ -247,6 +248,7 @@ class TrafficState(Struct, kw_only=True):
     granted_at: float = 0.0
     failures: int = 0
     searched_at: float = 0.0
+    searches: int = 0
 
     def extend_leases(self, now: float) -> None:
         """Traffic was started: while it was away, nobody could report."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from random import Random
 
+import pytest
+
 from somrs.kernel.component import Input, Received
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.traffic import TripEnded, TripResult
@@ -54,14 +56,15 @@ class Trips:
         working: Collection[str] = (),
         broken: Collection[str] = (),
         hindered: Collection[str] = (),
+        seed: int = 0,
     ) -> None:
         self.ends: list[tuple[float, TripEnded]] = []
         """Those of the first robot's trips, each with its time in seconds."""
-        self._planner, self._first = TrafficPlanner(roadmap, Random()), next(iter(robots))
+        self._planner, self._first = TrafficPlanner(roadmap, Random(seed)), next(iter(robots))
         self.world = World(watch=self._watch)
         self._start_time = self.world.now
         self._robots: list[Robot] = []
-        dice = Random(0)
+        dice = Random(seed)
         self.world.add("traffic", Traffic("traffic", roadmap), self._plan, journaled=SCHEMA)
         for name, (place, ends) in robots.items():
             robot = Robot(name=name, place=place, trips=ends, berths={}, broken=name in broken)
@@ -137,3 +140,18 @@ def test_others_do_not_wait_for_one_that_makes_no_room_although_it_could() -> No
     robots = {"Other": ("0-0", ["9-0", "0-0"] * 20), "R": ("R", ["G"]), "B": ("B", [])}
     trips = Trips(drawn(*HALL), robots, hindered=["B"])
     assert trips.world.run(3_000.0, lambda: len(trips.ends) == 40), len(trips.ends)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_ways_are_found_that_take_a_long_search_although_robots_drive_meanwhile(seed: int) -> None:
+    """Six robots in an aisle with four bays have to change their order. What is planned step by step leads nowhere."""
+    robots = {
+        "R": ("10-1", ["1-1", "G"]),
+        "Robot0": ("3-1", ["D", "D", "3-1"]),
+        "Robot1": ("4-1", ["8-1"]),
+        "Robot2": ("9-1", ["G", "10-1", "5-1", "11-1"]),
+        "Robot3": ("D", ["13-1", "2-1", "4-1"]),
+        "Robot5": ("C", ["C", "6-1"]),
+    }
+    trips = Trips(drawn("G#B####C####D#", ".............."), robots, seed=seed)
+    assert trips.world.run(400.0, lambda: not trips.is_open)
