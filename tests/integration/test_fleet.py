@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.api.fleet import Presence
+from somrs.api.device_state import DeviceState
+from somrs.api.fleet import DeviceView, Presence, rank_and_name
 from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally
 from somrs.api.service import open_api_service
 from somrs.api.service_presence import ServicePresence
@@ -135,6 +136,15 @@ class CountingArchive:
 
     def teach(self, stats: ReliabilityStats) -> None:
         asyncio.run(stats.learn(TaskHistory(self.ask)))
+
+
+def test_robots_are_listed_before_other_devices_and_lifts_and_doors_last() -> None:
+    lineages = {"Door1": ("AutomaticDoor", "Door"), "Lift1": ("Lift",), "Scale1": ("Scale", "Device"), "Walker": ("Vehicle", "MobileRobot")}
+    devices = [
+        DeviceView(name=name, type=lineage[0], lineage=lineage, presence=Presence.OFFERS, state=DeviceState.READY)
+        for name, lineage in lineages.items()
+    ]
+    assert [device.name for device in sorted(devices, key=rank_and_name)] == ["Walker", "Scale1", "Door1", "Lift1"]
 
 
 def test_reliability_is_what_was_completed_of_what_was_begun_whatever_was_undone_later() -> None:

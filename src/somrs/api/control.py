@@ -152,8 +152,8 @@ class ControlService:
         return names
 
     async def _on_storey(self, storey: str, devices: list[str]) -> list[str]:
-        """Which of the devices are parts of the storey, or stand at its height and are part of no storey. A robot that is under way is
-        where traffic has it; others are where the map has them."""
+        """Which of the devices are parts of the storey, or stand at its height and are part of no storey, such as robots. One that is under
+        way is where traffic has it. Lifts are for all storeys."""
         map, ontology = self._context.map, self._context.ontology
         span, heights = span_of(storey, map, ontology), {}
         with suppress(SomrsError):  # a stop does not fail because the simulator does not answer
@@ -163,6 +163,8 @@ class ControlService:
             wholes = self._wholes(name)
             if span is None or storey in wholes or any(span_of(whole, map, ontology) is not None for whole in wholes):
                 return storey in wholes
+            if ontology.is_subtype(map.objects[name].type, LIFT):
+                return False
             height = heights.get(name, value_of(name, "PositionZ", map, ontology))
             return isinstance(height, int | float) and span[0] <= height < span[1]
 

@@ -21,6 +21,7 @@ from somrs.client.task_history import TaskHistory
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import SomrsError
 from somrs.kernel.offers import Offers
+from somrs.ontology.modes import DOOR, LIFT, MOBILE_ROBOT
 from somrs.ontology.objects import Change, Fact, FactRemoved, ValueSet
 from somrs.ontology.services import ServiceKind
 from somrs.ontology.types import IN_SERVICE, PAUSED, PAUSED_FOR, WORKING, Value
@@ -140,6 +141,12 @@ class Devices(msgspec.Struct, frozen=True, kw_only=True):
     window: float = WINDOW
 
 
+def rank_and_name(device: DeviceView) -> tuple[int, str]:
+    """The order for operators: robots first, and last lifts and doors, of which a building has many."""
+    rank = 0 if MOBILE_ROBOT in device.lineage else 2 if {LIFT, DOOR} & {*device.lineage} else 1
+    return rank, device.name
+
+
 class FleetService:
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -176,9 +183,9 @@ class FleetService:
         names.update(change.device for change in self._presence.log if not change.joined and change.at > now - DEPARTED_TIME)
         devices = (
             self._device(name, offers.of_provider(name), assignments.get(name, ()), utilisations.get(name, 0.0), states.get(name))
-            for name in sorted(names)
+            for name in names
         )
-        return Devices(at=now, devices=tuple(devices), log=self._presence.log)
+        return Devices(at=now, devices=tuple(sorted(devices, key=rank_and_name)), log=self._presence.log)
 
     @operation("POST", "/fleet/{robot}/faults/{fault}")
     async def fault(self, robot: str, fault: Fault, repair: bool = False) -> None:
