@@ -40,7 +40,9 @@ class NoteCollector:
     _subjects: dict[tuple[Rank, str, str], list[str]] = field(default_factory=dict)
 
     def add(self, rank: Rank, subject: str, text: str, advice: str = "") -> None:
-        self._subjects.setdefault((rank, text, advice), []).append(subject)
+        subjects = self._subjects.setdefault((rank, text, advice), [])
+        if subject not in subjects:
+            subjects.append(subject)
 
     def notes(self) -> tuple[Note, ...]:
         """One note for each kind: those that matter most first, then those about most subjects."""

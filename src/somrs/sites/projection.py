@@ -8,6 +8,7 @@ within 100 km of it, lengths differ from those on the ground by less than 0.013 
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -34,9 +35,16 @@ class Projection:
 
     @staticmethod
     def about(points: Sequence[Point]) -> Projection:
-        """The projection about the middle of the points, which are longitudes and latitudes. Raises ValueError."""
+        """The projection about the middle of the points, which are longitudes and latitudes.
+
+        Raises ValueError for points that are not on Earth, and for one that is far from most of them.
+        """
         for longitude, latitude in points:
             _check(longitude, latitude)
+        if points:
+            around_most = Projection(*(statistics.median(values) for values in zip(*points, strict=True)))
+            for point in points:
+                around_most(*point)
         middles = [(min(values) + max(values)) / 2 for values in zip(*points, strict=True)] or [0.0, 0.0]
         return Projection(*(round(middle, 5) for middle in middles))
 

@@ -10,6 +10,7 @@ import math
 import statistics
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations, product
 
 import numpy as np
 
@@ -35,6 +36,8 @@ _FARTHEST = 100_000.0
 """How far from the origin of its map an object may be, m: a building is not, and computations would become inexact."""
 _SHORTEST_LANE = 0.05
 _DOOR_WIDTHS = (0.4, 12.0)
+_EDGE = 0.3
+"""How far the floors of neighbouring storeys may overlap, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,11 +50,12 @@ class Finding:
 
 
 def find_mistakes(map: Map, ontology: Ontology) -> list[Finding]:
-    """All mistakes in the geometry of a map. If its coordinates cannot be metres, this alone."""
+    """All mistakes in the geometry of a map. If its coordinates cannot be metres, this alone; else if storeys are in one another, this."""
     site = _Site(map, ontology)
     return site.unbuildable + (
         list(site.implausible_sizes())
-        or [*site.in_walls(), *site.without_floor(), *site.blocked_lanes(), *site.in_zones(), *site.unreachable()]
+        or list(site.storeys_in_one())
+        or [*site.in_walls(), *site.without_floor(), *site.small_lifts(), *site.blocked_lanes(), *site.in_zones(), *site.unreachable()]
     )
 
 
@@ -142,6 +146,33 @@ class _Site:
             if door.form == "Box" and self.ontology.is_subtype(door.type, "Door") and not _DOOR_WIDTHS[0] <= width <= _DOOR_WIDTHS[1]:
                 text = f"it is {_length(width)} wide, which no door is; correct its Shape.Width, or the unit of the coordinates"
                 yield Finding(subject=door.name, rule="not-metres", message=text)
+
+    # Storeys and lifts
+
+    def storeys_in_one(self) -> Iterator[Finding]:
+        """Storeys at the height of another one whose floor is under the same points."""
+        floors: dict[str, list[Solid]] = {}
+        for floor in self.floors:
+            storey = self.map.whole(floor.name)
+            while storey is not None and not self.ontology.is_subtype(self.map.objects[storey].type, "Storey"):
+                storey = self.map.whole(storey)
+            if storey is not None:
+                floors.setdefault(storey, []).append(floor)
+        for storey, second_storey in combinations(floors, 2):
+            pairs = product(floors[storey], floors[second_storey])
+            if any(abs(floor.top - second.top) <= _LEVEL_DISTANCE and _shares_ground(floor, second) for floor, second in pairs):
+                text = f"its floor is where that of {storey} is: their heights are equal"
+                yield Finding(
+                    subject=second_storey, rule="same-height", message=f"{text}; correct Elevation, and the height of all that is there"
+                )
+
+    def small_lifts(self) -> Iterator[Finding]:
+        """Lifts with cabins into which no robot fits."""
+        for lift in (solid for solid in self.solids if self.ontology.is_subtype(solid.type, "Lift")):
+            size = min(lift.width, lift.depth) if lift.form == "Box" else 2 * lift.extent
+            if size < 2 * self.robot_radius:
+                text = f"its cabin is {_length(size)} wide, and the smallest robot {_length(2 * self.robot_radius)}; correct its Shape"
+                yield Finding(subject=lift.name, rule="lift-small", message=text)
 
     # Things in walls
 
@@ -255,6 +286,13 @@ class _Site:
     def _too_near(self, place: _Spot, standing: Sequence[Solid]) -> Solid | None:
         nearest = min(standing, key=lambda solid: solid.distance(*place.point), default=None)
         return nearest if nearest is not None and nearest.distance(*place.point) < self.robot_radius - TOLERANCE else None
+
+
+def _shares_ground(floor: Solid, second: Solid) -> bool:
+    """Whether the two have points in common that are well inside both, seen from above: neighbours may overlap at their edges."""
+    offsets = np.linspace(-floor.extent, floor.extent, 40)
+    points = np.stack(np.meshgrid(floor.x + offsets, floor.y + offsets), axis=-1).reshape(-1, 2)
+    return bool(np.any((distances_from(floor, points) < -_EDGE) & (distances_from(second, points) < -_EDGE)))
 
 
 def _spot(object: Object) -> _Spot | None:

@@ -215,10 +215,13 @@ def test_what_could_not_be_brought_in_as_it_is_is_noted() -> None:
         ("- [0, 1, {}]", "- [0, 99, {}]", 16, "wall 1 of L1"),
         ("- [4, 5, {name", "- [4, {name", 19, "door 1 of L1"),
         ("x: 5, y: 4,", "y: 4,", 23, "x is missing"),
-        ("elevation: 3.5", "elevation: high", 26, "level L2"),
         ("coordinate_system: cartesian_meters", "coordinate_system: furlongs", 1, "furlongs is not known; it is one of"),
         ("- [0, 1, {}]", "- [-1, 1, {}]", 16, "is no index"),
         ("levels:", "livels:", 1, "has levels"),
+        ("- [4, 4, 0, exit]", "- [4, .inf, 0, exit]", 31, "vertex 3 of L2: cannot be read: inf is no number"),
+        ("elevation: 3.5", "elevation: high", 26, "high is no number"),
+        ("x: 5, y: 4, z: 0, yaw: 0", "x: 5, y: 4, z: 0, yaw: .nan", 23, "nan is no number"),
+        ("vertices: [0, 1, 2]}", "vertices: [0, 1]}", 33, "it has 2 corners, and needs three"),
         ("name: Depot 7", "name: [", 4, "not YAML"),
     ],
 )
@@ -240,6 +243,36 @@ def test_no_change_of_a_file_makes_the_import_fail_otherwise(data: st.DataObject
     except ModelError:
         return
     assert violations(site.map, site.ontology) == []
+
+
+def test_a_thing_lies_on_the_floor_of_its_own_level() -> None:
+    text = SMALL.replace(
+        "      - {parameters: {}, vertices: [0, 1, 2]}",
+        """      - {parameters: {}, vertices: [0, 1, 2]}
+    models:
+      - {model_name: OpenRobotics/Coke, name: Coke, static: false, x: 2, y: 1, z: 0, yaw: 0}""",
+    )
+    site = import_text(text)
+    (floor,) = (fact.arguments[1] for fact in site.map.facts("isOn") if fact.arguments[0] == "Coke002")
+    assert site.map.whole(floor) == "L2"
+    assert site.map.objects["Coke002"].values["PositionZ"] == 3.5
+
+
+def test_names_that_are_numbers_are_kept() -> None:
+    site = import_text(SMALL.replace("  L1:", "  1:").replace("  L2:", "  2:").replace("Depot 7", "7"))
+    assert {"n7", "n1", "n2"} <= site.map.objects.keys()
+
+
+def test_a_level_that_is_not_there_is_told() -> None:
+    level_doors = "level_doors: {L9: [door]}"
+    text = re.sub(r"(  Lift1:? *\{)", rf"\1{level_doors}, ", SMALL)
+    with pytest.raises(ModelError, match="name the level L9; the levels are L1, L2"):
+        import_text(text)
+
+
+def test_levels_without_elevation_are_noted() -> None:
+    site = import_text(SMALL.replace("    elevation: 3.5\n", ""))
+    assert any("level L2: has no elevation" in str(note) for note in site.notes)
 
 
 def test_file_that_is_not_there(tmp_path: Path) -> None:

@@ -93,6 +93,34 @@ def test_only_the_mistake_is_found() -> None:
     assert {f.subject for f in mistakes(HALL.replace(SHUT, "Gate: {type: Wall, at: [6, 3, 0], turned: 1.5708,"))} == {"Far", "Lane2"}
 
 
+TWO_STOREYS = """\
+map: H
+objects:
+  H:
+    type: Building
+    parts:
+      G: {type: Storey, parts: {F: {type: Floor, at: [4, 3, -0.1], Shape: {Form: Box, Width: 8, Depth: 6, Height: 0.1}}}}
+      U:
+        type: Storey
+        Elevation: 4
+        parts: {F2: {type: Floor, at: [4, 3, 3.9], Shape: {Form: Polygon, Outline: "-4,-3 4,-3 4,3", Height: 0.1}}}
+      Lift1: {type: Lift, at: [9.1, 3, 0], Shape: {Form: Box, Width: 1.8, Depth: 1.8, Height: 2.3}}
+facts: [Lift1 stopsAt G, Lift1 stopsAt U]
+"""
+
+
+def test_storeys_are_not_in_one_another() -> None:
+    assert mistakes(TWO_STOREYS) == []
+    (finding,) = mistakes(TWO_STOREYS.replace("[4, 3, 3.9]", "[4, 3, 0]"))
+    assert (finding.subject, finding.rule) == ("U", "same-height")
+    assert mistakes(TWO_STOREYS.replace("[4, 3, 3.9]", "[12, 3, -0.1]")) == []
+
+
+def test_a_robot_fits_into_a_lift() -> None:
+    (finding,) = mistakes(TWO_STOREYS.replace("Width: 1.8", "Width: 0.2"))
+    assert (finding.subject, finding.rule) == ("Lift1", "lift-small")
+
+
 def test_degrees_are_no_metres() -> None:
     """A campus in longitude and latitude: all of it lies within 0.02 m."""
     waypoints = "\n".join(f"          W{i}: {{type: Place, at: [{103.77 + 0.002 * i}, {1.3 + 0.001 * i}, 0]}}" for i in range(6))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -30,8 +31,7 @@ class Document:
         try:
             yield
         except (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError, StopIteration) as error:
-            missing = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
-            message = f"cannot be read: {missing}; correct it in the traffic editor"
+            message = f"cannot be read: {_reason(error)}; correct it in the traffic editor"
             self.problems.append(
                 Problem(file=self.source.file, line=self.source.line(path), subject=subject, rule="structure", message=message)
             )
@@ -39,6 +39,42 @@ class Document:
     def parameter(self, name: str, default: Any = None) -> Any:
         """A parameter of the whole building."""
         return parameter(self.data.get("parameters"), name, default)
+
+
+def _reason(error: Exception) -> str:
+    match error:
+        case KeyError():
+            return f"{name_text(error.args[0])} is missing"
+        case IndexError():
+            return "it has too few values, or refers to a vertex that is not there"
+        case TypeError() | AttributeError():
+            return "it has not the form in which the traffic editor writes it"
+        case _:
+            return str(error)
+
+
+def number(value: Any) -> float:
+    """The finite number that a value is. Raises ValueError for another one, and TypeError for what is no value."""
+    try:
+        value_as_number = float(value)
+    except ValueError:
+        value_as_number = math.nan
+    if not math.isfinite(value_as_number):
+        raise ValueError(f"{value} is no number")
+    return value_as_number
+
+
+def positive(values: Any, key: str) -> float:
+    """The length at a key. Raises ValueError if it is not greater than 0."""
+    length = number(values[key])
+    if length <= 0:
+        raise ValueError(f"{key} is {length:g}, and has to be greater than 0")
+    return length
+
+
+def name_text(value: Any) -> str:
+    """A name as the file has it. Names that are numbers are read as such."""
+    return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value).strip()
 
 
 def parameter(parameters: Any, name: str, default: Any = None) -> Any:
@@ -50,14 +86,12 @@ def parameter(parameters: Any, name: str, default: Any = None) -> Any:
 def text_of(parameters: Any, name: str) -> str:
     """The text of a parameter; empty if there is none."""
     value = parameter(parameters, name)
-    if isinstance(value, float) and value.is_integer():
-        return str(int(value))
-    return "" if value is None else str(value).strip()
+    return "" if value is None else name_text(value)
 
 
 def whole_number(value: Any) -> int:
     """The index that a value is. Raises ValueError for one below 0, which would count from the end, and for a fraction."""
-    number = float(value)
-    if not number.is_integer() or number < 0:
+    index = float(value)
+    if not index.is_integer() or index < 0:
         raise ValueError(f"{value} is no index")
-    return int(number)
+    return int(index)

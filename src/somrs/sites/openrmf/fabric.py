@@ -13,7 +13,7 @@ from typing import Any
 from somrs.ontology.types import Value
 from somrs.sites.draft import FLOOR_THICKNESS, Draft, box_shape, identifier, pose
 from somrs.sites.notes import Rank
-from somrs.sites.openrmf.document import Document, parameter, text_of
+from somrs.sites.openrmf.document import Document, name_text, number, parameter, positive, text_of
 from somrs.sites.openrmf.levels import Level
 from somrs.sites.plan import Box, Point, without_gap
 
@@ -47,7 +47,7 @@ def add_fabric(document: Document, draft: Draft, level: Level) -> None:
             level.walls.append(_add_wall_like(draft, level, draft.numbered("Wall"), "Wall", start, end, _WALL_HEIGHT, {"Color": "White"}))
     for index, floor in enumerate(level.data.get("floors") or ()):
         with document.reading(f"floor {index + 1} of {level.name}", ("levels", level.name, "floors", index)):
-            draft.add_floor([level.vertex(vertex) for vertex in floor["vertices"]], level.elevation, level.storey)
+            _add_floor(draft, level, [level.vertex(vertex) for vertex in floor["vertices"]])
     for index, hole in enumerate(level.data.get("holes") or ()):
         with document.reading(f"hole {index + 1} of {level.name}", ("levels", level.name, "holes", index)):
             outline = [level.vertex(vertex) for vertex in hole["vertices"]]
@@ -100,41 +100,50 @@ def _add_ground(draft: Draft, level: Level) -> None:
     draft.notes.add(Rank.ASSUMED, f"level {level.name}", "has no floor; one is laid under all of it")
     xs, ys = zip(*(level.points or [(0.0, 0.0)]), strict=True)
     low, high = (min(xs) - 1, min(ys) - 1), (max(xs) + 1, max(ys) + 1)
-    draft.add_floor([low, (high[0], low[1]), high, (low[0], high[1])], level.elevation, level.storey)
+    _add_floor(draft, level, [low, (high[0], low[1]), high, (low[0], high[1])])
+
+
+def _add_floor(draft: Draft, level: Level, outline: list[Point]) -> None:
+    if len(outline) < 3:
+        raise ValueError(f"it has {len(outline)} corners, and needs three")
+    level.floors[draft.add_floor(outline, level.elevation, level.storey)] = outline
 
 
 def add_lifts(document: Document, draft: Draft, levels: list[Level], building: str) -> dict[str, str]:
     """Add the lifts with their doors. Returns the objects by the names in the file."""
     lifts: dict[str, str] = {}
     for key, data in (document.data.get("lifts") or {}).items():
-        with document.reading(f"lift {key}", ("lifts", str(key))):
-            lifts[str(key)] = _add_lift(draft, levels, building, str(key), data)
+        name = name_text(key)
+        with document.reading(f"lift {name}", ("lifts", name)):
+            lifts[name] = _add_lift(draft, levels, building, name, data)
     return lifts
 
 
 def _add_lift(draft: Draft, levels: list[Level], building: str, key: str, data: dict[str, Any]) -> str:
     by_name = {level.name: level for level in levels}
-    base = by_name.get(str(data.get("reference_floor_name")), levels[0])
+    base = by_name.get(name_text(data.get("reference_floor_name")), levels[0])
     x, y = base.point(data["x"], data["y"])
-    cabin = Box(x, y, float(data["width"]), float(data["depth"]), base.heading(data.get("yaw", 0.0)))
-    start = by_name.get(str(data.get("initial_floor_name")), base)
+    cabin = Box(x, y, positive(data, "width"), positive(data, "depth"), base.heading(data.get("yaw", 0.0)))
+    start = by_name.get(name_text(data.get("initial_floor_name")), base)
     lift = draft.add(
         draft.fresh(identifier(key)), "Lift", {**pose(cabin, start.elevation), **box_shape(cabin, _CABIN_HEIGHT), "Label": key}, building
     )
     doors = data.get("doors") or {}
     for level_name, door_names in (data.get("level_doors") or {}).items():
-        level = by_name[str(level_name)]
+        level = by_name.get(name_text(level_name))
+        if level is None:
+            raise ValueError(f"its level_doors name the level {name_text(level_name)}; the levels are {', '.join(by_name)}")
         draft.relate("stopsAt", lift, level.storey)
         for door_name in door_names:
-            _add_lift_door(draft, level, lift, cabin, str(door_name), doors[door_name])
+            _add_lift_door(draft, level, lift, cabin, name_text(door_name), doors[door_name])
     if not data.get("level_doors"):
         draft.notes.add(Rank.ASSUMED, lift, "the lift has no doors in the file, so it stops at no storey; add them in the traffic editor")
     return lift
 
 
 def _add_lift_door(draft: Draft, level: Level, lift: str, cabin: Box, name: str, data: dict[str, Any]) -> None:
-    x, y = cabin.world((float(data["x"]), float(data["y"])))
-    door = Box(x, y, float(data["width"]), _WALL_THICKNESS, cabin.yaw + float(data.get("motion_axis_orientation", 0.0)))
+    x, y = cabin.world((number(data["x"]), number(data["y"])))
+    door = Box(x, y, positive(data, "width"), _WALL_THICKNESS, cabin.yaw + number(data.get("motion_axis_orientation", 0.0)))
     values: dict[str, Value] = {**pose(door, level.elevation), **box_shape(door, _DOOR_HEIGHT), "Open": False}
     kind = _LIFT_DOOR_KINDS.get(int(float(data.get("door_type", 0))))
     if kind is not None:

@@ -16,7 +16,7 @@ from somrs.sites.models import ADVICE, UNKNOWN, Furniture, ModelTable
 from somrs.sites.notes import Rank
 from somrs.sites.openrmf.document import Document
 from somrs.sites.openrmf.levels import Level
-from somrs.sites.plan import Box, Point, clearance, cleared
+from somrs.sites.plan import Box, Point, clearance, cleared, is_in_polygon
 
 EDGE = 0.15
 """The largest distance, in metres, from a free edge of its support at which a gripper can reach an object."""
@@ -98,10 +98,16 @@ def _add_thing(draft: Draft, level: Level, kind: str, type: str, model: dict[str
             draft.notes.add(Rank.MOVED, f"{name} ({distance:.2f} m)", f"moved to an edge of {support} that robots can reach")
         point, z = moved, top
     else:
-        support, z = next(name for name, object in draft.objects.items() if object.type == "Floor"), 0.0
+        support, z = _floor_under(level, point), 0.0
         draft.notes.add(Rank.MOVED, name, "nothing is below it; it lies on the floor")
     draft.add(name, type, pose(Box(*point, 0, 0, level.heading(model.get("yaw", 0.0))), level.elevation + z))
     draft.facts.append(Fact("isOn", (name, support)))
+
+
+def _floor_under(level: Level, point: Point) -> str:
+    """The floor of the level under the point, or else the first one of the level."""
+    under = (floor for floor, outline in level.floors.items() if is_in_polygon(point, outline))
+    return next(under, next(iter(level.floors)))
 
 
 def _to_edge(level: Level, support: str, box: Box, point: Point) -> Point:

@@ -11,7 +11,7 @@ from somrs.ontology.types import Value
 from somrs.sites.draft import Draft, identifier
 from somrs.sites.notes import Rank
 from somrs.sites.openrmf.crowds import add_crowds, note_crowds
-from somrs.sites.openrmf.document import Document
+from somrs.sites.openrmf.document import Document, name_text, number
 from somrs.sites.openrmf.fabric import add_fabric, add_lifts
 from somrs.sites.openrmf.furniture import add_models
 from somrs.sites.openrmf.lanes import add_lanes, add_robots, add_waypoints, reserve_names
@@ -47,12 +47,12 @@ class _Import:
 
     def building(self) -> Site:
         data = self.document.data
-        name = identifier(str(data.get("name") or data.get("building_name") or "Building"))
+        name = identifier(name_text(data.get("name") or data.get("building_name") or "Building"))
         levels: list[Level] = []
         with self.document.reading("coordinate system", ("coordinate_system",)):
             coordinates = Coordinates(self.document, self.draft.notes)
             building = self.draft.add(name, "Building", self._reference_point(coordinates))
-            levels = [level for key in data["levels"] if (level := self._level(str(key), building, coordinates)) is not None]
+            levels = [level for key in data["levels"] if (level := self._level(key, building, coordinates)) is not None]
             if not self.document.problems:
                 coordinates.align(levels)
         if not self.document.problems:
@@ -61,16 +61,23 @@ class _Import:
             raise ModelError(self.document.problems)
         return self.draft.site(name, self.document.source.file)
 
-    def _level(self, key: str, building: str, coordinates: Coordinates) -> Level | None:
-        data: dict[str, Any] = next(level for name, level in self.document.data["levels"].items() if str(name) == key)
-        with self.document.reading(f"level {key}", ("levels", key)):
-            elevation = float(data.get("elevation", 0.0))
-            level = Level(key, data, "", elevation, coordinates.metres(key, data))
-            for index, _ in enumerate(level.points and data["vertices"]):
-                level.vertex(index)
-            level.storey = self.draft.add(self.draft.fresh(identifier(key)), "Storey", {"Elevation": elevation}, building)
+    def _level(self, key: Any, building: str, coordinates: Coordinates) -> Level | None:
+        data: dict[str, Any] = self.document.data["levels"][key]
+        name = name_text(key)
+        with self.document.reading(f"level {name}", ("levels", name)):
+            elevation = number(data.get("elevation", 0.0))
+            if "elevation" not in data and len(self.document.data["levels"]) > 1:
+                self.draft.notes.add(Rank.ASSUMED, f"level {name}", "has no elevation; 0 is taken")
+            level = Level(name, data, "", elevation, coordinates.metres(name, data))
+            self._check_vertices(level)
+            level.storey = self.draft.add(self.draft.fresh(identifier(name)), "Storey", {"Elevation": elevation}, building)
             return level
         return None
+
+    def _check_vertices(self, level: Level) -> None:
+        for index, vertex in enumerate(level.data.get("vertices") or ()):
+            with self.document.reading(f"vertex {index + 1} of {level.name}", ("levels", level.name, "vertices", index)):
+                level.metres(number(vertex[0]), number(vertex[1]))
 
     def _reference_point(self, coordinates: Coordinates) -> dict[str, Value]:
         """What the origin of the map is on Earth, for a building with geographic coordinates."""

@@ -11,7 +11,7 @@ from somrs.ontology.types import Value
 from somrs.sites.draft import Draft, identifier, pose
 from somrs.sites.models import ADVICE, UNKNOWN_ROBOT, ModelTable
 from somrs.sites.notes import Rank
-from somrs.sites.openrmf.document import Document, parameter, text_of, whole_number
+from somrs.sites.openrmf.document import Document, name_text, parameter, text_of, whole_number
 from somrs.sites.openrmf.levels import Level
 from somrs.sites.plan import Box, Point, roomiest
 
@@ -166,7 +166,7 @@ def _first_lane(level: Level, index: int) -> tuple[float, str]:
 
 
 def _label(vertex: list[Any]) -> str:
-    return str(vertex[3]).strip() if len(vertex) > 3 and vertex[3] else ""
+    return name_text(vertex[3]) if len(vertex) > 3 and vertex[3] not in (None, "") else ""
 
 
 def _note_unknown(draft: Draft, parameters: Any, known: set[str], kind: str) -> None:

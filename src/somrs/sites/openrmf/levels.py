@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from somrs.sites.notes import NoteCollector, Rank
-from somrs.sites.openrmf.document import Document, parameter, whole_number
+from somrs.sites.openrmf.document import Document, name_text, number, parameter, whole_number
 from somrs.sites.plan import Box, Point
 from somrs.sites.projection import Projection, from_web_mercator
 
@@ -60,6 +60,8 @@ class Level:
     """From coordinates of the file to metres, before the level is aligned with the others."""
     alignment: Similarity = Similarity()
     walls: list[Box] = field(default_factory=list)
+    floors: dict[str, list[Point]] = field(default_factory=dict)
+    """By object: the outline of each floor."""
     furniture: dict[str, tuple[Box, float, bool]] = field(default_factory=dict)
     """By object: its rectangle, the height of its top above the storey's floor, and whether it can support other objects."""
     waypoints: dict[int, str] = field(default_factory=dict)
@@ -68,7 +70,7 @@ class Level:
 
     def point(self, x: Any, y: Any) -> Point:
         """The map coordinates of a point in the file."""
-        return self.alignment(self.metres(float(x), float(y)))
+        return self.alignment(self.metres(number(x), number(y)))
 
     @property
     def points(self) -> list[Point]:
@@ -84,7 +86,7 @@ class Level:
         return self.points[whole_number(index)]
 
     def heading(self, yaw: Any) -> float:
-        return float(yaw) + self.alignment.turn
+        return number(yaw) + self.alignment.turn
 
     def solid(self) -> list[Box]:
         return [*self.walls, *(box for box, _, _ in self.furniture.values())]
@@ -112,7 +114,7 @@ class Coordinates:
 
     def align(self, levels: list[Level]) -> None:
         """Align the levels with the reference level, by the fiducials that they share with it."""
-        reference_name = str(self.document.data.get("reference_level_name") or levels[0].name)
+        reference_name = name_text(self.document.data.get("reference_level_name") or levels[0].name)
         reference = next((level for level in levels if level.name == reference_name), levels[0])
         marks = {level.name: self._fiducials(level) for level in levels}
         for level in levels:
@@ -149,13 +151,13 @@ class Coordinates:
                 ratios.append(metres / pixels)
         if ratios:
             return sum(ratios) / len(ratios)
-        first = next(iter(self.document.data["levels"]))
-        if name != str(first):
-            return self._scale(str(first), self.document.data["levels"][first])
+        first_name, first_level = next(iter(self.document.data["levels"].items()))
+        if data is not first_level:
+            return self._scale(name_text(first_name), first_level)
         self.notes.add(Rank.ASSUMED, f"level {name}", f"has no measurement; one pixel is taken as {PIXEL} m")
         return PIXEL
 
     def _fiducials(self, level: Level) -> dict[str, Point]:
         with self.document.reading(f"fiducials of {level.name}", ("levels", level.name, "fiducials")):
-            return {str(name): level.point(x, y) for x, y, name, *_ in level.data.get("fiducials") or () if name}
+            return {name_text(name): level.point(x, y) for x, y, name, *_ in level.data.get("fiducials") or () if name}
         return {}
