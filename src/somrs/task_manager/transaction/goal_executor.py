@@ -98,8 +98,9 @@ class GoalExecutor:
             case NoPlan():
                 self._services.lacks(result.unoffered)
                 broken = self._services.broken
-                lost = (f"{service}: {reason}" for service, reason in broken.items() if service not in result.lost)
-                return NoPlanFound((f"no plan: {result.reasons[0]}", *result.reasons[1:], *lost))
+                tried = [f"{service}: {reason}" for service, reason in broken.items() if service not in result.lost]
+                first_reason, *further_reasons = (*tried, *result.reasons)  # what services said is more to the point than what others lack
+                return NoPlanFound((f"no plan: {first_reason}", *further_reasons))
             case ServicesUnknown(reason):
                 return (yield from self._wait_or_fail((reason,), now, {"Service Registry": reason}))
             case str(reason):

@@ -130,7 +130,7 @@ def test_why_services_are_not_asked_belongs_to_why_there_is_no_plan() -> None:
     harness.service_says(frp.Refuse(reason="too heavy"), 1.0)
     harness.plan_results = [NoPlan("none", separate_reasons=("none", "never"), lost=(SECOND_SERVICE,))]
     harness.service_says(frp.Refuse(reason="too far"), 2.0, SECOND_SERVICE)
-    assert harness.task.reasons == ("no plan: none", "never", f"{FIRST_SERVICE}: too heavy")
+    assert harness.task.reasons == (f"no plan: {FIRST_SERVICE}: too heavy", "none", "never")
     assert harness.task.services.broken == {FIRST_SERVICE: "too heavy", SECOND_SERVICE: "too far"}
 
 
