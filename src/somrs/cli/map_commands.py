@@ -54,7 +54,12 @@ def update(
     situation: Annotated[str | None, typer.Argument(help="The situation, as a formula.", show_default=False)] = None,
     add: Annotated[
         list[str],
-        typer.Option("--add", metavar="NAME:TYPE", help="A new object, which the situation may name. Can be given several times."),
+        typer.Option(
+            "--add",
+            metavar="NAME:TYPE",
+            help="A new object, of which the situation has what it must have: --add Jar9:Jar 'Jar9 isOn Table1 AND Jar9.PositionX = 2 "
+            "AND ...'. Can be given several times.",
+        ),
     ] = [],  # noqa: B006  # typer requires a list as the default
     remove: Annotated[
         list[str], typer.Option("--remove", metavar="NAME", help="An object that is no longer there. Several times, too.")
