@@ -43,7 +43,7 @@ class Committing:
         )
         contents.version = event.version
         if task is not None:
-            contents.reservations.note_changes(task, outcome.subjects)
+            contents.reservations.note_changes(task, outcome.altered)
         if new_names := event.new_names:
             contents.reservations.rename(new_names)
         contents.map, contents.ontology = outcome.map, outcome.ontology

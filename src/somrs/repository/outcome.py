@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from somrs.ontology.conformance import Violation
 from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Renaming, Section, find_definition, key_of, revise_ontology
-from somrs.ontology.objects import Change, ObjectAdded, ObjectRemoved, objects_of
-from somrs.ontology.types import Definition, Ontology
+from somrs.ontology.objects import Change, ObjectAdded, ObjectRemoved, ValueSet, objects_of
+from somrs.ontology.types import UNKNOWN, Definition, Ontology
 from somrs.protocol.messages.knowledge import BrokenRule, Considered, Definitions, Merging, OntologyChanged, Rejected, Revision, by_kind
 from somrs.protocol.messages.observations import Discovery, Reception
 from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fit_page
@@ -53,6 +53,12 @@ class Outcome:
     def subjects(self) -> tuple[str, ...]:
         """The objects that the changes are about, each once: when a jar leaves a table, that is news of the jar."""
         return tuple(dict.fromkeys(objects_of(change)[0] for change in self.changes))
+
+    @property
+    def altered(self) -> tuple[str, ...]:
+        """The subjects without those of which it only became doubtful, or certain again, what the map has of them."""
+        altering = (change for change in self.changes if not (isinstance(change, ValueSet) and change.path == UNKNOWN))
+        return tuple(dict.fromkeys(objects_of(change)[0] for change in altering))
 
     @property
     def definitions(self) -> tuple[DefinitionKey, ...]:

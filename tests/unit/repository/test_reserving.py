@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from somrs.kernel.component import Effect, Received, SetTimer, TimerFired
 from somrs.kernel.reservations import LEASE
+from somrs.ontology.objects import ValueSet
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, RenameObject, SubscribeMap, Updated, UpdateMap
@@ -115,6 +116,19 @@ def test_who_gets_its_objects_again_hears_what_others_have_changed_meanwhile() -
     desk.reserves("b", "Jar1", sender=B)
     desk.reports("Jar1 isOn Table2", "b", 2, B)
     assert desk.reserves("a", "Jar1", "Jar2", mode=UNDO) == [Reserved(task="a", fence=3, overtaken=("Jar1",), holders=held_by("b", "Jar1"))]
+
+
+def test_what_another_had_in_doubt_and_found_as_it_was_is_not_changed() -> None:
+    desk = ReservationDesk()
+    desk.reserves("a", "Jar1")
+    desk.reports("Jar1 isOn Table2", "a", 1)
+    desk.releases("a", ended=False)
+    desk.reserves("b", "Jar1", sender=B)
+    doubt = UpdateMap(changes=(ValueSet("Jar1", "Unknown", True),), reservation=UnderReservation(task="b", fence=2))
+    assert isinstance(desk.says(doubt, B)[0], Updated)
+    assert isinstance(desk.reports("Jar1 isOn Table2", "b", 2, B), Updated)
+    desk.releases("b", B)
+    assert desk.reserves("a", "Jar1", mode=UNDO) == [Reserved(task="a", fence=3)]
 
 
 def test_a_silent_task_manager_loses_what_another_wants_and_is_told() -> None:
