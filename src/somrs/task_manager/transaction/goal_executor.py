@@ -92,7 +92,7 @@ class GoalExecutor:
                 return (yield from self._adopt_plan(result, now))
             case BlockedPlan() if self._execution.kind is GoalKind.TASK:
                 yield from self._wait(result, now)
-                return None
+                return Proceed() if self._execution.resumed else None
             case BlockedPlan():
                 return (yield from self._fail((holders_text(result.holders),), now))
             case NoPlan():

@@ -13,6 +13,7 @@ from somrs.planner.model.plan import Link, NoPlan, Plan
 from somrs.protocol.messages import events, frp, submission, waits
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.reservations import ReservationDenied, ReservationMode, Reserve, Reserved
 from somrs.protocol.messages.task_views import Phase
 from somrs.protocol.messages.waits import WaitsToRetry
 from somrs.task_manager.execution.member import Member
@@ -422,6 +423,24 @@ def test_who_has_to_wait_lets_go_of_who_is_committed() -> None:
         "ServicesAsked",
     ]
     assert bodies(effects)[0] == "Arrange"
+
+
+def test_a_task_goes_on_when_its_objects_are_free_before_it_hears_that_it_has_to_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    harness = chain()
+    harness.take_away("Jar001")
+    reserve = harness.reserving.reserve
+
+    def reserve_and_free(request: Reserve, sender: str, now: float) -> tuple[Reserved | ReservationDenied, list[Send]]:
+        answered = reserve(request, sender, now)
+        if request.mode is ReservationMode.WAIT:
+            harness.reservations.remove("other")
+            harness.admit(now)
+        return answered
+
+    monkeypatch.setattr(harness.reserving, "reserve", reserve_and_free)
+    effects = harness.service_says(frp.Failed(description="stuck", situation=HELD), 5.0, sender=member(harness, "a"))
+    assert "Arrange" in bodies(effects)
+    assert harness.task.reservation.held == Reservation(changes=frozenset({"Jar001", "Tin001"}))
 
 
 @pytest.mark.parametrize(("reserved_object", "is_reserved"), [("Tin001", True), ("Jar001", False)])
