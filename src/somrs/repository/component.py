@@ -193,7 +193,7 @@ class Repository:
                 assigned = TaskAssigned(task=task, task_manager=message.header.sender)
                 yield from self._run_once(message, lambda: iter([self._remember_answer(message, assigned)]))
             case Release() as release:
-                yield from self._neighbours.reserving.release(release, now)
+                yield from self._neighbours.reserving.release(release, message.header.sender, now)
                 self._reserving.release(release, message.header.sender, now)
             case ClaimReservations() as claims:
                 yield from self._reserving.claim(claims, message.header.sender, now)

@@ -77,10 +77,10 @@ class SharedReserving:
             if shared.request_id:
                 yield from self._ask_next(task, now)
 
-    def release(self, release: Release, now: float) -> Effects:
-        """A task releases what it has, also of neighbours."""
+    def release(self, release: Release, sender: str, now: float) -> Effects:
+        """A task releases what it has, also of neighbours. Another Repository that had some of it does not speak for the task."""
         shared = self._contents.shared_reservations.get(release.task)
-        if shared is None:
+        if shared is None or shared.task_manager != sender:
             return
         self._note_homes(release.task, shared)
         maps = {*shared.fences, *shared.waiting[:1], *(shared.asked if release.ended else ())}
@@ -98,7 +98,7 @@ class SharedReserving:
         claimed = {claim.task for claim in claims.claims}
         for task, shared in [*self._contents.shared_reservations.items()]:
             if shared.task_manager == sender and task not in claimed:
-                yield from self.release(Release(task=task, serial=claims.serial, ended=True), now)
+                yield from self.release(Release(task=task, serial=claims.serial, ended=True), sender, now)
 
     def _note_homes(self, task: str, shared: SharedReservation) -> None:
         """What the task has may have got its home at another map, which has the reservation since."""

@@ -293,3 +293,13 @@ def test_a_third_map_has_what_is_said_of_objects_of_two_others() -> None:
     three.update(BARN, FactAdded(Fact(PART_OF, ("Jar1", "Yard:Room1"))))
     three.add_mill()
     assert three.at(MILL).contents.map.has_fact(PART_OF, ("Barn:Jar1", "Yard:Room1"))
+
+
+def test_a_release_by_another_repository_is_not_heeded() -> None:
+    three = Neighbourhood()
+    three.add_mill()
+    three.ask(YARD, reserve("yard-task", 1, "Barn:Jar1"), Reserved)
+    three.world.send(request(Release(task="yard-task", serial=99), MILL, recipient=YARD))
+    three.settle()
+    assert three.at(BARN).contents.reservations.claimants["yard-task"].held
+    three.ask(YARD, reserve("yard-task", 2, "Barn:Jar1", "Jar1"), Reserved)
