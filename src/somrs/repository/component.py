@@ -68,7 +68,7 @@ from somrs.protocol.messages.reservations import (
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.committing import Committing
 from somrs.repository.definition import define_outcome, rename_outcome
-from somrs.repository.forwarding import foreign_parts, own_changes, refusals
+from somrs.repository.forwarding import foreign_parts, own_changes, refusals, superseded_at_homes
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
 from somrs.repository.map_answers import MapAnswers
 from somrs.repository.merging import merge_outcome
@@ -337,7 +337,8 @@ class Repository:
         contents = self.contents
         outcome = self._alteration_outcome(message.body, now)
         rest = changes_outcome(contents.map, contents.ontology, own_changes(outcome))
-        yield from self._alter(message, message.body, outcome.with_changes_of(rest), now)
+        own_outcome = outcome.with_changes_of(rest).with_superseded(superseded_at_homes(outcome))
+        yield from self._alter(message, message.body, own_outcome, now)
 
     def _remember_answer(self, message: Message, answer: Answer) -> Send:
         """Send the answer and store it, for the case that the request arrives again."""

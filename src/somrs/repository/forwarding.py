@@ -28,6 +28,7 @@ from somrs.repository.neighbour_state import ForwardedUpdate, NeighbourState
 from somrs.repository.neighbour_view import View
 from somrs.repository.outcome import Outcome
 from somrs.repository.state import Contents
+from somrs.repository.update import format_change
 
 FORWARDING_TIME = 86_400.0
 """Seconds for which a request is sent to a neighbour, whose host may be down for long."""
@@ -51,6 +52,11 @@ def foreign_parts(outcome: Outcome, alteration: UpdateMap, author: str, contents
 def own_changes(outcome: Outcome) -> tuple[Change, ...]:
     """The changes of objects that have their home here."""
     return tuple(change for change in outcome.changes if not _home_of_change(change))
+
+
+def superseded_at_homes(outcome: Outcome) -> tuple[str, ...]:
+    """The changes of neighbours' objects that are still to be made when their homes have the update: they have newer news."""
+    return tuple(format_change(change) for change in outcome.changes if _home_of_change(change))
 
 
 def _home_of_change(change: Change) -> str:

@@ -137,7 +137,8 @@ class Importing:
         new_holders = (*(renaming.to for renaming in renamed), *(merging.into for merging in merged))
         if any(name not in map_after.objects for name in new_holders):
             renamed, merged = (), ()  # what has the name now is not known here
-        outcome = Outcome(map=map_after, ontology=contents.ontology, changes=changes, renamed=renamed, merged=merged)
+        # When it held is known at its home, which decides what is newer: here it is no news as of a time.
+        outcome = Outcome(map=map_after, ontology=contents.ontology, changes=changes, renamed=renamed, merged=merged, at=now)
         if changes:
             news = yield from self._committing.commit(outcome, home, now)
             yield from self._publishing.publish(news, now)

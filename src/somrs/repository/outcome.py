@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
+from msgspec import structs
+
 from somrs.ontology.conformance import Violation
 from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Renaming, Section, find_definition, key_of, revise_ontology
@@ -74,6 +76,11 @@ class Outcome:
     def with_changes_of(self, rest: Outcome) -> Outcome:
         """The outcome as far as it is `rest`. What it is news about, and what became of a report, stay."""
         return replace(self, map=rest.map, changes=rest.changes, broken=rest.broken)
+
+    def with_superseded(self, parts: tuple[str, ...]) -> Outcome:
+        """The outcome of a report of which these parts are older, too, than what the map has."""
+        reception = self.reception or Reception()
+        return replace(self, reception=structs.replace(reception, superseded=(*reception.superseded, *parts))) if parts else self
 
     def change_notice(self, version: int) -> OntologyChanged:
         """The notification that subscribers receive about a change of the ontology."""

@@ -88,7 +88,7 @@ def _newer_changes(
         if _latest_news(change, map, ontology, provenance) <= at:
             newer.append(change)
         else:
-            superseded.append(_format_change(change))
+            superseded.append(format_change(change))
             if not _was_so(change, ontology, provenance, at):
                 continue
         aspects += aspects_of(change, ontology)
@@ -118,7 +118,8 @@ def _latest_news(change: Change, map: Map, ontology: Ontology, provenance: Prove
             return 0.0
 
 
-def _format_change(change: Change) -> str:
+def format_change(change: Change) -> str:
+    """What the change says, for people."""
     match change:
         case ValueSet(name, path, value):
             return f"{name}.{path} = {value}" if value is not None else f"{name} has no {path}"

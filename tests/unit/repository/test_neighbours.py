@@ -10,6 +10,7 @@ from somrs.ontology.types import PART_OF, Value
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import QueryMap, Rejected, RenameObject, Rows, Updated, UpdateMap
 from somrs.protocol.messages.neighbours import Neighbour, Neighbours, ReadNeighbours
+from somrs.protocol.messages.observations import Observation
 from somrs.protocol.messages.reservations import Release, ReservationDenied, ReservationMode, Reserve, Reserved
 from somrs.repository.component import SCHEMA, Repository
 from somrs.repository.neighbouring import NeighboursConfigured
@@ -54,6 +55,11 @@ class Neighbourhood:
 
     def update(self, address: str, *changes: Change, situation: str | None = None) -> Updated:
         return self.ask(address, UpdateMap(changes=changes, situation=situation, author="test"), Updated)
+
+    def tell(self, address: str, situation: str, as_of: float) -> tuple[str, ...]:
+        """Returns what is superseded of it."""
+        updated = self.ask(address, UpdateMap(situation=situation, observation=Observation(as_of=as_of), author="test"), Updated)
+        return updated.reception.superseded if updated.reception is not None else ()
 
     def holds(self, address: str, formula: str) -> bool:
         return bool(self.ask(address, QueryMap(formula=formula), Rows).rows)
@@ -303,3 +309,27 @@ def test_a_release_by_another_repository_is_not_heeded() -> None:
     three.settle()
     assert three.at(BARN).contents.reservations.claimants["yard-task"].held
     three.ask(YARD, reserve("yard-task", 2, "Barn:Jar1", "Jar1"), Reserved)
+
+
+def test_the_home_of_an_object_decides_what_is_newer_of_it() -> None:
+    """A camera at the Barn and a robot at the Yard tell their Repositories late what they saw; the robot saw it later."""
+    two = Neighbourhood()
+    seen_at = two.world.now
+    two.world.run(60.0)
+    two.tell(BARN, "Jar1 isHeldBy Robot1", as_of=seen_at)
+    two.world.run(60.0)
+    assert two.holds(YARD, "Barn:Jar1 isHeldBy Barn:Robot1")
+    assert two.tell(YARD, "Barn:Jar1 isOn Barn:Bench2", as_of=seen_at + 1.0) == ()
+    assert two.holds(BARN, "Jar1 isOn Bench2")
+    assert two.tell(YARD, "Barn:Jar1 isHeldBy Barn:Robot1", as_of=seen_at - 1.0)
+    assert two.holds(BARN, "Jar1 isOn Bench2")
+
+
+def test_what_its_home_has_newer_of_an_object_is_said_to_who_reports_it_late() -> None:
+    two = Neighbourhood()
+    two.tell(BARN, "Jar1 isOn Bench2", as_of=two.world.now)
+    two.settle()
+    assert two.tell(YARD, "Barn:Jar1 isOn Barn:Bench1", as_of=two.world.now - 200.0) == (
+        "NOT Barn:Jar1 isOn Barn:Bench2",
+        "Barn:Jar1 isOn Barn:Bench1",
+    )
