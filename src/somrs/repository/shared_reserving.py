@@ -78,9 +78,12 @@ class SharedReserving:
                 yield from self._ask_next(task, now)
 
     def release(self, release: Release, sender: str, now: float) -> Effects:
-        """A task releases what it has, also of neighbours. Another Repository that had some of it does not speak for the task."""
+        """A task releases what it has, also of neighbours, unless a later message of the task has come before.
+
+        Another Repository that had some of it does not speak for the task.
+        """
         shared = self._contents.shared_reservations.get(release.task)
-        if shared is None or shared.task_manager != sender:
+        if shared is None or shared.task_manager != sender or release.serial < self._latest_serial(release.task, shared):
             return
         self._note_homes(release.task, shared)
         maps = {*shared.fences, *shared.waiting[:1], *(shared.asked if release.ended else ())}
@@ -99,6 +102,10 @@ class SharedReserving:
         for task, shared in [*self._contents.shared_reservations.items()]:
             if shared.task_manager == sender and task not in claimed:
                 yield from self.release(Release(task=task, serial=claims.serial, ended=True), sender, now)
+
+    def _latest_serial(self, task: str, shared: SharedReservation) -> int:
+        under_way = shared.request.serial if shared.request is not None else -1
+        return max(under_way, self._contents.reservations.last_serial(task))
 
     def _note_homes(self, task: str, shared: SharedReservation) -> None:
         """What the task has may have got its home at another map, which has the reservation since."""

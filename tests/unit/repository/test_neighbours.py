@@ -11,7 +11,7 @@ from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import QueryMap, Rejected, RenameObject, Rows, Updated, UpdateMap
 from somrs.protocol.messages.neighbours import Neighbour, Neighbours, ReadNeighbours
 from somrs.protocol.messages.observations import Observation
-from somrs.protocol.messages.reservations import Release, ReservationDenied, ReservationMode, Reserve, Reserved
+from somrs.protocol.messages.reservations import ClaimReservations, Release, ReservationDenied, ReservationMode, Reserve, Reserved
 from somrs.repository.component import SCHEMA, Repository
 from somrs.repository.neighbouring import NeighboursConfigured
 from somrs.repository.state import Contents, RepetitionDue
@@ -309,6 +309,25 @@ def test_a_release_by_another_repository_is_not_heeded() -> None:
     three.settle()
     assert three.at(BARN).contents.reservations.claimants["yard-task"].held
     three.ask(YARD, reserve("yard-task", 2, "Barn:Jar1", "Jar1"), Reserved)
+
+
+@pytest.mark.parametrize(
+    "earlier",
+    [Release(task="yard-task", serial=1, ended=False), ClaimReservations(serial=1)],
+    ids=["what it released", "what it did not have"],
+)
+def test_what_was_said_before_a_request_and_arrives_after_it_does_not_end_it(earlier: Release | ClaimReservations) -> None:
+    two = Neighbourhood()
+    two.world.cut_off(BARN)
+    two.world.send(request(reserve("yard-task", 2, "Barn:Jar1"), recipient=YARD))
+    two.world.run(1.0)
+    two.world.send(request(earlier, recipient=YARD))
+    two.world.run(1.0)
+    two.world.reconnect(BARN)
+    two.settle()
+    (claimant,) = two.at(BARN).contents.reservations.claimants.values()
+    assert claimant.held.changes == {"Jar1"}
+    assert two.at(YARD).contents.shared_reservations["yard-task"].fences == {"Barn": claimant.fence}
 
 
 def test_the_home_of_an_object_decides_what_is_newer_of_it() -> None:
