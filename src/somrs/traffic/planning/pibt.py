@@ -152,7 +152,8 @@ class _Step:
                 now[place] != NOBODY,
             )
         )
-        partner = self._partner(robot, candidates[0]) if candidates[0] != here else NOBODY
+        comes_out = corridors[here] != NOWHERE and corridors[candidates[0]] == NOWHERE  # others wait outside, and can give way
+        partner = self._partner(robot, candidates[0]) if candidates[0] != here and not comes_out else NOBODY
         if partner != NOBODY:
             candidates.reverse()
         for number, place in enumerate(candidates):
@@ -182,7 +183,7 @@ class _Step:
     def _oncoming(self, robot: int, place: int) -> int:
         """The robot that comes towards this one in the corridor that it would enter at the place; NOBODY if there is none."""
         corridor = self._corridors[place]
-        if corridor == NOWHERE or corridor == self._corridors[self._places[robot]]:
+        if corridor == NOWHERE or self._corridors[self._places[robot]] != NOWHERE:
             return NOBODY
         estimate = self._estimates[robot]
         for oncoming in range(len(self._places)):

@@ -76,13 +76,25 @@ def test_a_robot_waits_outside_while_others_come_through(seed: int) -> None:
     assert len(path) < 22
 
 
-def test_one_that_waits_before_a_corridor_lets_those_pass_that_come_out() -> None:
-    """It stands on their way, and goes before them wherever both want to the same place."""
-    graph, at = grid("ABC####", "DEFGHIJ", "KLM####")
-    planner, goals = StepPlanner(graph, shuffle=Random(0).shuffle), (at["J"], at["D"])
-    places: tuple[int, ...] = (at["E"], at["I"])
-    for _ in range(20):
-        following = planner.step(places, [graph.distances(goal) for goal in goals], [0, 1])
+@pytest.mark.parametrize(
+    ("rows", "starts", "goals"),
+    [
+        (("AB###", "CDEFG"), "DA", "CD"),
+        (("ABC####", "DEFGHIJ", "KLM####"), "EI", "JD"),
+        (("ABCDEFG", "###H###", "###I###", "###J###"), "AG", "GA"),
+    ],
+    ids=["at a mouth", "in front of a mouth", "where three corridors meet"],
+)
+def test_nobody_waits_for_one_that_waits_for_it(rows: tuple[str, ...], starts: str, goals: str) -> None:
+    """The one that waits before a corridor decides after those that come out, and who is in a corridor waits for nobody."""
+    graph, at = grid(*rows)
+    planner, waiting = StepPlanner(graph, shuffle=Random(0).shuffle), [0.0, 0.0]
+    places: tuple[int, ...] = tuple(at[name] for name in starts)
+    arrived: set[int] = set()
+    for _ in range(40):
+        following = planner.step(places, [graph.distances(at[name]) for name in goals], sorted((0, 1), key=lambda robot: -waiting[robot]))
         assert following is not None
         places = following
-    assert places == goals
+        arrived |= {robot for robot in (0, 1) if places[robot] == at[goals[robot]]}
+        waiting = [0.0 if places[robot] == at[goals[robot]] else waiting[robot] + 1 for robot in (0, 1)]
+    assert arrived == {0, 1}
