@@ -145,7 +145,7 @@ def test_robots_are_slow_in_a_slow_zone_and_quotes_count_it(world: WorldKind) ->
 def test_zones_are_drawn_changed_and_removed_through_the_api(tmp_path: Path) -> None:
     async def scenario(system: SmallSystem, api: LiveApi) -> None:
         square = ((1.0, 1.0), (3.0, 1.0), (3.0, 2.0), (1.0, 2.0))
-        drawn = await api.zones.draw(ZoneDrawing(corners=square, by="Ada"))
+        drawn = await api.zones.draw(ZoneDrawing(corners=(square[0], square[2]), by="Ada"))
         assert (drawn.zone.name, drawn.zone.limit) == ("Zone001", None)
         while api.context.version < drawn.version:
             await asyncio.sleep(0.01)
@@ -168,7 +168,7 @@ def test_what_is_no_zone_is_refused_with_the_reason(tmp_path: Path) -> None:
     async def scenario(system: SmallSystem, api: LiveApi) -> None:
         triangle = ((1.0, 1.0), (3.0, 1.0), (3.0, 2.0))
         for drawing, reason in (
-            (ZoneDrawing(corners=triangle[:2]), "three or more corners"),
+            (ZoneDrawing(corners=triangle[:1]), "three or more corners"),
             (ZoneDrawing(corners=((0.0, 0.0), (1.0, 1.0), (2.0, 2.0))), "lie on one line"),
             (ZoneDrawing(corners=((0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (1.0, 3.0))), "its sides cross"),
             (ZoneDrawing(corners=triangle, limit=0.0), "more than 0 m/s"),

@@ -51,8 +51,8 @@ class ZoneDrawn(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ZoneDrawing(msgspec.Struct, frozen=True, kw_only=True):
-    """A zone as it is drawn. `name`: of a new zone, or of the one that it replaces; by default a new one. `corners`: three or more, in
-    metres on the map. `storey`: needed if there are several. `limit`: the highest speed, m/s; None: robots do not enter it. `by`: the
+    """A zone as it is drawn. `name`: of a new zone, or of the one that it replaces; by default a new one. `corners`: in metres on the map;
+    two are those of a box. `storey`: needed if there are several. `limit`: the highest speed, m/s; None: robots do not enter it. `by`: the
     author."""
 
     corners: tuple[Point, ...]
@@ -60,6 +60,14 @@ class ZoneDrawing(msgspec.Struct, frozen=True, kw_only=True):
     storey: str | None = None
     limit: float | None = None
     by: str = ""
+
+
+def _of_box(corners: tuple[Point, ...]) -> tuple[Point, ...]:
+    """All corners: of two, those of the box between them."""
+    if len(corners) != 2:
+        return corners
+    (x, y), (far_x, far_y) = corners
+    return (x, y), (far_x, y), (far_x, far_y), (x, far_y)
 
 
 def shape_of(corners: Sequence[Point]) -> dict[str, Value]:
@@ -103,7 +111,7 @@ class ZoneService:
     @operation("POST", "/zones")
     async def draw(self, body: ZoneDrawing) -> ZoneDrawn:
         """Draw a zone, or draw the zone of this name anew. Robots obey it at once; those that are in a no-go zone may leave it."""
-        map = self._context.map
+        map, body = self._context.map, msgspec.structs.replace(body, corners=_of_box(body.corners))
         name = body.name or next(name for number in count(1) if (name := f"Zone{number:03d}") not in map.objects)
         if body.name is not None and body.name in map.objects:
             self._known(body.name)

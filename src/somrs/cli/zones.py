@@ -79,14 +79,11 @@ def _show(zones: ZoneList, removed: str | None, json: bool) -> None:
 
 
 def _points(text: str) -> tuple[tuple[float, float], ...]:
-    """The corners of a zone; of two, those of the box between them."""
+    """The corners of a zone, as they are written."""
     try:
         points = tuple((float(x), float(y)) for x, y in (corner.split(",") for corner in text.split()))
     except ValueError:
         points = ()
     if len(points) < 2 or not all(map(math.isfinite, (value for point in points for value in point))):
         fail(f'corners are written as "1,1 4,1 4,3", in metres, and not as "{text}"', 2)
-    if len(points) == 2:
-        (x, y), (far_x, far_y) = points
-        return (x, y), (far_x, y), (far_x, far_y), (x, far_y)
     return points
