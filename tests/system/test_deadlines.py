@@ -27,9 +27,10 @@ def test_a_task_that_waits_fails_when_its_deadline_is_over_in_the_simulated_worl
             submitted_at = (await operator.clock()).time
             task = await client.submit(Submit(effect="Robot4 isAt East4", deadline=deadline))
             views = [news.view async for news in client.news(task)]
-            if speed != "max":  # it says when that is by the wall's clock
-                expected_time = views[0].submitted_at + deadline / float(speed)
-                assert any(view.due_at == pytest.approx(expected_time, abs=1.0) for view in views)
+            if speed != "max":  # it says when that is by the wall's clock, as it was reckoned on a machine that may be busy
+                expected_seconds = deadline / float(speed)
+                announced_seconds = [view.due_at - view.submitted_at for view in views if view.due_at is not None]
+                assert any(expected_seconds / 2 < seconds < 2 * expected_seconds for seconds in announced_seconds)
             last = views[-1]
             assert last.outcome is Outcome.FAILED
             assert f"the deadline of {deadline:g} s is over" in last.reasons

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
+from dataclasses import dataclass
+from typing import cast
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.deployment.world_clock import TOLERANCE, Reckoning
+from somrs.deployment.world_clock import TOLERANCE, Reckoning, clock_follower
 from somrs.devices.simulator.link.link import Reading
+from somrs.kernel.component import Notified
+from somrs.runtime.clock import Clock
+from somrs.runtime.node import Node
+from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.world_clock import WorldClock, WorldTimePassed
 
 MORNING = 1_800_000_000.0
@@ -68,6 +76,33 @@ def test_the_world_stands_still_while_nobody_simulates_it() -> None:
     system.read(10.0, 110.0)
     assert system.clock.time_at(MORNING + 110) == time_before + 10.0
     assert system.clock.wall_time(time_before + 30.0) == MORNING + 130
+
+
+@dataclass
+class ClockedNode:
+    """A Task Manager, and what it is told."""
+
+    component: TaskManager
+
+    def feed(self, notice: Notified) -> None:
+        self.component.handle(notice, MORNING)
+
+
+def test_no_time_passes_for_deadlines_before_the_clock_of_the_simulator_was_read() -> None:
+    """However long its start takes: a machine may be busy."""
+
+    class Morning(Clock):
+        def now(self) -> float:
+            return MORNING
+
+    async def wall_time_of_a_deadline(simulator: str | None) -> float | None:
+        node = ClockedNode(TaskManager("tm", repository="r", registry="g"))
+        async with clock_follower(cast(Node, node), Morning(), simulator):
+            clock = node.component.state.clock
+            return clock.wall_time(clock.time_at(MORNING) + 10.0)
+
+    assert asyncio.run(wall_time_of_a_deadline("127.0.0.1:1")) is None
+    assert asyncio.run(wall_time_of_a_deadline(None)) == MORNING + 10.0
 
 
 @given(
