@@ -47,6 +47,8 @@ def update_outcome(
     if impossible := (*_impossible(map, ontology, update.changes), *_wrong_observation(map, ontology, observation, provenance)):
         return Outcome(map=map, ontology=ontology, broken=impossible)
     changes, aspects, superseded = _newer_changes(_both_ways(update.changes, ontology), map, ontology, provenance, at)
+    if update.observation is not None:
+        changes = [*_left_places(changes, map, ontology), *changes]
     changed = map.changed(changes)
     try:
         situation = shown_situation(update.situation, changed, ontology, homes)
@@ -93,6 +95,15 @@ def _newer_changes(
                 continue
         aspects += aspects_of(change, ontology)
     return newer, aspects, tuple(superseded)
+
+
+def _left_places(changes: Iterable[Change], map: Map, ontology: Ontology) -> Iterator[FactRemoved]:
+    """The removal of the places where objects were that were seen elsewhere. Whoever reports them may not know where the map has them."""
+    for change in changes:
+        location = location_aspect(change.fact, ontology) if isinstance(change, FactAdded) else None
+        for fact in map.facts_from(location[0]) if location is not None else ():
+            if location_aspect(fact, ontology) == location:
+                yield FactRemoved(fact)
 
 
 def _was_so(change: Change, ontology: Ontology, provenance: Provenance, at: float) -> bool:

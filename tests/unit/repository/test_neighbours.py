@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from somrs.ontology.files.loading import load_text, upper
-from somrs.ontology.objects import Change, Fact, FactAdded, Object, ObjectAdded, ObjectRemoved
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import PART_OF, Value
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import QueryMap, Rejected, RenameObject, Rows, Updated, UpdateMap
@@ -352,3 +352,24 @@ def test_what_its_home_has_newer_of_an_object_is_said_to_who_reports_it_late() -
         "NOT Barn:Jar1 isOn Barn:Bench2",
         "Barn:Jar1 isOn Barn:Bench1",
     )
+
+
+def test_a_report_that_was_worked_out_on_an_old_copy_of_a_neighbour_s_map_is_true_all_the_same() -> None:
+    two = Neighbourhood()
+    two.world.separate(BARN, YARD)
+    two.tell(BARN, "Jar1 isHeldBy Robot1", as_of=two.world.now)
+    two.world.run(1.0)
+    report = UpdateMap(situation="Barn:Jar1 isOn Barn:Bench2", observation=Observation(as_of=two.world.now), author="test")
+    two.world.send(request(report, recipient=YARD))
+    two.world.run(1.0)
+    two.world.join(BARN, YARD)
+    two.settle()
+    assert two.holds(BARN, "Jar1 isOn Bench2")
+    assert two.holds(YARD, "Barn:Jar1 isOn Barn:Bench2")
+
+
+def test_who_edits_an_old_copy_of_a_neighbour_s_map_is_refused() -> None:
+    two = Neighbourhood()
+    two.tell(BARN, "Jar1 isHeldBy Robot1", as_of=two.world.now)
+    changes = FactRemoved(Fact("isOn", ("Jar1", "Bench1"))), FactAdded(Fact("isOn", ("Jar1", "Bench2")))
+    assert two.ask(BARN, UpdateMap(changes=changes, author="test"), Rejected).broken[0].rule == "exclusive"
