@@ -15,6 +15,7 @@ from somrs.protocol.messages.task_views import Phase
 from somrs.runtime.virtual_network import LATENCY
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed, WorkDone
+from somrs.task_manager.world_clock import WorldTimePassed
 from tests.support.virtual_system import Robot, VirtualSystem, drop_object, transfer_effect
 
 GOAL = "Jar002 isOn Platform001"
@@ -91,6 +92,19 @@ def test_the_wait_ends_with_the_deadline() -> None:
     assert "the deadline of 300 s is over" in view.explanation
     assert "it charges" in view.explanation
     assert view.waiting_to_retry is None
+
+
+@pytest.mark.parametrize(("rate", "seconds"), [(0.25, 1_200.0), (1.0, 300.0), (8.0, 37.5)])
+def test_the_deadline_is_said_by_the_wall_s_clock_and_comes_in_the_world_s_time(rate: float, seconds: float) -> None:
+    system = VirtualSystem(charging_robot())
+    clock = system.manager.state.clock
+    system.world.notify("tm", WorldTimePassed(seconds=clock.time_at(system.world.now) - clock.time, rate=rate))
+    task = system.submit(GOAL, deadline=300.0)
+    view = system.view(task)
+    assert view.due_at == pytest.approx(view.submitted_at + seconds, abs=1e-3)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.FAILED
+    assert view.ended_at == pytest.approx(view.submitted_at + seconds, abs=0.1)
 
 
 def test_a_waiting_task_can_be_cancelled() -> None:

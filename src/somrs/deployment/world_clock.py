@@ -91,9 +91,10 @@ async def clock_follower(node: Node, clock: Clock, simulator: str | None) -> Asy
             node.feed(Notified(WorldTimePassed(seconds=world_clock.time_at(clock.now()) - world_clock.time, rate=1.0)))
         yield
         return
+    reckoning = Reckoning(world_clock)
     if world_clock.wall == 0.0:  # it was never told: the world's time begins to pass when it is known how fast
-        _tell(node, Reckoning(world_clock).lose(clock.now()))
-    task = asyncio.create_task(_follow(node, clock, Reckoning(world_clock), simulator))
+        _tell(node, reckoning.lose(clock.now()))
+    task = asyncio.create_task(_follow(node, clock, reckoning, simulator))
     try:
         yield
     finally:

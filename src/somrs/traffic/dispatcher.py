@@ -153,12 +153,10 @@ class Dispatcher:
     def _is_confined(self, name: str) -> bool:
         """Whether a robot is in a lift that stands still between floors, or whose program does not answer: it goes on as soon as that
         changes, and not before. Out of one that is at a floor it is let, even if nobody else is taken along."""
-        idle = self.state.idle
-        lift = next(iter(self._passages.lifts_on(self.state.held[name][:1])), None) if idle else None
-        if lift is None or not any(passage.name == lift for passage in idle):
+        if not self.state.idle:
             return False
-        record = self.state.passages.get(lift)
-        return record is None or record.silent or record.level is None
+        records = (self.state.passages.get(lift) for lift in self._passages.lifts_on(self.state.held[name][:1]))
+        return any(record is None or record.silent or (not record.working and record.level is None) for record in records)
 
     def grant(self, now: float) -> Effects:
         """Grant places in the order of the plan, unless a plan is being made, which begins where the granted ways end."""
