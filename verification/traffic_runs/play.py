@@ -98,13 +98,15 @@ class Play:
         world = self.world
         self._apart()
         world.add(TRAFFIC, Traffic(TRAFFIC, self.scenario.roadmap), self._plan, journaled=SCHEMA)
+        self._set_hold("robots enter")  # nobody drives while there may be robots that traffic does not know at all
         for gate in self._hardware.gates:
             self._start_gate(gate)
         for number in range(len(self.robots)):
             self._start(number)
         if self._worker is not None:
             world.add(self._worker.name, Vehicle(self._worker, TRAFFIC, partial(self._seconds, 1.0), 0.0, works=True))
-        world.run(LONGEST, self._all_take_part)  # who is not known at all has to be seen by the robots themselves
+        world.run(LONGEST, self._all_take_part)
+        self._set_hold("")
         started_at = world.now
         for at, event in sorted(self._events(), key=lambda moment: moment[0]):
             world.run(started_at + at - world.now)
