@@ -15,6 +15,8 @@ from somrs.repository.promised_maps import PromisedMaps
 
 MOST_ROWS = 1000
 """The maximum number of rows in the answer to a QueryMap."""
+KEPT = 256
+"""The number of answers to keep. All who are asked for a quote ask much the same at the same time, such as where a thing is."""
 
 
 class MapAnswers:
@@ -22,13 +24,22 @@ class MapAnswers:
 
     def __init__(self) -> None:
         self._promised = PromisedMaps()
+        self._basis: tuple[Map, Ontology, int] | None = None
+        """What the answers are about that are kept."""
+        self._rows: dict[QueryMap, Rows] = {}
 
     def answer(self, question: QueryMap | ReadMap, map: Map, ontology: Ontology, version: int) -> Rows | MapPage:
         """The answer to a question about a map of this version. Raises FormulaError."""
-        asked_map = self._promised.map_in(question.situation, map, ontology)
-        if isinstance(question, QueryMap):
-            return _rows(question, asked_map, ontology, version)
-        return map_page(asked_map, version, question.after)
+        if isinstance(question, ReadMap):
+            return map_page(self._promised.map_in(question.situation, map, ontology), version, question.after)
+        if self._basis is None or self._basis[0] is not map or self._basis[1] is not ontology or self._basis[2] != version:
+            self._basis, self._rows = (map, ontology, version), {}
+        if question not in self._rows:
+            rows = _rows(question, self._promised.map_in(question.situation, map, ontology), ontology, version)
+            if len(self._rows) >= KEPT:
+                del self._rows[next(iter(self._rows))]
+            self._rows[question] = rows
+        return self._rows[question]
 
 
 def _rows(query: QueryMap, map: Map, ontology: Ontology, version: int) -> Rows:
