@@ -88,7 +88,7 @@ def measure(title: str, map: Map, ontology: Ontology) -> None:
 
     ways: dict[str, Callable[[], object]] = {
         "Dijkstra in C on a grid of 20 cm, without doors": on_the_grid,
-        "quotes, all of a kind: known fields": lambda: find_legs(simulation, *next(questions)),
+        "quotes, all of a kind: known ways": lambda: find_legs(simulation, *next(questions)),
     }
     side_by_side("a quote for two legs", ways, rounds=3)
 

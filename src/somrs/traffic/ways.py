@@ -33,6 +33,8 @@ LIFT_WAIT = 10.0
 """The time for which a robot is taken to wait for a lift, s."""
 MOST_FIELDS = 256
 """The number of distance fields and of goals that are kept."""
+MOST_VIEWS = 4096
+"""The number of ways that are kept, and of points for which it is kept what robots see from there."""
 
 Points = NDArray[np.float64]
 
@@ -124,6 +126,10 @@ class Ways:
         """By level and radius of places: their numbers and points."""
         self._goals: dict[Hashable, Goal] = {}
         self._fields: dict[Hashable, _Field] = {}
+        self._ways: dict[Hashable, Way | None] = {}
+        """By all on which they depend."""
+        self._views: dict[Hashable, NDArray[np.int64]] = {}
+        """By level, radius and point: the places that a robot sees from there."""
 
     def _all_lanes(self, places: Iterable[int], lanes: Iterable[Lane]) -> list[int]:
         """The numbers of lanes, and of those that lead to and from places."""
@@ -162,8 +168,7 @@ class Ways:
 
     def _find_goal(self, space: FreeSpace, level: float, radius: float, stands: Stands) -> Goal:
         numbers, tree = self._layer(level, radius)
-        spacing = self._roadmap.spacing(int(numbers[0])) if len(numbers) else 0.0
-        visible_places = tree.query_ball_point(stands.points, spacing) if len(numbers) and len(stands.points) else []
+        visible_places = tree.query_ball_point(stands.points, self._sight(level, radius)) if len(numbers) and len(stands.points) else []
         pairs = np.array([(place, stand) for stand, places in enumerate(visible_places) for place in places], dtype=int).reshape(-1, 2)
         places, stand_numbers = numbers[pairs[:, 0]], pairs[:, 1]
         clear = _see(space, radius, self._points[places], stands.points[stand_numbers])
@@ -181,22 +186,25 @@ class Ways:
     # Ways
 
     def way(self, start: Point, level: float, goal: Goal, closed: Closed, speed: float) -> Way | None:
-        """The shortest way of a robot from a point on a floor; None if there is none. `speed`: in metres per second."""
+        """The shortest way of a robot from a point on a floor; None if there is none. `speed`: in metres per second.
+
+        It is kept: all robots that are asked to bring a thing somewhere have the last part of their ways in common.
+        """
         level = round(level, 1)
-        space, point = self._spaces.get(level), np.array(start, dtype=float)
-        if space is None:
+        return recall(
+            self._ways, (start, level, goal, closed, speed), lambda: self._find_way(start, level, goal, closed, speed), MOST_VIEWS
+        )
+
+    def _find_way(self, start: Point, level: float, goal: Goal, closed: Closed, speed: float) -> Way | None:
+        if level not in self._spaces:
             return None
+        point = np.array(start, dtype=float)
         field = self._field(goal, closed, speed)
-        numbers, tree = self._layer(level, goal.radius)
-        spacing = self._roadmap.spacing(int(numbers[0])) if len(numbers) else 0.0
-        near_places = numbers[tree.query_ball_point(point, spacing)] if len(numbers) else numbers
-        places = near_places[field.costs[near_places] < FAR]
-        ends, stand_numbers = self._points[places], np.zeros(0, dtype=int)
-        if level == goal.level:
-            stand_numbers = np.flatnonzero(np.hypot(*(goal.stands.points - point).T) <= spacing)
-            ends = np.concatenate([ends, goal.stands.points[stand_numbers]])
-        starts = np.broadcast_to(point, ends.shape)
-        clear = _see(space, goal.radius, starts, ends) & ~self._are_closed(level, starts, ends, closed, goal.radius, around=start)
+        visible_places = self._visible_places(level, goal.radius, start)
+        places = visible_places[field.costs[visible_places] < FAR]
+        stand_numbers = self._visible_stands(goal, start) if level == goal.level else np.zeros(0, dtype=int)
+        ends = np.concatenate([self._points[places], goal.stands.points[stand_numbers]])
+        clear = ~self._are_closed(level, np.broadcast_to(point, ends.shape), ends, closed, goal.radius, around=start)
         costs = np.concatenate([field.costs[places], goal.stands.costs[stand_numbers]]) + np.hypot(*(ends - point).T)
         costs[~clear] = FAR
         if not len(costs) or costs.min() == FAR:
@@ -205,6 +213,29 @@ class Ways:
         if best >= len(places):
             return self._finish(goal, int(stand_numbers[best - len(places)]), float(costs[best]), [], [(level, start)])
         return self._follow(field, goal, int(places[best]), float(costs[best]), level, start)
+
+    def _visible_places(self, level: float, radius: float, start: Point) -> NDArray[np.int64]:
+        """The places to which a robot can drive in a straight line from a point, with all doors open. Robots that stand are often asked."""
+
+        def find() -> NDArray[np.int64]:
+            numbers, tree = self._layer(level, radius)
+            near_places = numbers[tree.query_ball_point(start, self._sight(level, radius))] if len(numbers) else numbers
+            ends = self._points[near_places]
+            return near_places[_see(self._spaces[level], radius, np.broadcast_to(np.array(start), ends.shape), ends)]
+
+        return recall(self._views, (level, radius, start), find, MOST_VIEWS)
+
+    def _visible_stands(self, goal: Goal, start: Point) -> NDArray[np.int64]:
+        """The numbers of the stands to which a robot can drive in a straight line from a point, with all doors open."""
+        point, stands = np.array(start, dtype=float), goal.stands.points
+        near_stands = np.flatnonzero(np.hypot(*(stands - point).T) <= self._sight(goal.level, goal.radius))
+        ends = stands[near_stands]
+        return near_stands[_see(self._spaces[goal.level], goal.radius, np.broadcast_to(point, ends.shape), ends)]
+
+    def _sight(self, level: float, radius: float) -> float:
+        """How far robots on a floor look for places, m."""
+        numbers, _ = self._layer(level, radius)
+        return self._roadmap.spacing(int(numbers[0])) if len(numbers) else 0.0
 
     def _follow(self, field: _Field, goal: Goal, place: int, cost: float, level: float, start: Point) -> Way:
         """The way by the following places."""

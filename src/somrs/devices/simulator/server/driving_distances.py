@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -75,6 +76,12 @@ class _Promised:
             visited_stops.add(stop)
             stop = self.points[stop] if stop in self.points else self.carriers[stop]
         return stop
+
+
+@lru_cache(maxsize=1024)
+def _edge_points(solid: Solid) -> tuple[Point, ...]:
+    """Points on a support where things are taken to be put."""
+    return tuple(point for point, _ in edge_targets(solid, EDGE))
 
 
 def _is_movable(solid: Solid | None) -> bool:
@@ -236,11 +243,13 @@ class _LegPlanner:
             return self._reaching([(stop[0], stop[1])], level + ELEVATION, level)
         if stop.endswith(HANDLES):
             return self._moving(stop.removesuffix(HANDLES), level)
-        solid, state = self._simulation.scene.world.solids[stop], self._simulation.observe(stop)
+        scene = self._simulation.scene
+        solid = scene.world.solids[stop]
         if solid.role in CARRYING and solid.role not in (Role.MARK, Role.FLOOR):
-            return self._reaching([point for point, _ in edge_targets(solid, EDGE)], solid.top, level)
+            return self._reaching(_edge_points(solid), solid.top, level)
         if solid.role in (Role.THING, Role.MARK, Role.ROBOT, Role.FLOOR):
-            return self._reaching([(round(state.x, 2), round(state.y, 2))], round(state.z, 2), level, state.container)
+            x, y, z, _ = scene.pose(stop)
+            return self._reaching([(round(x, 2), round(y, 2))], round(z, 2), level, scene.container(stop))
         return self._reaching(outline_spots(solid).tolist(), max(solid.top, level + AROUND), level)
 
     def _moving(self, owner: str, level: float) -> Goal | None:
@@ -294,7 +303,7 @@ class _LegPlanner:
                 raise UsageError(f"{name} is not in the simulated world")
             if name != stop and not self._simulation.scene.leaves(name):
                 raise UsageError(f"{name} has no door that could be moved")
-            base = self._simulation.observe(stop).z if _is_movable(solid) else solid.z
+            base = self._simulation.scene.pose(stop)[2] if _is_movable(solid) else solid.z
             height = solid.top if solid.role is Role.FLOOR else base
         elif len(stop) > 2:
             height = stop[2]

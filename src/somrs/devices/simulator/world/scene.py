@@ -188,11 +188,18 @@ class Scene(ABC):
     def observe(self, name: str) -> ObjectState:
         """The true state of an object. `support` is None while a robot holds it."""
         x, y, z, yaw = self.pose(name)
-        holder, container = self.hands.holder(name), self.container_at(x, y, z) if self._is_thing(name) else None
-        if container is not None and holder is None:
-            return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, container=container.name)
-        is_open = self.world.solids[name].open if self.leaves(name) else None
+        container = self.container(name)
+        if container is not None:
+            return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, container=container)
+        holder, is_open = self.hands.holder(name), self.world.solids[name].open if self.leaves(name) else None
         return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self._carrier(name), held_by=holder, open=is_open)
+
+    def container(self, name: str) -> str | None:
+        """That in which a thing is; None if it is in nothing, or if a robot holds it."""
+        if not self._is_thing(name) or self.hands.holder(name) is not None:
+            return None
+        container = self.container_at(*self.pose(name)[:3])
+        return container.name if container is not None else None
 
     def _is_thing(self, name: str) -> bool:
         return self.world.solids[name].role is Role.THING
