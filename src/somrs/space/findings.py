@@ -23,6 +23,7 @@ from somrs.space.distances import STEP, distances_from, distances_from_segment, 
 from somrs.space.fitting import TOLERANCE, is_in_the_way, overlaps
 from somrs.space.reachability import Ground
 from somrs.space.solids import Point, Role, Solid, area_of, solid_of
+from somrs.space.way_back import lanes_without_way_back
 from somrs.space.zones import NO_GO_ZONE, zone_objects
 
 ROBOT_RADIUS, ROBOT_HEIGHT = 0.25, 1.85
@@ -55,7 +56,15 @@ def find_mistakes(map: Map, ontology: Ontology) -> list[Finding]:
     return site.unbuildable + (
         list(site.implausible_sizes())
         or list(site.storeys_in_one())
-        or [*site.in_walls(), *site.without_floor(), *site.small_lifts(), *site.blocked_lanes(), *site.in_zones(), *site.unreachable()]
+        or [
+            *site.in_walls(),
+            *site.without_floor(),
+            *site.small_lifts(),
+            *site.blocked_lanes(),
+            *site.without_way_back(),
+            *site.in_zones(),
+            *site.unreachable(),
+        ]
     )
 
 
@@ -248,6 +257,13 @@ class _Site:
                 nearest = min(distances, key=lambda name: distances[name])
                 text = f"{ends}, {nearest} is {_length(max(distance, 0.0))} from it, and the robots of its graph need {_length(radius)}"
                 yield Finding(subject=lane, rule="lane-narrow", message=f"{text}; move a waypoint or what stands there")
+
+    def without_way_back(self) -> Iterator[Finding]:
+        """One-way lanes behind which robots would be caught."""
+        for lane in lanes_without_way_back(self.map, self.ontology):
+            text = f"from {lane.start}, it leads one way to {_some(lane.behind)}, and no lane leads back from there"
+            message = f"{text}; make it Bidirectional, turn it round, or add a lane back"
+            yield Finding(subject=lane.lane, rule="no-way-back", message=message)
 
     def _graph(self, name: str) -> str | None:
         graph = self.map.objects[name].values.get("NavigationGraph")

@@ -34,8 +34,8 @@ objects:
           Bay: {type: Place, at: [2, 3, 0]}
           Far: {type: Place, at: [8, 3, 0]}
           Turn: {type: Waypoint, at: [4, 3, 0]}
-          Lane1: {type: Lane}
-          Lane2: {type: Lane}
+          Lane1: {type: Lane, Bidirectional: true}
+          Lane2: {type: Lane, Bidirectional: true}
   Robot1: {type: DeliveryRobot, at: [3, 2, 0]}
   Shelf1: {type: Shelf, at: [1, 5, 0], Shape: {Form: Box, Width: 1.2, Depth: 0.4, Height: 1}}
 facts:
@@ -81,11 +81,11 @@ def test_mistake_is_found_and_named(old: str, new: str, subject: str, rule: str,
 
 def test_lane_for_larger_robots_is_too_narrow() -> None:
     wiper = "Wiper: {type: CleaningRobot, at: [3.5, 4.6, 0], NavigationGraph: wipers, Shape: {Form: Cylinder, Radius: 0.7, Height: 1}}"
-    text = HALL.replace("  Robot1:", f"  {wiper}\n  Robot1:").replace("Lane2: {type: Lane}", "Lane2: {type: Lane, NavigationGraph: wipers}")
+    text = HALL.replace("  Robot1:", f"  {wiper}\n  Robot1:").replace("Lane2: {type: Lane,", "Lane2: {type: Lane, NavigationGraph: wipers,")
     (finding,) = mistakes(text)
     assert (finding.subject, finding.rule) == ("Lane2", "lane-narrow")
     assert "is 0.60 m from it, and the robots of its graph need 0.70 m" in finding.message
-    assert mistakes(text.replace("NavigationGraph: wipers}", "NavigationGraph: others}")) == []
+    assert mistakes(text.replace("Lane2: {type: Lane, NavigationGraph: wipers", "Lane2: {type: Lane, NavigationGraph: others")) == []
 
 
 def test_only_the_mistake_is_found() -> None:
@@ -131,6 +131,12 @@ def test_degrees_are_no_metres() -> None:
     assert "all that is there lies within 0.01 m: the coordinates cannot be metres" in finding.message
     (large,) = mistakes(text.replace("W5: {type: Place, at: [103.78", "W5: {type: Place, at: [99103.78"))
     assert "within 99 km" in large.message
+
+
+def test_robot_would_be_caught_behind_a_one_way_lane() -> None:
+    (finding,) = mistakes(HALL.replace("Lane2: {type: Lane, Bidirectional: true}", "Lane2: {type: Lane}"))
+    assert (finding.subject, finding.rule) == ("Lane2", "no-way-back")
+    assert "from Turn, it leads one way to Far, and no lane leads back from there" in finding.message
 
 
 def test_lift_is_no_obstacle_to_the_lane_into_it() -> None:
