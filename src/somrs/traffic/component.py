@@ -42,7 +42,7 @@ from somrs.traffic.drives import Drives
 from somrs.traffic.notices import CloseWays, HoldTraffic, Notice, RoadmapExpected, RoadmapMade
 from somrs.traffic.passages import Passages
 from somrs.traffic.planning.graph import Graph
-from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
+from somrs.traffic.roadmap import Roadmap, numbered
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
     LeasesDue,
@@ -77,7 +77,7 @@ class Traffic:
 
     def _begin(self, state: TrafficState) -> None:
         self.state = state
-        self._berths = Berths(NumberedRoadmap(state.roadmap), state.berths, state.all_closed)
+        self._berths = Berths(numbered(state.roadmap), state.berths, state.all_closed)
         self._schedule = Schedule(self._berths.graph, state.held, state.planned)
         passages = Passages(self._berths)
         self._dispatcher = Dispatcher(state, self._schedule, self._berths, passages)

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from somrs.traffic.berths import with_berths
 from somrs.traffic.planning.barriers import Barrier
 from somrs.traffic.planning.window import Traveller, WindowPlanner
-from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
+from somrs.traffic.roadmap import Roadmap, numbered
 from somrs.traffic.state import Obstacle, PlanTraffic, TrafficPlan
 
 
@@ -25,7 +25,7 @@ class TrafficPlanner:
     """Plans the traffic on one roadmap. Random choices depend on the problem alone, so that a run can be repeated."""
 
     def __init__(self, roadmap: Roadmap, dice: Dice) -> None:
-        self._graph = NumberedRoadmap(roadmap).graph
+        self._graph = numbered(roadmap).graph
         self._dice = dice
 
     def plan(self, problem: PlanTraffic) -> TrafficPlan:

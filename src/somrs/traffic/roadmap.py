@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import combinations
 
 from msgspec import Struct
@@ -88,6 +89,12 @@ class UsedBerth(Struct, frozen=True, kw_only=True):
     berth: Berth
     level: float
     lanes: tuple[tuple[int, float], ...]
+
+
+@lru_cache(maxsize=2)
+def numbered(roadmap: Roadmap) -> NumberedRoadmap:
+    """The numbered roadmap, which all share that use the same roadmap. Raises UsageError for one that cannot be used."""
+    return NumberedRoadmap(roadmap)
 
 
 class NumberedRoadmap:

@@ -19,7 +19,7 @@ from somrs.space.zones import zones_of
 from somrs.traffic.layout import OpenBuilding, connected_levels, lay_out, sizes
 from somrs.traffic.notices import CloseWays
 from somrs.traffic.obstructions import Obstructions, discs_along
-from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
+from somrs.traffic.roadmap import Roadmap, numbered
 from somrs.traffic.state import Position
 
 NEAR_FLOOR = 0.3
@@ -57,7 +57,7 @@ class Surveyor:
 
     def _use(self, roadmap: Roadmap) -> None:
         self._roadmap = roadmap
-        self._obstructions = Obstructions(NumberedRoadmap(roadmap))
+        self._obstructions = Obstructions(numbered(roadmap))
         self._spaces: dict[float, FreeSpace] = {}
 
     def survey(self, survey: Survey) -> Surveyed:

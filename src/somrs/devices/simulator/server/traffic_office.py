@@ -22,7 +22,7 @@ from somrs.traffic.notices import ClosedLane, CloseWays, HoldTraffic
 from somrs.traffic.obstructions import Obstructions
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.planning.graph import FAR
-from somrs.traffic.roadmap import NumberedRoadmap
+from somrs.traffic.roadmap import numbered
 from somrs.traffic.state import PlanTraffic
 
 ADDRESS = "traffic"
@@ -47,7 +47,7 @@ class TrafficOffice:
 
     def __init__(self, component: Traffic, deliver: Deliver) -> None:
         roadmap = component.state.roadmap
-        self.roadmap = NumberedRoadmap(roadmap)
+        self.roadmap = numbered(roadmap)
         self.component, self._deliver = component, deliver
         self._random = Random()
         self._planner = TrafficPlanner(roadmap, self._random)
