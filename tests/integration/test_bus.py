@@ -15,7 +15,7 @@ from nats.aio.msg import Msg
 
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
-from somrs.deployment.bus import addresses_on, discard_site, find_site, list_site, run_gateway
+from somrs.deployment.bus import addresses_on, discard_site, find_site, list_number, list_site, run_gateway
 from somrs.deployment.device import DeviceRunner
 from somrs.errors import InputError, RemoteError, UsageError
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Notified, Received, Send
@@ -308,6 +308,28 @@ def test_a_site_is_found_on_its_bus(tmp_path: Path) -> None:
             await find_site(servers)
         with pytest.raises(UsageError, match="there is no site field"):
             await find_site(servers, "field")
+
+    on_bus(tmp_path, scenario)
+
+
+def test_a_gateway_that_starts_again_lists_all_that_its_site_has(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    async def scenario(server: NatsServer) -> None:
+        origin, servers = server.address.gateway, server.address.servers
+        await list_site(structs.replace(addresses_on(server.address), api=f"{origin}/api"))
+        await asyncio.gather(list_number(server.address, task_manager=3), list_number(server.address, registry=2))
+        await list_number(server.address, task_manager=2)
+        expected = structs.replace(
+            addresses_on(server.address),
+            api=f"{origin}/api",
+            further_task_managers=(f"{origin}/task-manager-2", f"{origin}/task-manager-3"),
+            further_registries=(f"{origin}/registry-2",),
+        )
+        assert await find_site(servers) == expected
+        gateway = asyncio.create_task(run_gateway(server.address, "127.0.0.1", 0))
+        while "gateway" not in capsys.readouterr().out:
+            await asyncio.sleep(0.02)
+        assert await find_site(servers) == expected
+        gateway.cancel()
 
     on_bus(tmp_path, scenario)
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from somrs.client.addresses import Addresses
+from somrs.client.addresses import Addresses, registry_path, task_manager_path
 from somrs.deployment.programs import until_stopped
 from somrs.errors import RemoteError, UsageError
 from somrs.runtime.bus import Bus, BusAddress
@@ -124,11 +124,13 @@ async def run_gateway(bus: BusAddress, host: str, port: int) -> None:
     await connection.start()
     try:
         sites = await _sites(connection)
-        if bus.site in await _names(sites):
-            await _check_same_site(bus, msgspec.json.decode((await sites.get(bus.site)).value or b"", type=Addresses))
+        listed = await _listed(sites, bus.site)
+        if listed is not None:
+            await _check_same_site(bus, listed)
         server = Server(host, port, BusParts(connection, ANSWER_TIME))
         await server.start()
-        await sites.put(bus.site, msgspec.json.encode(addresses_on(bus)))
+        if listed is None or listed.bus != bus:
+            await sites.put(bus.site, msgspec.json.encode(addresses_on(bus)))
         await until_stopped("gateway", bus.gateway)
         await server.stop()
     finally:
@@ -179,8 +181,7 @@ async def find_site(servers: str, name: str | None = None) -> Addresses:
         if name is None or name not in names:
             known = f"the sites there are {', '.join(names)}; name one with --name" if names else "no gateway has been started there"
             raise UsageError(f"{servers}: {f'there is no site {name}' if name else 'no site is named'}; {known}")
-        entry = await sites.get(name)
-        addresses = msgspec.json.decode(entry.value or b"", type=Addresses)
+        addresses = msgspec.json.decode((await sites.get(name)).value or b"", type=Addresses)
     finally:
         await connection.close()
     assert addresses.bus is not None, "written by its gateway"
@@ -239,6 +240,41 @@ async def list_site(addresses: Addresses) -> None:
         await (await _sites(connection)).put(addresses.bus.site, msgspec.json.encode(addresses))
     finally:
         await connection.close()
+
+
+async def list_number(bus: BusAddress, *, task_manager: int = 1, registry: int = 1) -> None:
+    """List the Task Managers or Registries of a site up to this number, where they are not listed yet."""
+    from nats.js.errors import KeyWrongLastSequenceError
+
+    connection = Bus(bus)
+    await connection.start()
+    try:
+        sites = await _sites(connection)
+        while (listed := await _listed(sites, bus.site)) is not None:
+            entry = await sites.get(bus.site)
+            complete = _with_numbers(listed, bus.gateway, task_manager, registry)
+            if complete == listed:
+                return
+            with contextlib.suppress(KeyWrongLastSequenceError):  # another one has listed itself in between
+                await sites.update(bus.site, msgspec.json.encode(complete), last=entry.revision)
+                return
+    finally:
+        await connection.close()
+
+
+def _with_numbers(listed: Addresses, gateway: str, task_manager: int, registry: int) -> Addresses:
+    managers = (*listed.task_managers.values(), *(f"{gateway}{task_manager_path(n)}" for n in range(1, task_manager + 1)))
+    registries = (*listed.registries.values(), *(f"{gateway}{registry_path(n)}" for n in range(1, registry + 1)))
+    return msgspec.structs.replace(
+        listed, further_task_managers=tuple(dict.fromkeys(managers))[1:], further_registries=tuple(dict.fromkeys(registries))[1:]
+    )
+
+
+async def _listed(sites: KeyValue, site: str) -> Addresses | None:
+    """The addresses of a site; None if it is not listed."""
+    if site not in await _names(sites):
+        return None
+    return msgspec.json.decode((await sites.get(site)).value or b"", type=Addresses)
 
 
 async def _names(sites: KeyValue) -> list[str]:

@@ -56,6 +56,7 @@ async def run_registry(data: Path, addresses: Addresses, host: str, port: int, n
 
     `neighbours`: the file of its neighbours; None: it has none but the other Registries of the system.
     """
+    from somrs.deployment.bus import list_number
     from somrs.deployment.neighbours import read_neighbours
     from somrs.ontology.files.loading import upper
     from somrs.registry.component import SCHEMA, Registry
@@ -80,6 +81,8 @@ async def run_registry(data: Path, addresses: Addresses, host: str, port: int, n
         node = await continuation.add(
             runtime, path, lambda address: Registry(address, upper(), addresses.repository), notices=(configured,)
         )
+        if addresses.bus is not None:
+            await list_number(addresses.bus, registry=number)
         await continuation.serve("registry", node)
 
 
@@ -88,6 +91,7 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
 
     It continues the tasks that were open when its process ended, at the same address.
     """
+    from somrs.deployment.bus import list_number
     from somrs.deployment.world_clock import clock_follower
     from somrs.planner.model.problem import Problem
     from somrs.planner_service.process import PlannerProcess
@@ -122,6 +126,8 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
                 lambda address: TaskManager(address, repository=addresses.repository, registry=addresses.registries_for(path)[0]),
                 carry_out=carry_out,
             )
+            if addresses.bus is not None:
+                await list_number(addresses.bus, task_manager=number)
             async with clock_follower(node, runtime.clock, addresses.simulator):
                 await continuation.serve("task-manager", node)
 
