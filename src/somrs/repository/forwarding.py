@@ -65,17 +65,27 @@ def _home_of_change(change: Change) -> str:
 
 def _part(home: str, changes: list[Change], alteration: UpdateMap, author: str, contents: Contents) -> UpdateMap:
     observed = alteration.observation
-    reservation = None
-    if alteration.reservation is not None:
-        shared = contents.shared_reservations.get(alteration.reservation.task)
-        fence = shared.fences.get(home) if shared is not None else None
-        reservation = UnderReservation(task=alteration.reservation.task, fence=fence) if fence is not None else None
     return UpdateMap(
         changes=tuple(renamed_change(change, lambda name: translated(name, contents.map.name, home)) for change in changes),
         author=author,
         observation=Observation(as_of=observed.as_of, caused=observed.caused) if observed is not None else None,
-        reservation=reservation,
+        reservation=reservation_at(home, alteration.reservation, contents),
     )
+
+
+def reservation_at(home: str, reservation: UnderReservation | None, contents: Contents) -> UnderReservation | None:
+    """The reservation under which a task of this Repository reports, as the neighbour has it.
+
+    Its number is 0 if the task has lost it: then the neighbour refuses the report if another task has the objects. None: the task has what
+    it reports under, and has reserved nothing of the neighbour.
+    """
+    if reservation is None:
+        return None
+    shared = contents.shared_reservations.get(reservation.task)
+    fence = shared.fences.get(home) if shared is not None else None
+    if fence is None and contents.reservations.is_held(reservation.task, reservation.fence):
+        return None
+    return UnderReservation(task=reservation.task, fence=fence or 0)
 
 
 def refusals(alteration: Alteration, outcome: Outcome, sender: str, contents: Contents) -> Iterator[Violation]:

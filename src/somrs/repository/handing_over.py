@@ -174,9 +174,11 @@ class HandingOver:
         yield from self._commit(tuple(changes), old_name, name, neighbour.settings.map, now)
         contents.provenance.times[name] = dict(body.times)
         neighbour.adopted[body.object.name] = None
-        fences = dict(self._reserve(name, body.claims, sender, now))
-        for task, fence in fences.items():
-            if (holder := contents.reservations.claimants[task].holder) != sender:
+        fences: dict[str, int] = {}
+        for task, fence in self._reserve(name, body.claims, sender, now):
+            if (holder := contents.reservations.claimants[task].holder) == sender:
+                fences[task] = fence
+            else:
                 yield tell(contents, holder, Reserved(task=task, fence=fence), now)
         return Adopted(handover=body.handover, name=name, fences=fences, version=contents.version)
 

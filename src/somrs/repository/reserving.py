@@ -79,9 +79,9 @@ class Reserving:
         known = self._reservations.claimants.get(release.task)
         if (known is not None and known.holder != sender) or release.serial <= self._reservations.last_serial(release.task):
             return
-        if release.ended:
+        if release.ended or known is None:  # the request that it takes back may come later
             self._reservations.remove(release.task, release.serial)
-        elif known is not None:
+        else:
             known.serial = release.serial
             self._reservations.release(release.task)
 

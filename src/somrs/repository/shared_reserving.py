@@ -93,7 +93,7 @@ class SharedReserving:
         if release.ended:
             del self._contents.shared_reservations[release.task]
         else:
-            kept = SharedReservation(task_manager=shared.task_manager, asked=shared.asked)
+            kept = SharedReservation(task_manager=shared.task_manager, asked=shared.asked, lost=shared.lost)
             self._contents.shared_reservations[release.task] = kept
 
     def forget_unclaimed(self, claims: ClaimReservations, sender: str, now: float) -> Effects:
@@ -188,6 +188,9 @@ class SharedReserving:
 
     def _granted(self, task: str, reserved: Reserved, now: float) -> Effects:
         shared = self._contents.shared_reservations[task]
+        if 0 < reserved.fence <= shared.lost.get(shared.waiting[0], 0):
+            yield from self._lose(task, shared.waiting[0], (), now)
+            return
         home = shared.waiting.pop(0)
         if reserved.fence:
             shared.fences[home] = reserved.fence
@@ -264,18 +267,28 @@ class SharedReserving:
             yield notice(self._contents, neighbour, Release(task=task, serial=serial, ended=claimant is None), now)
 
     def _lost(self, task: str, fence: int, holders: tuple[Holder, ...], neighbour: NeighbourState, now: float) -> Effects:
-        """A neighbour has given away what a task had. The task has nothing any more, here neither."""
+        """A neighbour has given away what a task had, possibly before it is known here that the task had it."""
         home, shared = neighbour.settings.map, self._contents.shared_reservations.get(task)
-        claimant = self._contents.reservations.claimants.get(task)
-        if shared is None or shared.fences.get(home) != fence or claimant is None:
+        if shared is None:
             return
-        del shared.fences[home]
-        own_fence = claimant.fence
+        shared.lost[home] = max(fence, shared.lost.get(home, 0))
+        if shared.fences.get(home) == fence:
+            yield from self._lose(task, home, self._translated(holders, home), now)
+
+    def _lose(self, task: str, home: str, holders: tuple[Holder, ...], now: float) -> Effects:
+        """A task has lost what it had at a neighbour. It has nothing any more, at no map, and does not get what it has requested."""
+        shared, claimant = self._contents.shared_reservations[task], self._contents.reservations.claimants.get(task)
+        shared.fences.pop(home, None)
+        own_fence = claimant.fence if claimant is not None else 0
         self._contents.reservations.release(task)
-        yield from self._release_at({*shared.fences}, task, 2 * claimant.serial, False, now)
-        yield tell(
-            self._contents, shared.task_manager, ReservationLost(task=task, fence=own_fence, holders=self._translated(holders, home)), now
-        )
+        maps = {*shared.fences, *(shared.waiting[:1] if shared.request_id else ())} - {self._own_map}
+        yield from self._release_at(maps, task, 2 * self._latest_serial(task, shared), False, now)
+        if own_fence:
+            yield tell(self._contents, shared.task_manager, ReservationLost(task=task, fence=own_fence, holders=holders), now)
+        if shared.message is not None:
+            shared.request_id, shared.waiting = "", []
+            yield self._answer(shared.message, ReservationDenied(task=task, holders=holders))
+            self._conclude(task)
 
     def _translated(self, holders: tuple[Holder, ...], home: str) -> tuple[Holder, ...]:
         return tuple(

@@ -11,7 +11,17 @@ from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import QueryMap, Rejected, RenameObject, Rows, Updated, UpdateMap
 from somrs.protocol.messages.neighbours import Neighbour, Neighbours, ReadNeighbours
 from somrs.protocol.messages.observations import Observation
-from somrs.protocol.messages.reservations import ClaimReservations, Release, ReservationDenied, ReservationMode, Reserve, Reserved
+from somrs.protocol.messages.reservations import (
+    RESERVED,
+    ClaimReservations,
+    Release,
+    ReservationDenied,
+    ReservationLost,
+    ReservationMode,
+    Reserve,
+    Reserved,
+    UnderReservation,
+)
 from somrs.repository.component import SCHEMA, Repository
 from somrs.repository.neighbouring import NeighboursConfigured
 from somrs.repository.state import Contents, RepetitionDue
@@ -205,6 +215,39 @@ def test_objects_are_reserved_at_their_homes() -> None:
     two.ask(BARN, reserve("barn-task", 2, "Jar1"), Reserved)
 
 
+def test_a_late_report_of_a_neighbour_s_object_that_another_task_has_now_is_refused() -> None:
+    two = Neighbourhood()
+    fence = two.ask(YARD, reserve("yard-task", 1, "Barn:Jar1", "Jar1"), Reserved).fence
+    two.world.send(request(Release(task="yard-task", serial=2), recipient=YARD))
+    two.settle()
+    two.ask(BARN, reserve("barn-task", 1, "Jar1"), Reserved)
+    report = UpdateMap(situation="Barn:Jar1 isOn Bench2", author="test", reservation=UnderReservation(task="yard-task", fence=fence))
+    rejected = two.ask(YARD, report, Rejected)
+    assert [(rule.subject, rule.rule) for rule in rejected.broken] == [("Barn:Jar1", RESERVED)]
+    assert two.holds(BARN, "Jar1 isOn Bench1")
+
+
+@pytest.mark.parametrize("is_known", [False, True], ids=["before the grant", "while another map is asked"])
+def test_a_task_that_loses_at_one_map_what_it_requests_gets_nothing(is_known: bool) -> None:
+    three = Neighbourhood()
+    three.add_mill()
+    unreachable_address = MILL if is_known else BARN
+    three.world.cut_off(unreachable_address)
+    identity = "urn:uuid:asking"
+    three.world.send(request(reserve("yard-task", 1, "Barn:Jar1", "Mill:Jar1", "Jar1"), recipient=YARD, identity=identity))
+    three.world.run(1.0)
+    three.world.send(request(ReservationLost(task="yard-task", fence=1), BARN, recipient=YARD))
+    three.world.run(1.0)
+    three.world.reconnect(unreachable_address)
+    three.settle()
+    answers = [message.body for message in three.world.messages if message.header.relates_to == identity]
+    assert [type(answer) for answer in answers] == [ReservationDenied]
+    holding_tasks = [
+        task for address in (YARD, MILL) for task, claimant in three.at(address).contents.reservations.claimants.items() if claimant.held
+    ]
+    assert not holding_tasks, "what it had at other maps is free"
+
+
 def test_a_question_that_a_home_answers_in_the_negative_is_over() -> None:
     two = Neighbourhood()
     two.ask(BARN, reserve("barn-task", 1, "Jar1"), Reserved)
@@ -292,6 +335,8 @@ def test_a_task_of_a_third_map_releases_what_it_has_wherever_that_is_at_home(is_
     three.world.reconnect(YARD)
     three.settle()
     assert three.reserved_for() == set()
+    releasing = {message.header.sender for message in three.world.messages if isinstance(message.body, Release)}
+    assert BARN not in releasing, "only the Repository that reserves for the task releases what it has"
 
 
 def test_a_third_map_has_what_is_said_of_objects_of_two_others() -> None:

@@ -63,8 +63,8 @@ class Adopt(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Adopted(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The object has its home here now, under this name. `fences`: the numbers of the reservations, by task. `version`: that of the map
-    with it."""
+    """The object has its home here now, under this name. `fences`: the numbers of the reservations, by task for which the sender of
+    Adopt reserves. `version`: that of the map with it."""
 
     handover: str
     name: str
