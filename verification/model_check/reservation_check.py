@@ -1,15 +1,18 @@
-"""Explores every state of the model of reservations, and checks two properties: mutual exclusion and termination."""
+"""Explores every state of the models of reservations, and checks two properties: mutual exclusion and termination."""
 
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Generic, Protocol
 
 from verification.model_check.explore import Tick
 from verification.model_check.media import DUPLICATING, FIFO, OUTBOX, UNORDERED, UNORDERED_LOSSY
 from verification.model_check.property import Property
-from verification.model_check.reservation_model import ReservationModel, State, System
+from verification.model_check.reservation_model import Move, ReservationModel, S, System
+from verification.model_check.shared_reservation_model import SharedReservationModel, SharedSystem
 from verification.model_check.suite import Counterexample, Result
 
 MODELS = {
@@ -20,21 +23,40 @@ MODELS = {
 }
 """The configurations that are checked, by what can happen in them. The others have too many states."""
 
+SHARED_MODELS = {
+    "restarts, decisions": tuple(
+        SharedReservationModel(medium=medium) for medium in (FIFO, OUTBOX, UNORDERED, UNORDERED_LOSSY, DUPLICATING)
+    ),
+    "restarts, leases that end": tuple(SharedReservationModel(medium=medium, decisions=False, lapses=True) for medium in (FIFO, UNORDERED)),
+}
+"""The configurations with two Repositories."""
+
 EXCLUSION = Property.MUTUAL_EXCLUSION
 TICKS = 5000
 """States between two ticks."""
 
 
+class ModelledSystem(Protocol[S]):
+    """A model: its first state, the moves from each, and whether it has ended."""
+
+    @property
+    def first(self) -> S: ...
+
+    def moves(self, state: S) -> Iterator[Move[S]]: ...
+
+    def has_ended(self, state: S) -> bool: ...
+
+
 @dataclass
-class _Space:
+class _Space(Generic[S]):
     """All states, each with the one from which it was reached first and the move that led to it; and the fair moves, backwards."""
 
-    origins: dict[State, tuple[State, str] | None] = field(default_factory=dict)
-    fair_predecessors: dict[State, list[State]] = field(default_factory=dict)
-    wrong: tuple[State, str, str] | None = None
+    origins: dict[S, tuple[S, str] | None] = field(default_factory=dict)
+    fair_predecessors: dict[S, list[S]] = field(default_factory=dict)
+    wrong: tuple[S, str, str] | None = None
     """The first move that violates mutual exclusion: where, which and why."""
 
-    def chart(self, state: State) -> list[str]:
+    def chart(self, state: S) -> list[str]:
         """The moves that lead to the state."""
         moves: list[str] = []
         while (origin := self.origins[state]) is not None:
@@ -44,40 +66,48 @@ class _Space:
 
 
 def check_all_reservations(tick: Tick | None = None) -> Iterator[Result]:
-    """Check all configurations."""
+    """Check all configurations with one Repository."""
     for configuration, models in MODELS.items():
         for model in models:
             yield check_reservations(model, configuration, tick)
 
 
-def check_reservations(model: ReservationModel, configuration: str, tick: Tick | None = None) -> Result:
+def check_all_shared_reservations(tick: Tick | None = None) -> Iterator[Result]:
+    """Check all configurations with two Repositories."""
+    for configuration, models in SHARED_MODELS.items():
+        for model in models:
+            yield check_reservations(model, configuration, tick)
+
+
+def check_reservations(model: ReservationModel | SharedReservationModel, configuration: str, tick: Tick | None = None) -> Result:
     """Check one configuration, up to the first violation of mutual exclusion."""
+    if isinstance(model, SharedReservationModel):
+        return _check(SharedSystem(model), model.medium.name, configuration, tick)
+    return _check(System(model), model.medium.name, configuration, tick)
+
+
+def _check(system: ModelledSystem[S], medium: str, configuration: str, tick: Tick | None) -> Result:
     started_at = time.perf_counter()
-    space = _explore(System(model), tick)
+    space = _explore(system, tick)
     cells: dict[Property, Counterexample | None] = {EXCLUSION: None, Property.TERMINATION: None}
     if space.wrong is not None:
         state, name, reason = space.wrong
         cells[EXCLUSION] = Counterexample(property=EXCLUSION, reason=reason, chart=[*space.chart(state), name, f"  => {reason}"])
-    elif (stuck := _stuck(space)) is not None:
+    elif (stuck := _stuck(space, system)) is not None:
         reason = "no fair moves lead to the end of both tasks from here"
         cells[Property.TERMINATION] = Counterexample(
             property=Property.TERMINATION, reason=reason, chart=[*space.chart(stuck), f"  => {reason}"]
         )
-    return Result(
-        medium=model.medium.name,
-        configuration=configuration,
-        states=len(space.origins),
-        seconds=time.perf_counter() - started_at,
-        cells=cells,
-    )
+    seconds = time.perf_counter() - started_at
+    return Result(medium=medium, configuration=configuration, states=len(space.origins), seconds=seconds, cells=cells)
 
 
-def _explore(system: System, tick: Tick | None) -> _Space:
-    space = _Space()
+def _explore(system: ModelledSystem[S], tick: Tick | None) -> _Space[S]:
+    space = _Space[S]()
     space.origins[system.first] = None
-    unexplored = [system.first]
+    unexplored = deque([system.first])
     while unexplored:
-        state = unexplored.pop()
+        state = unexplored.popleft()
         for move in system.moves(state):
             if move.wrong:
                 space.wrong = state, move.name, move.wrong
@@ -92,9 +122,9 @@ def _explore(system: System, tick: Tick | None) -> _Space:
     return space
 
 
-def _stuck(space: _Space) -> State | None:
+def _stuck(space: _Space[S], system: ModelledSystem[S]) -> S | None:
     """A state from which no fair moves lead to the end; None if there is none."""
-    good = {state for state in space.origins if _has_ended(state)}
+    good = {state for state in space.origins if system.has_ended(state)}
     unexplored = [*good]
     while unexplored:
         for earlier in space.fair_predecessors.get(unexplored.pop(), ()):
@@ -102,9 +132,3 @@ def _stuck(space: _Space) -> State | None:
                 good.add(earlier)
                 unexplored.append(earlier)
     return next((state for state in space.origins if state not in good), None)
-
-
-def _has_ended(state: State) -> bool:
-    """Whether both tasks have ended, nobody repeats a message, and nothing is reserved."""
-    quiet = all(not channel.queue and not channel.unacknowledged for channel in (*state.to_repository, *state.to_managers))
-    return quiet and all(side.phase == "ended" for side in state.sides) and not state.table[0]

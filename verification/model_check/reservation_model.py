@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from msgspec import Struct, structs
 
@@ -26,9 +26,11 @@ from somrs.protocol.messages.reservations import (
 from somrs.repository.reserving import Reserving as Repository
 from somrs.repository.state import Contents
 from verification.model_check.media import EMPTY, Channel, Medium, members
-from verification.model_check.reservation_task import NEEDS, TASKS, TRY, Answer, Report, ReservingTask, Side
+from verification.model_check.reservation_task import TASKS, TRY, Answer, Report, ReservingTask, Side
 
 MANAGERS = ("tm-a", "tm-b")
+NEEDS = (("x", "y"), ("y", "x"))
+"""The objects that each task changes, in this order."""
 
 
 class State(NamedTuple):
@@ -42,11 +44,14 @@ class State(NamedTuple):
     to_managers: tuple[Channel, Channel]
 
 
-class Move(NamedTuple):
+S = TypeVar("S")
+
+
+class Move(NamedTuple, Generic[S]):
     """A step of the whole system. `wrong`: why it violates mutual exclusion."""
 
     name: str
-    target: State
+    target: S
     fair: bool
     wrong: str = ""
 
@@ -80,7 +85,12 @@ class System:
             self.messages.append(message)
         return self._tokens[message]
 
-    def moves(self, state: State) -> Iterator[Move]:
+    def has_ended(self, state: State) -> bool:
+        """Whether both tasks have ended, nobody repeats a message, and nothing is reserved."""
+        quiet = all(not channel.queue and not channel.unacknowledged for channel in (*state.to_repository, *state.to_managers))
+        return quiet and all(side.phase == "ended" for side in state.sides) and not state.table[0]
+
+    def moves(self, state: State) -> Iterator[Move[State]]:
         """Yield all moves from this state."""
         for number in (0, 1):
             yield from self._own_moves(state, number)
@@ -99,7 +109,7 @@ class System:
 
     # A task at its Task Manager
 
-    def _own_moves(self, state: State, number: int) -> Iterator[Move]:
+    def _own_moves(self, state: State, number: int) -> Iterator[Move[State]]:
         side = state.sides[number]
         match side.phase:
             case "planning":
@@ -119,8 +129,8 @@ class System:
             table.lapse()
             yield self._repository_move(state, table, f"{MANAGERS[number]}'s lease ends", fair=False)
 
-    def _act(self, state: State, number: int, name: str, act: Callable[[ReservingTask], None], *, fair: bool = False) -> Move:
-        task = ReservingTask(number, state.sides[number])
+    def _act(self, state: State, number: int, name: str, act: Callable[[ReservingTask], None], *, fair: bool = False) -> Move[State]:
+        task = ReservingTask(number, state.sides[number], NEEDS[number])
         act(task)
         channel = state.to_repository[number]
         for message in task.recorder.sent:
@@ -128,12 +138,12 @@ class System:
         target = state._replace(sides=_put(state.sides, number, task.side()), to_repository=_put(state.to_repository, number, channel))
         return self._move(f"{TASKS[number]} {name}", target, fair=fair)
 
-    def _at_manager(self, state: State, number: int, message: Struct, *, fair: bool) -> Move:
+    def _at_manager(self, state: State, number: int, message: Struct, *, fair: bool) -> Move[State]:
         return self._act(state, number, f"hears {type(message).__name__}", lambda task: task.hear(message), fair=fair)
 
     # The Repository
 
-    def _at_repository(self, state: State, number: int, message: Struct, *, fair: bool) -> Move:
+    def _at_repository(self, state: State, number: int, message: Struct, *, fair: bool) -> Move[State]:
         table = _thawed(state.table)
         repository, sender, replies = Repository(_contents(table)), MANAGERS[number], list[tuple[int, Struct]]()
         answers, wrong = {(task, serial): body for task, serial, body in state.answers}, ""
@@ -164,7 +174,7 @@ class System:
 
     def _repository_move(
         self, state: State, table: Reservations, name: str, replies: list[tuple[int, Struct]] | None = None, *, fair: bool
-    ) -> Move:
+    ) -> Move[State]:
         messages = [*(replies or [])]
         for effect in Repository(_contents(table)).admit(0.0):
             if isinstance(effect, Send):
@@ -179,7 +189,7 @@ class System:
         other = table.claimants.get(TASKS[1 - number])
         return f"{TASKS[number]} changed {name}, which {TASKS[1 - number]} has reserved" if other and name in other.held.changes else ""
 
-    def _move(self, name: str, target: State, *, fair: bool) -> Move:
+    def _move(self, name: str, target: State, *, fair: bool) -> Move[State]:
         wrong = ""
         a, b = target.sides
         if a.works and b.works and a.held & b.held and not self.model.lapses:

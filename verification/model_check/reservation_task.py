@@ -22,9 +22,6 @@ from somrs.task_manager.requests import ReservationAnswer
 from somrs.task_manager.reservations import ReservationRequester, TaskReservation
 
 TASKS = ("a", "b")
-NEEDS = (("x", "y"), ("y", "x"))
-"""The objects that each task changes, in this order."""
-
 TRY, WAIT, UNDO = ReservationMode.TRY, ReservationMode.WAIT, ReservationMode.UNDO
 
 
@@ -99,10 +96,10 @@ def _answer_of(effects: Any) -> ReservationAnswer | None:
 
 
 class ReservingTask:
-    """A task that acts. What it sends is in `recorder.sent`."""
+    """A task that acts. What it sends is in `recorder.sent`. `needs`: the objects that it changes, in this order."""
 
-    def __init__(self, number: int, side: Side) -> None:
-        self._number, self._name = number, TASKS[number]
+    def __init__(self, number: int, side: Side, needs: tuple[str, str]) -> None:
+        self._needs, self._name = needs, TASKS[number]
         self.phase, self.step, self.awaits, self.retried = side.phase, side.step, side.awaits, side.retried
         waiting = Reservation(changes=side.waiting) if side.waiting is not None else None
         self.reservation = TaskReservation(
@@ -128,7 +125,7 @@ class ReservingTask:
         )  # fmt: skip
 
     def ask(self, mode: ReservationMode) -> None:
-        needed = NEEDS[self._number][: self.step + 1] if mode is not UNDO else NEEDS[self._number][: self.step]
+        needed = self._needs[: self.step + 1] if mode is not UNDO else self._needs[: self.step]
         answer = _answer_of(self._reserving.request(Reservation(changes=frozenset(needed)), mode, 1, 0.0))
         self.phase = "undoing" if mode is UNDO else "asking"
         self.awaits = (self.reservation.serial, mode) if answer is None else (0, "")
@@ -158,7 +155,7 @@ class ReservingTask:
                 self._end()
             case Reserved():
                 self.phase = "working"
-            case ReservationDenied() if mode is WAIT and self.reservation.waiting is not None:
+            case ReservationDenied(waits=True) if mode is WAIT:
                 self.phase = "planning" if self.reservation.is_free else "waiting"
             case _:
                 self.ask(UNDO if mode is UNDO else WAIT)
