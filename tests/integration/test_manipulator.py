@@ -200,7 +200,11 @@ def test_a_robot_that_finds_a_shut_door_on_its_only_way_offers_to_go_if_it_is_op
         (order(), Fault.SILENT, "does not answer"),
         (order(), Fault.LINK, "does not answer"),
         (order(destination="Robot9"), None, "Robot9 is not in the simulated world"),
-        (order(destination="Wall1", precondition="Jar1.PositionX = 30 AND Jar1.PositionY = 1"), None, "finds no path to Jar1"),
+        (
+            order(destination="Wall1", precondition="Jar1.PositionX = 30 AND Jar1.PositionY = 1"),
+            None,
+            "can stand nowhere from where it could reach Jar1",
+        ),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_the_reason(refused_order: Order, fault: Fault | None, reason: str) -> None:

@@ -47,7 +47,7 @@ def test_a_large_cleaning_robot_drives_through_a_gap_and_charges() -> None:
 def test_it_refuses_a_place_for_which_it_is_too_large() -> None:
     async def test() -> None:
         async with simulated(Vehicle, "Wiper", SITE) as harness:
-            with pytest.raises(Refusal, match="Wiper finds no path to Niche"):
+            with pytest.raises(Refusal, match="Wiper can stand nowhere from where it could reach Niche"):
                 await harness.quote("MoveTo", Place="Niche")
 
     run(test())

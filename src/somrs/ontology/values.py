@@ -33,15 +33,22 @@ def evaluate(term: Term, map: Map, ontology: Ontology) -> Value | None:
     return measured.constant.name if isinstance(measured.constant, Name) else measured.constant.value
 
 
-_AT_REST = ((PAUSED, True), (IN_SERVICE, False), (MODE, OUT_OF_ORDER))
-"""Values of a device that does not begin work."""
+_AT_REST = ((IN_SERVICE, False, "out of service"), (MODE, OUT_OF_ORDER, "out of order"), (PAUSED, True, "stopped"))
+"""Values of a device that does not begin work, and what it then is."""
 
 
 def takes_work(device: str, map: Map, ontology: Ontology) -> bool:
     """Whether an operator lets the device begin work: it is in service, not stopped, and, if it is a lift or a door, not out of order."""
+    return not rest_reason(device, map, ontology)
+
+
+def rest_reason(device: str, map: Map, ontology: Ontology) -> str:
+    """Why an operator lets the device begin no work, such as `Robot1 is out of service`; empty if it may begin."""
     if value_of(device, PAUSED_FOR, map, ontology) is not None:
-        return False
-    return all(value_of(device, path, map, ontology) != value for path, value in _AT_REST)
+        return f"{device} is paused with its task"
+    states = (state for path, value, state in _AT_REST if value_of(device, path, map, ontology) == value)
+    state = next(states, None)
+    return f"{device} is {state}" if state is not None else ""
 
 
 def value_of(object_name: str, path: str, map: Map, ontology: Ontology) -> Value | None:

@@ -31,7 +31,7 @@ from somrs.planner.exclusions import exclusion_obstacles, exclusion_text
 from somrs.planner.grounding.grounding import Grounding
 from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.relevance import demands
-from somrs.planner.losses import losses_text
+from somrs.planner.losses import losses_text, resting_text
 from somrs.planner.model.choices import ALTERNATIVES
 from somrs.planner.model.operators import goal_operators
 from somrs.planner.model.plan import NoPlan, Obstacle
@@ -220,7 +220,7 @@ class _Reasons:
         offered = [name for name in finders if self.world.providers.get(name)]
         if not offered:
             self._note_unoffered(finders)
-            return f"; {' or '.join(finders)}, which no device offers now, could find it out"
+            return f"; {' or '.join(finders)}, which {self._not_offered(finders)}, could find it out"
         uses = [use for name in offered for _, use in self.problem.fruitless if use.startswith(f"{name}(")]
         in_vain = sorted({device for device, use in self.problem.fruitless if use in uses and names(literal)[0] in use})
         if in_vain:
@@ -276,12 +276,14 @@ class _Reasons:
                 ] = None
         if unoffered_names := [name for name, services in lost.items() if not services]:
             self._note_unoffered(unoffered_names)
-            self.texts[
-                f"{_format_literal(literal)} could be brought about by {' or '.join(unoffered_names)}, which no device offers now"
-            ] = None
+            text = f"{' or '.join(unoffered_names)}, which {self._not_offered(unoffered_names)}"
+            self.texts[f"{_format_literal(literal)} could be brought about by {text}"] = None
         if not absent and not self._explain_unknown_values(literal):
             lacking = {name: hindrance for name, hindrance in hindrances.items() if hindrance is not None}
             self._explain_no_service_type(literal, service_types.values(), lacking)
+
+    def _not_offered(self, service_types: Sequence[str]) -> str:
+        return f"no device offers now{resting_text(loss for loss in self.problem.resting if loss.service_type.name in service_types)}"
 
     def _note_unoffered(self, service_types: Iterable[str]) -> None:
         self.obstacles.add(Obstacle.NOT_OFFERED)
@@ -298,7 +300,7 @@ class _Reasons:
 
     def _known_service_types(self) -> dict[str, ServiceType]:
         """The service types of the ontology, and those that are or were on offer."""
-        lost = {loss.service_type.name: loss.service_type for loss in self.problem.lost}
+        lost = {loss.service_type.name: loss.service_type for loss in (*self.problem.lost, *self.problem.resting)}
         offered = {available.service_type.name: available.service_type for available in self.problem.services}
         return {**self.problem.ontology.services, **lost, **offered}
 

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from somrs.planner.model.problem import LostService
 
 MOST_NAMED = 3
 """Of so many services that have the same reason, all are named."""
+
+
+def resting_text(services: Iterable[LostService]) -> str:
+    """After a statement that no device offers a service: why those that would do not. Empty if there are none."""
+    reasons = [*dict.fromkeys(loss.reason for loss in services)]
+    count = len(reasons) if len(reasons) <= MOST_NAMED else MOST_NAMED - 1
+    further = [f"{len(reasons) - count} more would, too"] if len(reasons) > count else []
+    return f" ({'; '.join([*reasons[:count], *further])})" if reasons else ""
 
 
 def losses_text(services: Sequence[LostService]) -> str:

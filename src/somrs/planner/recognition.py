@@ -19,6 +19,7 @@ from somrs.ontology.matching import types_of, unifiers
 from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import UNKNOWN, Ontology
+from somrs.planner.losses import resting_text
 from somrs.planner.model.plan import NoPlan, Obstacle, Plan, Step, describe_use
 from somrs.planner.model.problem import AvailableService, Problem, rejection_text
 from somrs.planner.model.reading import looked_for_in, outputs_in_effect
@@ -78,7 +79,8 @@ class _Recognition:
             absent = ()  # they have looked; whoever else could look is not waited for
             text = f"{' and '.join(in_vain)} looked, and found nothing{rejection_text(self.problem.rejected)}"
         elif absent and len(absent) == len(able):
-            text = f"nobody can look: no device offers {' or '.join(absent)} now"
+            resting = resting_text(loss for loss in self.problem.resting if loss.service_type.name in absent)
+            text = f"nobody can look: no device offers {' or '.join(absent)} now{resting}"
         elif able:
             text = f"nobody can look now: {' and '.join(able)} need other circumstances, or there is no object to look at"
         else:

@@ -150,6 +150,18 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
     return Problem(ontology=problem.ontology, map=problem.map, goal=problem.goal, services=problem.services, lost=lost)
 
 
+def test_devices_that_an_operator_lets_begin_no_work_are_named() -> None:
+    resting = tuple(LostService(TRANSFER, f"Robot{n}.TransferObject", f"Robot{n} is out of service") for n in range(1, 5))
+    result = plan(structs.replace(make_problem(GOAL), resting=resting[:1]))
+    assert isinstance(result, NoPlan)
+    text = f"{GOAL} could be brought about by TransferObject, which no device offers now"
+    assert result.separate_reasons == (f"{text} (Robot1 is out of service)",)
+    assert result.unoffered == ("TransferObject",)
+    result = plan(structs.replace(make_problem(GOAL), resting=resting))
+    assert isinstance(result, NoPlan)
+    assert result.separate_reasons == (f"{text} (Robot1 is out of service; Robot2 is out of service; 2 more would, too)",)
+
+
 @pytest.mark.parametrize(
     ("problem", "reasons", "rest"),
     [

@@ -89,5 +89,7 @@ class Problem(Struct, frozen=True, kw_only=True, tag=True):
     lost: tuple[LostService, ...] = ()
     rejected: tuple[LostService, ...] = ()
     """Services whose last report was one that the map cannot take, and why."""
+    resting: tuple[LostService, ...] = ()
+    """Services of devices that an operator lets begin no work, and why: they are out of service, for example."""
     bids: tuple[StepBid, ...] = ()
     """Answers of services that concern the plan, because one of those that were asked for the same stated a condition."""

@@ -14,7 +14,8 @@ from somrs.ontology.agreement import disagreements
 from somrs.ontology.services import ServiceType
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import WORKING
-from somrs.ontology.values import takes_work
+from somrs.ontology.values import rest_reason, takes_work
+from somrs.planner.losses import resting_text
 from somrs.planner.model.plan import Step
 from somrs.planner.model.problem import LostService
 from somrs.protocol.messages.directory import Offer
@@ -76,6 +77,14 @@ class AvailableServices:
     def excluded_services(self) -> list[LostService]:
         """Services on offer that the task does not ask, and why."""
         return self._lost_services(self.broken)
+
+    @property
+    def resting_services(self) -> list[LostService]:
+        """Services on offer whose devices an operator lets begin no work, and why."""
+        map, ontology = self._replica.map, self._replica.ontology
+        offers = [*self.on_offer]
+        reasons = {provider: rest_reason(provider, map, ontology) for provider in {offer.provider for offer in offers}}
+        return [LostService(offer.service_type, offer.service, reasons[offer.provider]) for offer in offers if reasons[offer.provider]]
 
     @property
     def rejected_services(self) -> list[LostService]:
@@ -196,7 +205,11 @@ class AvailableServices:
         """Why services and service types are not available, as far as the reason may pass: by their names."""
         offers = self.on_offer
         services = {service: reason for service, reason in self.broken.items() if self._may_return(service, offers.get(service))}
-        return {**services, **dict.fromkeys(self._state.unoffered, "no device offers it now")}
+        return services | {service_type: self._absence(service_type) for service_type in self._state.unoffered}
+
+    def _absence(self, service_type: str) -> str:
+        resting = [loss for loss in self.resting_services if loss.service_type.name == service_type]
+        return f"no device offers it now{resting_text(resting)}"
 
     def _may_return(self, service: str, offer: Offer | None) -> bool:
         """Whether an excluded service may be available later. One that failed, and says that it works, gets no better by waiting."""

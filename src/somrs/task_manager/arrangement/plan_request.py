@@ -120,6 +120,7 @@ class PlanRequester:
             task,
             lost=tuple(services.excluded_services),
             rejected=tuple(services.rejected_services),
+            resting=tuple(services.resting_services),
             fruitless=services.fruitless,
             observed=services.told,
             most_plans=request.most_plans,

@@ -91,6 +91,22 @@ def test_a_device_that_is_known_to_be_broken_is_not_asked_again(provider: str, w
     assert service_names(services.readmit_failed()) == ((f"{provider}.TransferObject",) if allowed else ())
 
 
+@pytest.mark.parametrize(
+    ("path", "value", "reason"),
+    [
+        ("InService", False, "no device offers it now (Robot1 is out of service)"),
+        ("Paused", True, "no device offers it now (Robot1 is stopped)"),
+        ("PausedFor", "task7", "no device offers it now (Robot1 is paused with its task)"),
+        ("Color", "Red", "no device offers it now"),
+    ],
+)
+def test_why_nobody_offers_a_service_names_devices_that_an_operator_lets_begin_no_work(path: str, value: bool | str, reason: str) -> None:
+    services, _, replica = available(offer("Robot1"))
+    services.lacks(("TransferObject",))
+    replica.map = replica.map.changed([ValueSet("Robot1", path, value)])
+    assert services.passing_hindrances() == {"TransferObject": reason}
+
+
 def test_for_a_step_those_are_asked_again_that_can_do_it() -> None:
     services, _, _ = available(offer("Robot1"), offer("Robot1", WORK), offer("Robot2"))
     run, other_run = step_run(), step_run()

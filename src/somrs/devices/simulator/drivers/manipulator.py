@@ -129,7 +129,7 @@ class Manipulator(OpeningRobot):
             raise Refusal(f"{self.name} cannot determine the path: {error}") from None
         first, second = legs.lengths
         if first is None or second is None:
-            raise Refusal(f"{self.name} finds no path to {object if first is None else destination}")
+            raise Refusal(self._no_path(legs, object if first is None else destination))
         if "Destination" in task.inputs and not legs.carries:
             raise Refusal(f"{self.name} cannot put anything on {destination}, only on floors, places, furniture and stationary devices")
         return first, second
@@ -170,10 +170,7 @@ class Manipulator(OpeningRobot):
     async def way_to_thing(self, task: Task) -> float:
         """The driving distance to the thing that is to be weighed, m. Raises Refusal when there is no path."""
         object = str(task.inputs["Object"])
-        (way,) = await self._distances(task, object)
-        if way is None:
-            raise Refusal(f"{self.name} finds no path to {object}")
-        return way
+        return await self._way_to(task, object, object)
 
     async def needs_weight(self, task: Task, object: str) -> bool:
         """Whether nobody knows what the thing weighs, and a service could find out before it is taken."""

@@ -11,6 +11,7 @@ from somrs.devices.simulator.drivers.charging import ChargingRobot, Spot, least_
 from somrs.devices.simulator.drivers.looking import describe_things, point_at
 from somrs.devices.simulator.link.commands import CommandDone, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.devices.simulator.link.lines import Legs
 from somrs.entish.formula import Formula, Name, Relation, conjuncts
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.modes import Mode, hold_reason
@@ -100,10 +101,7 @@ class MobileRobot(ChargingRobot):
         spot = next((spot for spot in await self.named_places(task, "Place") if spot.name == name), None)
         if spot is None:
             raise Refusal(f"the map does not say where {name} is")
-        (way,) = await self._distances(task, spot)
-        if way is None:
-            raise Refusal(f"{self.name} finds no path to {name}")
-        return way, spot
+        return await self._way_to(task, spot, name), spot
 
     @service("MoveTo", price=_price, duration=_duration, able=_able, inputs=("Place",))
     async def move_to(self, task: Task) -> Situation:
@@ -146,8 +144,8 @@ class MobileRobot(ChargingRobot):
 
     async def _ways_to_chargers(self, task: Task, free: Sequence[Spot]) -> list[tuple[float, Spot]]:
         """The free chargers, the nearest first, and the driving distances to them in metres. Raises Refusal if there is no path to any."""
-        ways = [(await self._distances(task, charger, charging=True))[0] for charger in free]
-        reachable = [(way, charger) for way, charger in zip(ways, free, strict=True) if way is not None]
+        ways = [await self._legs_to(task, charger, charging=True) for charger in free]
+        reachable = [(way, charger) for legs, charger in zip(ways, free, strict=True) for way in legs.lengths if way is not None]
         if not reachable:
             raise Refusal(f"{self.name} finds no path to {' or '.join(charger.name for charger in free)}")
         return sorted(reachable, key=lambda option: option[0])
@@ -218,20 +216,30 @@ class MobileRobot(ChargingRobot):
     async def way_to_view(self, task: Task) -> float:
         """The driving distance to what is to be looked at, m. Raises Refusal when there is no path."""
         place = str(task.inputs["Place"] if "Place" in task.inputs else task.inputs["Cupboard"])
-        (way,) = await self._distances(task, place)
+        return await self._way_to(task, place, place)
+
+    async def _way_to(self, task: Task, stop: Spot | str, name: str) -> float:
+        """The driving distance to a place or an object, m. Raises Refusal when there is no path to what has this name."""
+        legs = await self._legs_to(task, stop)
+        (way,) = legs.lengths
         if way is None:
-            raise Refusal(f"{self.name} finds no path to {place}")
+            raise Refusal(self._no_path(legs, name))
         return way
 
-    async def _distances(self, task: Task, stop: Spot | str, *, charging: bool = False) -> tuple[float | None, ...]:
-        """The driving distance to a place or an object, m; None if there is no path. Raises Refusal.
+    def _no_path(self, legs: Legs, name: str) -> str:
+        """Why there is no path to what has this name."""
+        if not legs.out_of_reach:
+            return f"{self.name} finds no path to {name}"
+        return f"{self.name} can stand nowhere from where it could reach {name}: there is no room for it, or something is in between"
+
+    async def _legs_to(self, task: Task, stop: Spot | str, *, charging: bool = False) -> Legs:
+        """The way to a place or an object. Raises Refusal.
 
         `charging`: the charge may just do, because the robot charges there.
         """
         place = stop.point if isinstance(stop, Spot) else stop
         try:
-            legs = await (self.legs_to_charger(task, place) if charging else self.legs_through(task, place))
-            return legs.lengths
+            return await (self.legs_to_charger(task, place) if charging else self.legs_through(task, place))
         except (RemoteError, UsageError) as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
 

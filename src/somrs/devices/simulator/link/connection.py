@@ -144,6 +144,7 @@ class Link:
             answer.carries is not False,
             answer.out_of_order or (),
             answer.zones or (),
+            answer.out_of_reach is True,
         )
 
     async def _keep_connected(self) -> None:

@@ -124,7 +124,8 @@ class Legs(Struct, frozen=True):
 
     `shut`: the shut doors that have to be opened for it; `open`: the open doors that have to stay open. `carries`: whether robots can put
     things on the last stop; True for a point. `out_of_order`: if there is no path, the doors and lifts without which there is none, because
-    they are out of order; `zones`: the no-go zones without which there would be one.
+    they are out of order; `zones`: the no-go zones without which there would be one; `out_of_reach`: whether there is no point at all from
+    which the robot would reach the first stop without a path.
     """
 
     lengths: tuple[float | None, ...]
@@ -133,6 +134,7 @@ class Legs(Struct, frozen=True):
     carries: bool = True
     out_of_order: tuple[str, ...] = ()
     zones: tuple[str, ...] = ()
+    out_of_reach: bool = False
 
 
 class Roads(Struct, frozen=True, kw_only=True, tag="roads", tag_field="ask"):
@@ -284,6 +286,8 @@ class Answer(Struct, frozen=True, kw_only=True, tag="answer", tag_field="say"):
     """The doors and lifts that are out of order on the only way."""
     zones: tuple[str, ...] | None = None
     """The no-go zones on the only way."""
+    out_of_reach: bool | None = None
+    """Whether there is no point from which the robot would reach the first stop without a path."""
     roadmap: Roadmap | None = None
     traffic: TrafficState | None = None
 

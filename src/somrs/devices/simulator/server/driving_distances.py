@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -112,14 +112,16 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
     closed = Closed(shut_doors, lifts, planner.standing(), zones.forbidden, zones.slow)
     leg_ways = planner.ways(stops, closed)
     if None not in leg_ways or not (shut_doors or lifts or zones.forbidden):
-        return Legs(_lengths(leg_ways), (), _needed(planner, stops, closed, leg_ways), carries)
+        needed_doors = _needed(planner, stops, closed, leg_ways)
+        return Legs(_lengths(leg_ways), (), needed_doors, carries, out_of_reach=planner.is_out_of_reach(stops, leg_ways))
     to_move = {stop.removesuffix(HANDLES) for stop in stops if isinstance(stop, str) and stop.endswith(HANDLES)}
     staying_shut = unusable | (shut_doors & to_move)  # none can be opened from behind itself
     with_doors = planner.ways(stops, replace(closed, doors=staying_shut))
     if None in with_doors:
         out_of_order, forbidden = _closing(planner, stops, replace(closed, doors=staying_shut))
         passages = tuple(passage for passage in out_of_order if passage not in to_move)
-        return Legs(_lengths(leg_ways), carries=carries, out_of_order=passages, zones=forbidden)
+        out_of_reach = planner.is_out_of_reach(stops, leg_ways)
+        return Legs(_lengths(leg_ways), carries=carries, out_of_order=passages, zones=forbidden, out_of_reach=out_of_reach)
     to_open = [door for door in doors if door in shut_doors and door in _doors(with_doors)]
     for door in [*to_open] if len(to_open) > 1 else ():  # a longer way may need fewer doors
         shorter = planner.ways(stops, replace(closed, doors=(shut_doors - {*to_open}) | {door}))
@@ -230,6 +232,19 @@ class _LegPlanner:
         goal = self._goal(stop, goal_level)
         return self._ways.way(position, level, goal, closed, self._robot.solid.speed) if goal is not None else None
 
+    def is_out_of_reach(self, stops: Stops, leg_ways: Sequence[Way | None]) -> bool:
+        """Whether there is no point from which the robot would reach the first stop without a way: none on the floor below it that is not
+        in a gap, or no such floor in the building."""
+        if None not in leg_ways:
+            return False
+        stop = self._promised.stop(stops[leg_ways.index(None)])
+        level = self._level_of(stop, self._robot.level)
+        if level is not None:
+            goal = self._goal(stop, level)
+            return goal is not None and not len(goal.places)
+        floors = [solid.top for solid in self._simulation.scene.world.solids.values() if solid.role is Role.FLOOR]
+        return self._highest_below(stop, floors) is None
+
     def _is_there(self, position: Point, stop: PathStop) -> bool:
         """Whether the robot is where it is to go: within reach of the point, or in the room."""
         if isinstance(stop, str):
@@ -296,6 +311,12 @@ class _LegPlanner:
 
         A point without a height is on the robot's `level`.
         """
+        if not isinstance(stop, str) and len(stop) < 3:
+            return level
+        return self._highest_below(stop, self._ways.levels)
+
+    def _highest_below(self, stop: PathStop, floors: Iterable[float]) -> float | None:
+        """The highest of some floors from which an object, or a point with a height, could be reached; None if there is none."""
         if isinstance(stop, str):
             name = stop.removesuffix(HANDLES)
             solid = self._simulation.scene.world.solids.get(name)
@@ -305,8 +326,6 @@ class _LegPlanner:
                 raise UsageError(f"{name} has no door that could be moved")
             base = self._simulation.scene.pose(stop)[2] if _is_movable(solid) else solid.z
             height = solid.top if solid.role is Role.FLOOR else base
-        elif len(stop) > 2:
-            height = stop[2]
         else:
-            return level
-        return max((floor for floor in self._ways.levels if -BELOW < height - floor < ABOVE), default=None)
+            height = stop[2]
+        return max((floor for floor in floors if -BELOW < height - floor < ABOVE), default=None)

@@ -324,6 +324,7 @@ class Server:
                     carries=legs.carries,
                     out_of_order=legs.out_of_order or None,
                     zones=legs.zones or None,
+                    out_of_reach=legs.out_of_reach or None,
                 )
             case SetWeight(object=name, weight=weight):
                 self.simulation.set_weight(name, weight)

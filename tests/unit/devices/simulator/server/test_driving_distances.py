@@ -111,7 +111,9 @@ def test_a_door_that_is_out_of_order_is_not_driven_through_and_named_if_there_is
 
 def test_no_door_helps_where_there_is_no_way_at_all() -> None:
     simulation = two_rooms(*BOTH_SHUT)
-    assert find_legs(simulation, "Robot1", ((30.0, 30.0),)) == Legs(lengths=(None,))
+    assert find_legs(simulation, "Robot1", ((30.0, 30.0),)) == Legs(lengths=(None,), out_of_reach=True)
+    walled_in = two_rooms(box("Wall1", "Wall", (4, 1.5, 0), (0.1, 1.2, 2.5)), box("Wall2", "Wall", (4, 4.5, 0), (0.1, 1.2, 2.5)))
+    assert not legs(walled_in, None).out_of_reach, "from where it would reach the jar there is room, but no way leads there"
 
 
 def test_there_is_no_way_to_what_is_on_another_storey() -> None:
@@ -126,7 +128,7 @@ def test_there_is_no_way_to_what_is_on_another_storey() -> None:
     )
     assert legs(simulation, None, "Table1").lengths != (None,)
     for stop in ("UpperFloor", "UpperTable", "UpperShelf", "UpperJar"):
-        assert legs(simulation, None, stop).lengths == (None,), stop
+        assert legs(simulation, None, stop) == Legs(lengths=(None,), carries=stop != "UpperJar"), stop
     assert legs(simulation, "UpperJar isOn Table1", "UpperJar").lengths == legs(simulation, None, "Table1").lengths
 
 
@@ -161,7 +163,9 @@ def test_there_is_a_way_only_to_what_the_robot_would_reach_when_it_is_there() ->
     things = [thing("Jar1", "Jar", 2.0, 3.0, 0.5), thing("Jar2", "Jar", 6.0, 3.0, 0.5)]
     run = Run(Map([*shell(), *tables, *things, robot("Robot1", (4.5, 1.5, 0))]), WorldKind.KINEMATIC)
     for jar in ("Jar1", "Jar2"):
-        (length,) = find_legs(run.simulation, "Robot1", (jar,)).lengths
+        there = find_legs(run.simulation, "Robot1", (jar,))
+        (length,) = there.lengths
+        assert there.out_of_reach == (length is None)
         result = run.execute("Robot1", Approach(object=jar))
         assert (length is not None) == isinstance(result, CommandDone), (jar, length, result)
     assert find_legs(run.simulation, "Robot1", ("Jar1",)).lengths == (None,)
