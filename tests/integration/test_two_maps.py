@@ -194,6 +194,30 @@ def test_who_takes_a_neighbour_s_thing_where_that_does_not_see_it_is_told_what_t
     assert two.yard.map.has_fact("isOn", ("Barn:Jar1", "Barn:BarnCupboard"))
 
 
+def test_a_goal_at_a_place_that_the_owner_of_the_thing_does_not_see_is_refused_before_anything_moves() -> None:
+    robot = Robot("YardRobot", price=5, duration=20)
+    two = TwoOwners(yard_robot=robot, shows={"Yard": ("YardCupboard",)})
+    task_view = two.finish(two.yard, two.submit(two.yard, "Barn:Jar1 isOn YardPlatform"))
+    assert task_view.outcome == "failed"
+    assert "YardPlatform: is not shown to Barn, which has to know that Barn:Jar1 isOn YardPlatform" in task_view.explanation
+    assert "add it to `shows` of Barn in the file with the neighbours" in task_view.explanation
+    assert not robot.orders
+    task_view = two.finish(two.yard, two.submit(two.yard, "Barn:Jar1 isOn YardCupboard"))
+    assert task_view.outcome == "accomplished", task_view.explanation
+
+
+def test_what_a_neighbour_does_not_let_change_is_refused_before_anything_moves() -> None:
+    robot = Robot("BarnRobot", price=5, duration=20)
+    two = TwoOwners(barn_robot=robot)
+    neighbour = Neighbour(map="Yard", address=two.yard.repository_address, shows_all=True, may_change=False)
+    two.world.notify(two.barn.repository_address, NeighboursConfigured(map="Barn", neighbours=(neighbour,)))
+    two.world.run(90.0)
+    task_view = two.finish(two.yard, two.submit(two.yard, "Barn:Jar1 isOn BarnPlatform"))
+    assert task_view.outcome == "failed"
+    assert "Jar1: is not for Yard to change, as the map Barn has it" in task_view.explanation
+    assert not robot.orders
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_task_over_two_maps_outlives_the_death_of_either_repository(seed: int) -> None:
     chance = random.Random(seed)

@@ -68,7 +68,7 @@ from somrs.protocol.messages.reservations import (
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.committing import Committing
 from somrs.repository.definition import define_outcome, rename_outcome
-from somrs.repository.forwarding import foreign_parts, own_changes, refusals, superseded_at_homes
+from somrs.repository.forwarding import foreign_parts, impossible_request, own_changes, refusals, superseded_at_homes
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
 from somrs.repository.map_answers import MapAnswers
 from somrs.repository.merging import merge_outcome
@@ -158,7 +158,7 @@ class Repository:
                 yield from self._answered(message, value, now)
             case DeliveryFailed(message, reason):
                 yield from self._publishing.undelivered(message)
-                yield from self._neighbours.undelivered(message, reason, now)
+                yield from self._neighbours.undelivered(message, reason)
 
     def _received(self, message: Message, now: float) -> Effects:
         if self._neighbours.concerns(message):
@@ -253,6 +253,8 @@ class Repository:
         yield self._remember_answer(message, answer)
 
     def _reserve(self, message: Message, request: Reserve, now: float) -> Effects:
+        if problems := [*impossible_request(request, message.header.sender, self.contents)]:
+            raise InputError("; ".join(map(str, problems)))
         if self._neighbours.reserving.concerns_neighbours(request):
             yield from self._neighbours.reserving.begin(message, request, now)
             return

@@ -8,14 +8,14 @@ says what is true.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from msgspec import structs
 
 from somrs.kernel.component import Effects, EffectsReturning, Send
 from somrs.ontology.conformance import Violation
 from somrs.ontology.homes import renamed_change
-from somrs.ontology.objects import Change, FactAdded, ObjectAdded, objects_of
+from somrs.ontology.objects import Change, Fact, FactAdded, ObjectAdded, objects_of
 from somrs.ontology.qualified_names import home_of, translated
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id, normalised_id
@@ -23,7 +23,7 @@ from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Alteration, BrokenRule, Rejected, Updated, UpdateMap
 from somrs.protocol.messages.neighbours import Neighbour
 from somrs.protocol.messages.observations import Observation
-from somrs.protocol.messages.reservations import UnderReservation
+from somrs.protocol.messages.reservations import Reserve, UnderReservation
 from somrs.repository.neighbour_state import ForwardedUpdate, NeighbourState
 from somrs.repository.neighbour_view import View
 from somrs.repository.outcome import Outcome
@@ -98,20 +98,33 @@ def refusals(alteration: Alteration, outcome: Outcome, sender: str, contents: Co
             yield Violation(subject=name, rule=HOME, message=f"there is no neighbour {home} whose object it could be")
         elif home and not isinstance(alteration, UpdateMap):
             yield Violation(subject=name, rule=HOME, message=f"belongs to the map {home}; change it there")
-    yield from _hidden_from_home(outcome, contents)
+    yield from hidden_from_homes((change.fact for change in outcome.changes if isinstance(change, FactAdded)), contents)
 
 
-def _hidden_from_home(outcome: Outcome, contents: Contents) -> Iterator[Violation]:
+def hidden_from_homes(facts: Iterable[Fact], contents: Contents) -> Iterator[Violation]:
     """Violations for own objects that the home of another one would have to know, and is not shown."""
-    for change in outcome.changes:
-        home = _home_of_change(change)
-        if isinstance(change, FactAdded) and home in contents.neighbours:
+    for fact in facts:
+        home = home_of(fact.arguments[0]) if fact.arguments else ""
+        if home in contents.neighbours:
             view = View(contents.neighbours[home].settings, contents.map, contents.ontology)
-            for name in change.fact.arguments:
+            for name in fact.arguments:
                 if not home_of(name) and not view.shows(name):
                     advice = f"add it to `shows` of {home} in the file with the neighbours"
-                    message = f"is not shown to {home}, which has to know that {change.fact}; {advice}"
-                    yield Violation(subject=name, rule=HOME, message=message)
+                    yield Violation(subject=name, rule=HOME, message=f"is not shown to {home}, which has to know that {fact}; {advice}")
+
+
+def impossible_request(request: Reserve, sender: str, contents: Contents) -> Iterator[Violation]:
+    """Violations for what a plan changes and cannot be told to the homes of objects, or is not for its owner to change."""
+    yield from hidden_from_homes(request.facts, contents)
+    neighbour = contents.neighbour_at(sender)
+    if neighbour is not None and not neighbour.settings.may_change:
+        for name in request.changes:
+            yield _not_to_change(name, neighbour.settings, contents)
+
+
+def _not_to_change(name: str, neighbour: Neighbour, contents: Contents) -> Violation:
+    message = f"is not for {neighbour.map} to change, as the map {contents.map.name} has it"
+    return Violation(subject=name, rule=HOME, message=message)
 
 
 def _overreaching(neighbour: Neighbour, outcome: Outcome, contents: Contents) -> Iterator[Violation]:
@@ -120,7 +133,7 @@ def _overreaching(neighbour: Neighbour, outcome: Outcome, contents: Contents) ->
     added_names = {change.object.name for change in outcome.changes if isinstance(change, ObjectAdded)}
     for name in outcome.subjects:
         if not neighbour.may_change:
-            yield Violation(subject=name, rule=HOME, message=f"is not for {neighbour.map} to change, as the map {contents.map.name} has it")
+            yield _not_to_change(name, neighbour, contents)
         elif name not in added_names and not view.shows(name):
             yield Violation(subject=name, rule=HOME, message=f"is nothing that {neighbour.map} sees of the map {contents.map.name}")
 

@@ -63,10 +63,10 @@ class Neighbourhood:
         else:
             yield from self.reserving.received(message, now)
 
-    def undelivered(self, message: Message, reason: str, now: float) -> Effects:
+    def undelivered(self, message: Message, reason: str) -> Effects:
         """A request could not be delivered to a neighbour."""
         yield from self.forwarding.undelivered(message, reason)
-        yield from self.reserving.undelivered(message, reason, now)
+        yield from self.reserving.undelivered(message, reason)
 
     def proceed(self, now: float) -> EffectsReturning[Continued]:
         """Go on with what has waited for neighbours, as far as it need not wait any more."""

@@ -16,7 +16,7 @@ from msgspec import structs
 
 from somrs.kernel.component import Effects, Send
 from somrs.ontology.qualified_names import home_of, plain_name, translated
-from somrs.protocol.messages.envelope import Message, message_id
+from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.reservations import (
     ClaimReservations,
@@ -132,8 +132,7 @@ class SharedReserving:
             case ReservationDenied(holders=holders, waits=waits) if task is not None:
                 yield from self._denied(task, self._translated(holders, self._waiting_map(task)), waits, now)
             case Fault(text=text) if task is not None:
-                holder = Holder(task=f"{self._waiting_map(task)}: {text}", goal="", objects=(), waiting=False)
-                yield from self._denied(task, (holder,), False, now)
+                yield from self._refused(task, f"{self._waiting_map(task)}: {text}")
             case Reserved(task=task, fence=fence) if neighbour is not None:
                 yield from self._moved(task, fence, neighbour, now)
             case ReservationFree(task=task) if neighbour is not None:
@@ -141,12 +140,11 @@ class SharedReserving:
             case ReservationLost(task=task, fence=fence, holders=holders) if neighbour is not None:
                 yield from self._lost(task, fence, holders, neighbour, now)
 
-    def undelivered(self, message: Message, reason: str, now: float) -> Effects:
+    def undelivered(self, message: Message, reason: str) -> Effects:
         """A neighbour could not be reached for a day."""
         task = self._asking(message.header.message_id)
         if task is not None:
-            holder = Holder(task=f"{self._waiting_map(task)} could not be reached: {reason}", goal="", objects=(), waiting=False)
-            yield from self._denied(task, (holder,), False, now)
+            yield from self._refused(task, f"{self._waiting_map(task)} could not be reached: {reason}")
 
     # Parts
 
@@ -172,8 +170,7 @@ class SharedReserving:
         home = shared.waiting[0]
         neighbour = self._contents.neighbours.get(home)
         if neighbour is None:
-            problem = Holder(task=f"{home} is no neighbour any more", goal="", objects=(), waiting=False)
-            yield from self._denied(task, (problem,), False, now)
+            yield from self._refused(task, f"{home} is no neighbour any more")
             return
         if shared.request.mode is not ReservationMode.ASK:
             shared.asked[home] = None
@@ -182,6 +179,7 @@ class SharedReserving:
             serial=2 * shared.request.serial,
             changes=tuple(plain_name(name) for name in shared.request.changes if home_of(name) == home),
             relies_on=tuple(plain_name(name) for name in shared.request.relies_on if home_of(name) == home),
+            facts=(),
         )
         shared.request_id = message_id("reserve", task, shared.request.serial, home)
         yield request(self._contents, neighbour.settings.address, body, shared.request_id, now)
@@ -219,6 +217,14 @@ class SharedReserving:
         if shared.request.mode is ReservationMode.ASK and not shared.asked:
             del self._contents.shared_reservations[task]
         shared.message = shared.request = None
+
+    def _refused(self, task: str, reason: str) -> Effects:
+        """The objects of a map cannot be reserved, also not later. The task keeps what it has, until it ends."""
+        shared = self._contents.shared_reservations[task]
+        assert shared.message is not None
+        yield Send(reply(shared.message, Fault(code="Receiver", text=reason), self._contents.address))
+        shared.request_id, shared.waiting = "", []
+        self._conclude(task)
 
     def _denied(self, task: str, holders: tuple[Holder, ...], waits: bool, now: float) -> Effects:
         """One map has denied its objects. If the task waits for them, it has nothing at any map."""

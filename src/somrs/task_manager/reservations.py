@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from somrs.kernel.component import Effects, EffectsReturning
 from somrs.kernel.reservations import Claimant, Granted, Reservation
+from somrs.ontology.objects import Fact
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages.reservations import (
     Claim,
@@ -110,10 +111,13 @@ class ReservationRequester:
     def __init__(self, state: TaskReservation, task: str, goal: str, priority: int, context: TaskManagerContext) -> None:
         self._state, self._task, self._goal, self._priority, self._context = state, task, goal, priority, context
 
-    def request(self, needed: Reservation, mode: ReservationMode, goal: int, now: float) -> EffectsReturning[ReservationAnswer | None]:
-        """Request what is needed for the goal with the number `goal`. Returns the answer; None if it comes later, for `state.serial`."""
+    def request(
+        self, needed: Reservation, mode: ReservationMode, goal: int, now: float, facts: tuple[Fact, ...] = ()
+    ) -> EffectsReturning[ReservationAnswer | None]:
+        """Request what is needed for the goal with the number `goal`. `facts`: those of several maps that the plan makes true. Returns the
+        answer; None if it comes later, for `state.serial`."""
         state = self._state
-        if mode is not ReservationMode.ASK and state.held.includes(needed):
+        if mode is not ReservationMode.ASK and state.held.includes(needed) and not facts:
             return Reserved(task=self._task, fence=state.fence)
         state.requested, state.serial, state.is_free = needed, self._context.requests.next_serial(now), False
         if self._context.local_reservations is not None:
@@ -126,6 +130,7 @@ class ReservationRequester:
             priority=self._priority,
             changes=tuple(sorted(needed.changes)),
             relies_on=tuple(sorted(needed.relies_on)),
+            facts=facts,
         )
         yield from self._context.requests.reserve(reserve, ForReservation(self._task, goal, state.serial), now)
         return None

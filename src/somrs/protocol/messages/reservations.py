@@ -10,6 +10,7 @@ from enum import StrEnum
 
 from msgspec import Struct
 
+from somrs.ontology.objects import Fact
 from somrs.protocol.messages.body import MessageBody
 from somrs.protocol.messages.waits import Holder
 
@@ -33,7 +34,8 @@ class ReservationMode(StrEnum):
 class Reserve(MessageBody, frozen=True, kw_only=True, tag=True):
     """Reserve objects for a task, in addition to what it has: those that its plan `changes`, and others that it `relies_on`.
 
-    `goal` and `priority` are those of the task; the Repository tells other tasks the goal.
+    `goal` and `priority` are those of the task; the Repository tells other tasks the goal. `facts`: those of the plan's effects that are
+    about objects of several maps; the home of the first object has to know the others.
     """
 
     task: str
@@ -43,6 +45,7 @@ class Reserve(MessageBody, frozen=True, kw_only=True, tag=True):
     priority: int = 0
     changes: tuple[str, ...] = ()
     relies_on: tuple[str, ...] = ()
+    facts: tuple[Fact, ...] = ()
 
 
 class Reserved(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -18,7 +18,7 @@ from somrs.planner.model.problem import StepBid
 from somrs.protocol.messages.reservations import ReservationMode, Reserved
 from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.arrangement.available_services import AvailableServices
-from somrs.task_manager.arrangement.plan_reservation import plan_reservation
+from somrs.task_manager.arrangement.plan_reservation import facts_of_several_maps, plan_reservation
 from somrs.task_manager.context import TaskManagerContext, planning_problem
 from somrs.task_manager.execution.workflow import Progress, Workflow
 from somrs.task_manager.requests import DiscoveredOffers, ForPlan, ReservationAnswer
@@ -161,7 +161,8 @@ class PlanRequester:
         request, replica = self._request, self._context.replica
         needed = plan_reservation(plan.steps, parse(request.task.effect), replica.ontology).within(replica.map.objects)
         mode = self._modes[request.ignores_reservations]
-        answer = yield from self._reserving.request(needed, mode, request.goal, now)
+        facts = facts_of_several_maps(plan.steps, needed.changes, replica.map, replica.ontology)
+        answer = yield from self._reserving.request(needed, mode, request.goal, now, facts)
         return (yield from self.reserved(answer, now)) if answer is not None else None
 
     def reserved(self, answer: ReservationAnswer, now: float) -> EffectsReturning[PlanResult | None]:

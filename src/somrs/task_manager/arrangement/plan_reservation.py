@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 
 from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relation, Term
 from somrs.entish.formula import alternatives, literals, terms
 from somrs.kernel.reservations import Reservation
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Fact
+from somrs.ontology.qualified_names import home_of
 from somrs.ontology.services import ServiceKind
 from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import Step
@@ -33,6 +36,21 @@ def plan_reservation(steps: Iterable[Step], goal: Formula, ontology: Ontology) -
     if len([*alternatives(goal)]) == 1:
         relies.update(_formula_objects(goal, ontology))
     return Reservation(changes=frozenset(changes), relies_on=frozenset(relies - changes))
+
+
+def facts_of_several_maps(steps: Iterable[Step], plan_changes: Container[str], map: Map, ontology: Ontology) -> tuple[Fact, ...]:
+    """The facts of a plan's effects that relate a neighbour's object to things of another map. Devices, and other things that the plan
+    changes (`plan_changes`), are left out: who sees them may change with their places."""
+    facts: dict[Fact, None] = {}
+    for step in steps:
+        for literal in literals(step.effect) if step.kind is ServiceKind.PHYSICAL else ():
+            if isinstance(literal, Relation) and all(isinstance(argument, Name) for argument in literal.arguments):
+                subject, *others = (str(argument) for argument in literal.arguments)
+                others = [name for name in others if home_of(name) != home_of(subject)]
+                fixed = [name for name in others if name in map.objects and name not in plan_changes]
+                if home_of(subject) and fixed and not any(ontology.is_device(map.objects[name].type) for name in fixed):
+                    facts[Fact(literal.relation, (subject, *fixed))] = None
+    return tuple(facts)
 
 
 def _formula_objects(formula: Formula, ontology: Ontology) -> Iterator[str]:

@@ -13,7 +13,7 @@ from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import events
 from somrs.protocol.messages.previews import Previewed
 from somrs.protocol.messages.reservations import ReservationMode, Reserved
-from somrs.task_manager.arrangement.plan_reservation import plan_reservation
+from somrs.task_manager.arrangement.plan_reservation import facts_of_several_maps, plan_reservation
 from somrs.task_manager.context import PlanToQuote
 from somrs.task_manager.execution.bids import plan_preference
 from somrs.task_manager.requests import ReservationAnswer
@@ -47,7 +47,8 @@ class PlanComparison:
         comparison.chosen = min(comparison.plans, key=lambda id: plan_preference(task, comparison.previews[id]))
         chosen = comparison.plans[comparison.chosen]
         needed = plan_reservation(chosen.steps, parse(self._execution.goal), replica.ontology).within(replica.map.objects)
-        answer = yield from self._scope.reserving.request(needed, ReservationMode.TRY, self._execution.number, now)
+        facts = facts_of_several_maps(chosen.steps, needed.changes, replica.map, replica.ontology)
+        answer = yield from self._scope.reserving.request(needed, ReservationMode.TRY, self._execution.number, now, facts)
         return self.reserved(answer, now) if answer is not None else None
 
     def reserved(self, answer: ReservationAnswer, now: float) -> Plan | None:
