@@ -24,8 +24,8 @@ export default {
       trouble: null,
       alive: true,
       problems: [],
-      levels: [],
-      level: null,
+      storeys: [],
+      shownStorey: null, // one of them; null: all
       robots: [],
       following: null,
       selected: this.chosen,
@@ -199,8 +199,8 @@ export default {
     settle() {
       // Objects were added, removed or changed.
       this.robots = [...this.world.bodies.values()].filter((body) => body.kind === "robot").map((body) => body.name).sort();
-      this.levels = this.world.levels.map((z, i) => ({ z, name: this.world.storeys.get(z) ?? `Storey ${i + 1}` }));
-      this.level = this.world.level;
+      this.storeys = this.world.storeys;
+      this.turnTo(this.storeys.find((one) => one.name === this.shownStorey?.name && one.z === this.world.level) ?? this.world.level);
       this.labels?.clear();
       this.mark();
       this.stage?.enclose(this.world.bounds());
@@ -292,25 +292,29 @@ export default {
       this.stage.enclose(this.world.bounds());
     },
 
-    setLevel() {
-      this.turnTo(this.level);
+    setStorey(number) {
+      this.turnTo(this.storeys[number] ?? null);
       this.tellStorey();
       this.fit();
     },
 
     tellStorey() {
-      this.$emit("storey", { name: this.level === null ? null : (this.world.storeys.get(this.level) ?? null) });
+      this.$emit("storey", { name: this.shownStorey?.name ?? null });
     },
 
     toStorey() {
       // The page's search; an empty text means all.
-      if (this.world.levels.length < 2) return;
-      const [level] = this.storey === "" ? [null] : ([...this.world.storeys].find(([, name]) => name === this.storey) ?? []);
-      if (level !== undefined && level !== this.world.level) this.turnTo(level);
+      if (this.world.storeys.length < 2) return;
+      const storey = this.storey === "" ? null : this.world.storeys.find((one) => one.name === this.storey);
+      if (storey !== undefined) this.turnTo(storey);
     },
 
-    turnTo(level) {
-      this.level = this.world.level = level;
+    turnTo(storey) {
+      // A storey, with the others of its height; a level stands for the first storey at that height, null for all.
+      this.shownStorey = typeof storey === "number" ? (this.world.storeys.find((one) => one.z === storey) ?? null) : storey;
+      const level = this.shownStorey?.z ?? null;
+      if (level === this.world.level) return;
+      this.world.level = level;
       this.world.build();
       this.stage?.enclose(this.world.bounds());
     },

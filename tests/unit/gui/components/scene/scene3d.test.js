@@ -37,6 +37,19 @@ test("one finds and chooses in the list", async () => {
   assert.match(text(one.element.querySelector(".somrs-scene-card")), /^Jar001 Jar ?at 1\.0, 0\.0/);
 });
 
+test("storeys of one height are all there to be chosen, also by the page", async () => {
+  const floor = (name, z) => ({ ...body(name, "Floor", "floor", 0), z, height: 0.1, storey: `${name} floor` });
+  one.leave();
+  server.reset();
+  server.answers["/api/scene"] = { title: "Yard", problems: [], types: {}, bodies: [floor("House", -0.1), floor("Barn", -0.1), floor("Attic", 2.9)] };
+  one = await mounted(scene3d, { storey: "Barn floor" });
+  server.socket("/api/live").open();
+  await clock.pass(50);
+  const options = () => [...one.element.querySelectorAll("select")[0].options];
+  assert.deepEqual(options().map(text), ["All storeys", "House floor", "Barn floor", "Attic floor"]);
+  assert.equal(text(options().find((option) => option.selected)), "Barn floor");
+});
+
 test("the words keep up with what happens", async () => {
   server.socket("/api/poses").say({ robots: { Robot1: { holding: "Jar001", faults: [] } } });
   await clock.pass(600);

@@ -57,11 +57,17 @@ test("a click finds what is nearest to the eye", () => {
 test("of several storeys one is looked at, where most can move", () => {
   assert.deepEqual(world.levels, [0]);
   world.change({ types: {}, bodies: [floor("Attic", 2.9), jar("High", 0, 0, 3)] }, []);
-  assert.deepEqual([world.levels, world.level, world.storeys.get(3)], [[0, 3], 0, "Storey Attic"]);
+  assert.deepEqual([world.levels, world.level, world.storeys[1]], [[0, 3], 0, { z: 3, name: "Storey Attic" }]);
   assert.deepEqual([world.visible("Jar001"), world.visible("High"), world.visible("Attic")], [true, false, false]);
   world.level = null;
   world.build();
   assert.equal(world.visible("High"), true);
+});
+
+test("storeys of one height are each in the list, and shown together", () => {
+  world.change({ types: {}, bodies: [floor("Barn", -0.1, { x: 20 }), floor("Attic", 2.9), jar("Far", 20, 0, 0)] }, []);
+  assert.deepEqual(world.storeys, [{ z: 0, name: "Storey Hall" }, { z: 0, name: "Storey Barn" }, { z: 3, name: "Storey Attic" }]);
+  assert.deepEqual([world.level, world.visible("Far"), world.visible("Jar001")], [0, true, true]);
 });
 
 test("all there is fits into the picture", () => {

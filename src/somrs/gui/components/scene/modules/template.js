@@ -16,9 +16,9 @@ export const template = `
   <div v-show="!none" class="somrs-scene-tools" role="toolbar" aria-label="View">
     <q-btn v-for="one in tools" :key="one.label" flat dense :icon="one.icon" :aria-label="one.label" :aria-pressed="one.pressed"
            :class="{ 'somrs-scene-pressed': one.pressed }" @click="one.act"><q-tooltip :delay="400">{{ one.tip }}</q-tooltip></q-btn>
-    <label v-if="levels.length > 1"><span class="somrs-scene-hidden">Storey</span>
-      <select v-model="level" @change="setLevel"><option :value="null">All storeys</option>
-        <option v-for="one in levels" :key="one.z" :value="one.z">{{ one.name }}</option></select></label>
+    <label v-if="storeys.length > 1"><span class="somrs-scene-hidden">Storey</span>
+      <select :value="storeys.indexOf(shownStorey)" @change="setStorey($event.target.value)"><option :value="-1">All storeys</option>
+        <option v-for="(one, i) in storeys" :key="one.z + one.name" :value="i">{{ one.name }}</option></select></label>
     <label v-if="robots.length"><span class="somrs-scene-hidden">Follow</span>
       <select :value="following ?? ''" @change="setFollowed($event.target.value || null)" :class="{ 'somrs-scene-pressed': following }">
         <option value="">Follow nothing</option>

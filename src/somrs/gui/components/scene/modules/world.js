@@ -41,7 +41,7 @@ export class World {
     this.low = true;
     this.level = null; // the level shown alone; null: all
     this.levels = [];
-    this.storeys = new Map(); // labels of the storeys, by level
+    this.storeys = []; // labels of the storeys with their levels, lowest first; several may have one level
     this.colors = { cap: "#5b7083" };
     this.group = new THREE.Group();
     scene.add(this.group);
@@ -112,7 +112,10 @@ export class World {
     const tops = [...new Set(floors.map(top))].sort((a, b) => a - b);
     const before = this.levels.join();
     this.levels = tops.filter((z, i) => i === 0 || z - tops[i - 1] > 1.5);
-    this.storeys = new Map(this.levels.map((z) => [z, floors.find((floor) => top(floor) === z).storey]));
+    this.storeys = this.levels.flatMap((z, i) => {
+      const names = new Set(floors.filter((floor) => floor.storey && this.levelAt(top(floor)) === z).map((floor) => floor.storey));
+      return (names.size ? [...names] : [`Storey ${i + 1}`]).map((name) => ({ z, name }));
+    });
     // With several storeys, one is shown, at first the one with the most moving objects: the others would hide it.
     if (before !== this.levels.join() && this.levels.length > 1) {
       const movers = (z) => [...this.bodies.values()].filter((body) => MOVING.has(body.kind) && this.levelAt(body.z) === z).length;
