@@ -135,7 +135,7 @@ def state_of(contents: Contents, earlier: RepositoryState, now: float) -> Reposi
     for address, heard_at in reservations.heard_at.items():
         reservations.heard_at[address] = 0.0 if heard_at + LEASE > now else LAPSED
     for shared in contents.shared_reservations.values():
-        shared.message = None
+        shared.message, shared.since = None, 0.0
         shared.request_id = "asked" if shared.request_id else ""
         shared.lost = shared.lost if shared.request_id else {}  # what it gets later has higher numbers
     return RepositoryState(

@@ -202,7 +202,7 @@ class Repository:
                 self._reserving.heard_of(message.header.sender, now)
                 yield from self._publishing.subscribe(message, subscribe, now)
             case ReadNeighbours():
-                yield self._answer(message, self._neighbours.neighbouring.views())
+                yield self._answer(message, self._neighbours.neighbouring.views(now))
             case Adopt() as adopt:
                 yield from self._run_once(message, lambda: self._adopt(message, adopt, now))
             case Updated() | Rejected() | Reserved() | ReservationDenied():

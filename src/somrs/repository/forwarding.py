@@ -146,7 +146,9 @@ class Forwarding:
 
     def begin(self, message: Message, parts: dict[str, UpdateMap], now: float) -> Effects:
         """Pass the parts on, the first one now."""
-        forwarded = self._contents.forwarded[normalised_id(message.header.message_id)] = ForwardedUpdate(message=message, parts=parts)
+        forwarded = self._contents.forwarded[normalised_id(message.header.message_id)] = ForwardedUpdate(
+            message=message, parts=parts, since=now
+        )
         yield from self._send_next(forwarded, now)
 
     @property

@@ -46,7 +46,7 @@ class HandingOver:
             home = self._new_home(name)
             if home and name not in contents.handovers:
                 id = message_id("handover", contents.address, name, home, contents.version)
-                contents.handovers[name] = handover = Handover(id=id, object=name, map=home)
+                contents.handovers[name] = handover = Handover(id=id, object=name, map=home, since=now)
                 yield from self._ask(handover, now)
 
     def _new_home(self, name: str) -> str:

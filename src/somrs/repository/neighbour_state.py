@@ -64,17 +64,19 @@ class ForwardedUpdate(Struct, kw_only=True):
     """An update of which `parts` change objects of neighbours, by map. They are passed on in this order, and the rest is done when all are.
 
     `request`: the id of the latest message. `version`: the version in which the current neighbour has its part; the copy has to reach it.
+    `since`: when it was sent (seconds since 1970).
     """
 
     message: Message
     parts: dict[str, UpdateMap]
     request: str = ""
     version: int | None = None
+    since: float = 0.0
 
 
 class Handover(Struct, kw_only=True):
     """An object that gets its home with the neighbour `map`. `adopted`: it has it; the copy of the map has still to show it. `deferred`:
-    updates of it that wait for the end."""
+    updates of it that wait for the end. `since`: when it began (seconds since 1970)."""
 
     id: str
     object: str
@@ -82,6 +84,7 @@ class Handover(Struct, kw_only=True):
     adopted: Adopted | None = None
     refused: bool = False
     deferred: list[Message] = field(default_factory=list)
+    since: float = 0.0
 
 
 class SharedReservation(Struct, kw_only=True):
@@ -91,7 +94,7 @@ class SharedReservation(Struct, kw_only=True):
     is passed on, with the `message`; `waiting`: the maps that are still to answer, in order, or, without a request, the one at which the
     task waits for its turn; `request_id`: that of the message to the first of them.
     `overtaken` and `holders`: from the answers so far. `asked`: the maps that know of the task, until it has ended. `lost`: the highest
-    numbers under which maps have given away what the task had.
+    numbers under which maps have given away what the task had. `since`: when the request came (seconds since 1970).
     """
 
     task_manager: str
@@ -105,3 +108,4 @@ class SharedReservation(Struct, kw_only=True):
     holders: tuple[Holder, ...] = ()
     asked: dict[str, None] = field(default_factory=dict)
     lost: dict[str, int] = field(default_factory=dict)
+    since: float = 0.0

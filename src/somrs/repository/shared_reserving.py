@@ -63,7 +63,7 @@ class SharedReserving:
         yield from self._release_at({*shared.waiting[:1]} - homes, request.task, 2 * request.serial - 2, False, now)
         shared.task_manager, shared.message, shared.request = message.header.sender, message, request
         shared.waiting = sorted({*homes - {""}, self._own_map})
-        shared.granted, shared.overtaken, shared.holders = None, (), ()
+        shared.granted, shared.overtaken, shared.holders, shared.since = None, (), (), now
         yield from self._ask_next(request.task, now)
 
     @property

@@ -201,6 +201,28 @@ def test_what_is_wrong_with_a_neighbour_is_said() -> None:
     assert "there is no place Attic on the map Yard that could be shown" in neighbour.problems
 
 
+def test_what_waits_for_a_neighbour_that_is_away_is_said() -> None:
+    two = Neighbourhood()
+    two.update(BARN, ObjectAdded(Object(name="Jar7", type="Jar", values=POSITION)), FactAdded(Fact("isOn", ("Jar7", "Bench1"))))
+    two.world.cut_off(YARD)
+    two.update(BARN, situation="Jar1 isOn Yard:Ramp2")
+    two.world.send(request(UpdateMap(situation="Jar1.Color = Red", author="camera"), recipient=BARN))
+    two.world.send(request(UpdateMap(situation="Yard:Ramp2.Color = Red", author="camera"), recipient=BARN))
+    two.world.send(request(reserve("barn-task", 1, "Yard:Jar1"), recipient=BARN))
+    two.world.run(20.0)
+    (neighbour,) = two.ask(BARN, ReadNeighbours(), Neighbours).neighbours
+    assert neighbour.problems == (
+        "Jar1 gets its home there as soon as Yard answers; 1 update of it waits for that",
+        "an update of Yard:Ramp2 by camera waits until Yard answers",
+        "the task 'tidy' waits until Yard answers whether it may have its objects",
+    )
+    two.world.reconnect(YARD)
+    two.settle()
+    (neighbour,) = two.ask(BARN, ReadNeighbours(), Neighbours).neighbours
+    assert not neighbour.problems
+    assert two.holds(BARN, "?Jar: Jar isOn Yard:Ramp2 AND ?Jar.Color = Red")
+
+
 def reserve(task: str, serial: int, *objects: str, mode: ReservationMode = ReservationMode.TRY) -> Reserve:
     return Reserve(task=task, serial=serial, mode=mode, goal="tidy", changes=objects)
 
