@@ -27,6 +27,7 @@ from verification.model_check.quotient import Quotient, quotient
 from verification.model_check.reservation_check import check_reservations
 from verification.model_check.reservation_model import ReservationModel
 from verification.model_check.rules import RULES
+from verification.model_check.shared_reservation_model import SharedReservationModel
 from verification.model_check.step import Step, StepKind, is_conditional
 from verification.model_check.suite import (
     KIND_PROPERTIES,
@@ -249,6 +250,18 @@ def _reservations(medium: Medium, *, restarts: bool = True, decisions: bool = Fa
 @pytest.mark.parametrize(("rule", "change"), reservation_rules.RULES)
 def test_a_wrong_rule_of_reservations_is_noticed(rule: str, change: str) -> None:
     assert reservation_rules.find_violation(rule, reservation_rules.RULES[rule, change])
+
+
+@pytest.mark.parametrize(("rule", "change"), reservation_rules.SHARED_RULES)
+def test_a_wrong_rule_of_reservations_at_neighbours_is_noticed(rule: str, change: str) -> None:
+    violation = reservation_rules.find_shared_violation(rule, *reservation_rules.SHARED_RULES[rule, change])
+    assert bool(violation) is (change not in reservation_rules.EXPLANATIONS)
+
+
+@pytest.mark.parametrize("medium", [FIFO, UNORDERED], ids=str)
+def test_no_two_tasks_of_neighbours_have_one_object_and_both_end(medium: Medium) -> None:
+    model = SharedReservationModel(medium=medium, delays=True)
+    assert _fallen({**check_reservations(model, "").cells}) == []
 
 
 @pytest.mark.parametrize("medium", [OUTBOX if medium is LOSSY_FIFO else medium for medium in MEDIA], ids=str)

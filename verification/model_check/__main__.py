@@ -18,7 +18,7 @@ from verification.model_check import reservation_rules
 from verification.model_check.media import MEDIA
 from verification.model_check.mutations import all_mutations, judge_all
 from verification.model_check.property import Property
-from verification.model_check.reservation_check import MODELS, check_all_reservations
+from verification.model_check.reservation_check import MODELS, SHARED_MODELS, check_all_reservations, check_all_shared_reservations
 from verification.model_check.suite import KINDS, LOST_DISKS, Result, check_all, check_assumption, check_kinds
 
 COLUMNS = 160
@@ -35,6 +35,7 @@ BOUNDS = (
     "A new session follows when both sides have ended the one before. Beside one that has not ended, it is the second participant.",
     "A lost disk: one, once, without other restarts. Only property 3 is checked, as a side is not bound by what it has lost.",
     "Reservations: two tasks, which change two objects in opposite orders. Each is cancelled or tries again later at most once.",
+    "Two Repositories: each lease ends at most once. Without delays, a Task Manager hears of its own Repository at once.",
     "Property 5, map correctness, concerns the Task Manager's data, which are not in this model. The fault runs check it.",
 )
 
@@ -61,7 +62,12 @@ def _properties(console: Console) -> tuple[int, int]:
     started_at = time.perf_counter()
     with _bar(console) as bar:
         task = bar.add_task(
-            "exploring", total=2 * len(MEDIA) + len(LOST_DISKS) + len(KINDS) * (len(MEDIA) + 1) + 2 + sum(map(len, MODELS.values()))
+            "exploring",
+            total=2 * len(MEDIA)
+            + len(LOST_DISKS)
+            + len(KINDS) * (len(MEDIA) + 1)
+            + 2
+            + sum(map(len, (*MODELS.values(), *SHARED_MODELS.values()))),
         )
 
         def tick(states: int) -> None:
@@ -70,7 +76,13 @@ def _properties(console: Console) -> tuple[int, int]:
         results: list[Result] = []
         kind_results: list[Result] = []
         reservation_results: list[Result] = []
-        checked = ((results, check_all(tick)), (kind_results, check_kinds(tick)), (reservation_results, check_all_reservations(tick)))
+        shared_results: list[Result] = []
+        checked = (
+            (results, check_all(tick)),
+            (kind_results, check_kinds(tick)),
+            (reservation_results, check_all_reservations(tick)),
+            (shared_results, check_all_shared_reservations(tick)),
+        )
         for table_results, checks in checked:
             for result in checks:
                 table_results.append(result)
@@ -83,10 +95,11 @@ def _properties(console: Console) -> tuple[int, int]:
     console.print(table(kind_results, "Conditions, refusals for now, what has to hold meanwhile, and recognition"))
     console.print(f"({'; '.join(prop for prop in Property if prop.number)})")
     console.print(table(reservation_results, "Reservations of two Task Managers at one Repository"))
+    console.print(table(shared_results, "Reservations of two Task Managers at two Repositories that are neighbours"))
     console.print(table(assumption_results, "Without the timing assumption property 1 has to fail: no protocol can ensure it"))
     for bound in BOUNDS:
         console.print(f"- {bound}")
-    results += [*kind_results, *reservation_results]
+    results += [*kind_results, *reservation_results, *shared_results]
     _print_charts(console, [*results, *assumption_results])
     cells = [counterexample for result in results for counterexample in result.cells.values()]
     failed = sum(broken is not None for broken in cells) + sum(
@@ -146,9 +159,14 @@ def _mutations(console: Console, processes: int) -> tuple[int, int]:
         )
     unexplained = len(uncaught) - explained
     wrong_rules = {change: reservation_rules.find_violation(rule, wrong) for (rule, change), wrong in reservation_rules.RULES.items()}
+    wrong_rules |= {
+        change: reservation_rules.find_shared_violation(rule, owner, wrong)
+        for (rule, change), (owner, wrong) in reservation_rules.SHARED_RULES.items()
+    }
     for change in (change for change, violation in wrong_rules.items() if not violation):
-        console.print(f"reservations: {change}: violates no property")
-        unexplained += 1
+        explanation = reservation_rules.EXPLANATIONS.get(change)
+        console.print(f"reservations: {change}: violates no property: {explanation or 'UNEXPLAINED'}")
+        explained, unexplained = explained + bool(explanation), unexplained + (not explanation)
     caught += sum(map(bool, wrong_rules.values()))
     console.print(f"{len(verdicts) + len(wrong_rules)} mutations in {time.perf_counter() - started_at:.0f} s")
     console.print(f"{caught} caught, {explained} explained, {unexplained} unexplained")

@@ -65,8 +65,8 @@ class SharedReservationModel:
 
     medium: Medium
     delays: bool = False
-    restarts: bool = True
-    decisions: bool = True
+    restarts: bool = False
+    decisions: bool = False
     lapses: bool = False
 
 
@@ -354,6 +354,8 @@ def _is_spent(message: Token, number: int, sides: tuple[Side, Side], repositorie
             return sides[number].awaits[0] != -1 - step
         case ReportAnswer(step=step):
             return sides[1 - number].awaits[0] != -1 - step
+        case ReservationFree(task=task):
+            return task not in recipient.shared and task not in sender.reservations.claimants
         case ReservationLost(task=task, fence=fence):
             shared = recipient.shared.get(task)
             return shared is None or (not shared.request_id and shared.fences.get(MAPS[number]) != fence)
