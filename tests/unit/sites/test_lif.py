@@ -154,6 +154,7 @@ def test_what_is_not_kept_is_told_once(site: Site) -> None:
         (lambda layouts: layouts["layouts"][0]["nodes"][0].update(nodePosition={"x": "far", "y": 0}), r"nodes\[0\].nodePosition.x"),
         (lambda layouts: layouts.update(layouts=[]), "nothing to import"),
         (lambda layouts: layouts.pop("metaInformation"), "metaInformation"),
+        (lambda layouts: layouts["metaInformation"].update(lifVersion="2.0.0"), "its lifVersion is 2.0.0, and SO-MRS reads 0.x and 1.x"),
     ],
 )
 def test_mistakes_are_told_with_their_place(change: Any, words: str) -> None:

@@ -223,6 +223,11 @@ def test_what_could_not_be_brought_in_as_it_is_is_noted() -> None:
         ("x: 5, y: 4, z: 0, yaw: 0", "x: 5, y: 4, z: 0, yaw: .nan", 23, "nan is no number"),
         ("vertices: [0, 1, 2]}", "vertices: [0, 1]}", 33, "it has 2 corners, and needs three"),
         ("name: Depot 7", "name: [", 4, "not YAML"),
+        ("- [4, 5, {name", "- [4, 5, {motion_degrees: [3, wide], name", 19, "wide is no number"),
+        ("type: [1, hinged]}", "type: [1, hinged, 2]}", 19, "type is [1.0, 'hinged', 2.0]; a parameter is [type code, value]"),
+        ("- [4, 5, {name", "- [4, 5, [hinged], {name", 19, "it has not the form"),
+        ("    vertices:\n", "    fiducials: [[1, 2]]\n    vertices:\n", 6, "it has too few values"),
+        ("    vertices:\n", "    lanes: [[0, 99, {}]]\n    vertices:\n", 6, "it refers to vertex 99, which is not there"),
     ],
 )
 def test_what_cannot_be_understood_is_told_with_its_line(old: str, new: str, line: int, words: str) -> None:
@@ -230,6 +235,23 @@ def test_what_cannot_be_understood_is_told_with_its_line(old: str, new: str, lin
         import_text(SMALL.replace(old, new, 1), "depot.building.yaml")
     assert caught.value.problems[0].line == line
     assert words in str(caught.value)
+
+
+def test_parameters_may_be_written_by_hand() -> None:
+    site = import_text(SMALL.replace("- [4, 4, 0, exit]", "- [4, 4, 0, exit, {is_charger: true}]"))
+    assert site.map.objects["exit_L2"].type == "Charger"
+
+
+def test_navigation_graph_is_told_from_a_building() -> None:
+    with pytest.raises(ModelError, match=r"this is a navigation graph, .*; import the .building.yaml file"):
+        import_text(
+            "building_name: x\nlevels:\n  L1:\n    lanes:\n    - [0, 1, {}]\n    vertices:\n    - [0, 0, {name: a}]\n    - [1, 0, {}]\n"
+        )
+
+
+def test_reference_level_that_is_not_there_is_told() -> None:
+    site = import_text(f"reference_level_name: L9\n{SMALL}")
+    assert any("L9" in str(note) and "aligned with L1" in str(note) for note in site.notes)
 
 
 @given(st.data())

@@ -229,7 +229,7 @@ def test_parameters_that_are_not_known_are_told() -> None:
 def test_mistake_in_a_door_is_told_with_its_line() -> None:
     building = depot()
     building["levels"]["L1"]["doors"][2][2]["motion_degrees"] = text("wide")
-    with pytest.raises(ModelError, match="door 3 of L1: cannot be read: could not convert string to float: 'wide'"):
+    with pytest.raises(ModelError, match="door 3 of L1: cannot be read: wide is no number"):
         imported(building)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
+from msgspec import Struct
 
 from somrs.errors import InputError, ModelError, Problem
 from somrs.ontology.types import Value
@@ -20,6 +21,8 @@ _STOREY_HEIGHT = 4.0
 """The height at which each level is above the one before it, m: the format does not state it."""
 _MARGIN = 2.0
 """How far the floor reaches beyond the nodes, m: the format has no floors."""
+VERSIONS = ("0", "1")
+"""The major versions that are read: drafts of version 1 have the same form."""
 CHARGING = "startCharging"
 """The action of VDA 5050 by which a vehicle charges."""
 _NOT_KEPT = {
@@ -30,6 +33,14 @@ _NOT_KEPT = {
     "max_height": "a limit of the height is left out",
     "actions": "the actions of an edge are left out",
 }
+
+
+class _Meta(Struct, frozen=True, rename="camel"):
+    lif_version: str
+
+
+class _Versioned(Struct, frozen=True, rename="camel"):
+    meta_information: _Meta
 
 
 def import_layouts(path: str | Path, options: ImportOptions | None = None) -> Site:
@@ -43,6 +54,12 @@ def import_layouts(path: str | Path, options: ImportOptions | None = None) -> Si
 
 def import_bytes(content: bytes, file: str = "layouts.lif.json") -> Site:
     """The building in the text. Raises ModelError for wrong content."""
+    version = _version(content)
+    if (major := version.partition(".")[0]).isdigit() and major not in VERSIONS:
+        message = (
+            f"its lifVersion is {version}, and SO-MRS reads {' and '.join(f'{known}.x' for known in VERSIONS)}; export it as one of these"
+        )
+        raise ModelError([Problem(file=file, line=None, subject="file", rule="structure", message=message)])
     try:
         # Not strict: the examples of the format itself have numbers as text, such as "stationHeight": "1.0".
         layouts = msgspec.json.decode(content.removeprefix(b"\xef\xbb\xbf"), type=Layouts, strict=False)
@@ -53,6 +70,14 @@ def import_bytes(content: bytes, file: str = "layouts.lif.json") -> Site:
     if problems:
         raise ModelError(problems)
     return _Import(layouts).building(file)
+
+
+def _version(content: bytes) -> str:
+    """The version of the format that the file states; empty if it cannot be read."""
+    try:
+        return msgspec.json.decode(content.removeprefix(b"\xef\xbb\xbf"), type=_Versioned).meta_information.lif_version
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return ""
 
 
 def _mistakes(layouts: Layouts) -> Iterator[tuple[str, str]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from somrs.sites.draft import Draft, pose
 from somrs.sites.notes import Rank
-from somrs.sites.openrmf.document import Document
+from somrs.sites.openrmf.document import Document, number
 from somrs.sites.openrmf.levels import Level
 from somrs.sites.plan import Box, clearance
 
@@ -41,10 +41,10 @@ def _groups(document: Document) -> Iterator[tuple[float, float, int]]:
     crowd = document.data.get("crowd_sim") or {}
     for group in crowd.get("agent_groups") or ():
         if not group.get("agents_name"):
-            count = int(float(group["agents_number"]))
+            count = int(number(group["agents_number"]))
             if not 0 <= count <= _LARGEST_GROUP:
                 raise ValueError(f"a group has 0 to {_LARGEST_GROUP} people, not {count}")
-            yield float(group["x"]), float(group["y"]), count
+            yield number(group["x"]), number(group["y"]), count
 
 
 def _spots(level: Level, x: float, y: float, count: int) -> list[tuple[float, float]]:

@@ -43,6 +43,8 @@ class Document:
 
 def _reason(error: Exception) -> str:
     match error:
+        case KeyError(args=(int(),)):
+            return f"it refers to vertex {error.args[0]}, which is not there"
         case KeyError():
             return f"{name_text(error.args[0])} is missing"
         case IndexError():
@@ -78,9 +80,20 @@ def name_text(value: Any) -> str:
 
 
 def parameter(parameters: Any, name: str, default: Any = None) -> Any:
-    """The value of a parameter, which the file has as [type code, value]."""
-    value = parameters.get(name) if isinstance(parameters, dict) else None
-    return value[1] if isinstance(value, list) and len(value) == 2 else default
+    """The value of a parameter, which the file has as [type code, value], or, if it was written by hand, as the value alone.
+
+    Raises ValueError for another list, and TypeError for parameters that have no names.
+    """
+    if parameters is None:
+        return default
+    if not isinstance(parameters, dict):
+        raise TypeError(f"{parameters} are no parameters")
+    value = parameters.get(name)
+    if not isinstance(value, list):
+        return default if value is None else value
+    if len(value) != 2:
+        raise ValueError(f"{name} is {value}; a parameter is [type code, value]")
+    return value[1]
 
 
 def text_of(parameters: Any, name: str) -> str:
@@ -91,7 +104,7 @@ def text_of(parameters: Any, name: str) -> str:
 
 def whole_number(value: Any) -> int:
     """The index that a value is. Raises ValueError for one below 0, which would count from the end, and for a fraction."""
-    index = float(value)
+    index = number(value)
     if not index.is_integer() or index < 0:
         raise ValueError(f"{value} is no index")
     return int(index)

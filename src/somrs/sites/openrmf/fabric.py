@@ -76,12 +76,12 @@ def _add_door(draft: Draft, level: Level, index: int, start: Point, end: Point, 
         draft.notes.add(Rank.ASSUMED, name, f"{text_of(parameters, 'type')} is no known type of door; it has no DoorKind")
     if kind in ("Hinged", "DoubleHinged"):
         # Clockwise for the direction 1, from the hinge at the start or the end, as the editor draws it (level.cpp, draw_door).
-        clockwise = float(parameter(parameters, "motion_direction", 1)) >= 0
-        swing = math.radians(abs(float(parameter(parameters, "motion_degrees", 90.0))))
+        clockwise = number(parameter(parameters, "motion_direction", 1)) >= 0
+        swing = math.radians(abs(number(parameter(parameters, "motion_degrees", 90.0))))
         values["SwingAngle"] = round(-swing if clockwise else swing, 4)
         if text_of(parameters, "motion_axis") == "end":
             start, end = end, start
-    if float(parameter(parameters, "right_left_ratio", 1.0)) != 1.0:
+    if number(parameter(parameters, "right_left_ratio", 1.0)) != 1.0:
         draft.notes.add(Rank.LEFT_OUT, name, "its leaves have different widths, and are equally wide on the map")
     _add_wall_like(draft, level, draft.fresh(name), type_name, start, end, _DOOR_HEIGHT, values)
 
@@ -145,7 +145,7 @@ def _add_lift_door(draft: Draft, level: Level, lift: str, cabin: Box, name: str,
     x, y = cabin.world((number(data["x"]), number(data["y"])))
     door = Box(x, y, positive(data, "width"), _WALL_THICKNESS, cabin.yaw + number(data.get("motion_axis_orientation", 0.0)))
     values: dict[str, Value] = {**pose(door, level.elevation), **box_shape(door, _DOOR_HEIGHT), "Open": False}
-    kind = _LIFT_DOOR_KINDS.get(int(float(data.get("door_type", 0))))
+    kind = _LIFT_DOOR_KINDS.get(int(number(data.get("door_type", 0))))
     if kind is not None:
         values["DoorKind"] = kind
     object = draft.add(draft.fresh(identifier(f"{lift}_{name}_{level.name}")), "LiftDoor", values, level.storey)

@@ -14,7 +14,7 @@ from somrs.ontology.types import ObjectType, Value
 from somrs.sites.draft import Draft, box_shape, identifier, pose
 from somrs.sites.models import ADVICE, UNKNOWN, Furniture, ModelTable
 from somrs.sites.notes import Rank
-from somrs.sites.openrmf.document import Document
+from somrs.sites.openrmf.document import Document, number
 from somrs.sites.openrmf.levels import Level
 from somrs.sites.plan import Box, Point, clearance, cleared, is_in_polygon
 
@@ -47,7 +47,7 @@ def add_models(document: Document, draft: Draft, level: Level, table: ModelTable
 def _add_station(draft: Draft, level: Level, label: str, model: dict[str, Any]) -> None:
     """Add a dispenser or an ingestor, where robots load and unload. `lanes.py` relates it to its waypoint by its name in the file."""
     x, y = level.point(model["x"], model["y"])
-    values = pose(Box(x, y, 0, 0, level.heading(model.get("yaw", 0.0))), level.elevation + float(model.get("z", 0.0)))
+    values = pose(Box(x, y, 0, 0, level.heading(model.get("yaw", 0.0))), level.elevation + number(model.get("z", 0.0)))
     draft.add(draft.fresh(identifier(label)), "Station", {**values, "ExternalId": label}, level.storey)
 
 
@@ -68,7 +68,7 @@ def _add_furniture(draft: Draft, level: Level, kind: str, model: dict[str, Any],
     if (distance := math.dist((box.x, box.y), point)) > 0.3:
         draft.notes.add(Rank.MOVED, f"{name} ({distance:.2f} m)", "moved out of a wall")
     type_name = _model_type(draft, kind, entry)
-    z = float(model.get("z", 0.0))
+    z = number(model.get("z", 0.0))
     draft.add(name, type_name, pose(box, level.elevation + z))
     level.furniture[name] = (box, z + height, upper().is_subtype(entry.type, "Support"))
 
@@ -85,7 +85,7 @@ def _model_type(draft: Draft, kind: str, entry: Furniture) -> str:
 
 def _add_thing(draft: Draft, level: Level, kind: str, type: str, model: dict[str, Any]) -> None:
     name = draft.numbered(identifier(kind))
-    point, z = level.point(model["x"], model["y"]), float(model.get("z", 0.0))
+    point, z = level.point(model["x"], model["y"]), number(model.get("z", 0.0))
     candidates = [
         (abs(top - z), support) for support, (box, top, is_support) in level.furniture.items() if is_support and box.gap(point) < 0.05
     ]

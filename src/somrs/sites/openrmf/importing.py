@@ -36,7 +36,17 @@ def import_text(text: str, file: str = "building.yaml", options: ImportOptions |
     if not isinstance(source.data, dict) or not isinstance(source.data.get("levels"), dict) or not source.data["levels"]:
         message = "an Open-RMF building has levels: with at least one level; is this a .building.yaml file?"
         raise ModelError([Problem(file=file, line=1, subject="file", rule="structure", message=message)])
+    if _is_navigation_graph(source.data):
+        message = "this is a navigation graph, without walls and robots; import the .building.yaml file that it was made from"
+        raise ModelError([Problem(file=file, line=1, subject="file", rule="structure", message=message)])
     return _Import(Document(source), options or ImportOptions()).building()
+
+
+def _is_navigation_graph(data: dict[str, Any]) -> bool:
+    """Whether vertices have their names among their parameters, as in the files that building_map_generator writes."""
+    levels = [level for level in data["levels"].values() if isinstance(level, dict)]
+    vertices = [vertex for level in levels if isinstance(level.get("vertices"), list) for vertex in level["vertices"]]
+    return bool(vertices) and all(isinstance(vertex, list) and len(vertex) == 3 and isinstance(vertex[2], dict) for vertex in vertices)
 
 
 class _Import:

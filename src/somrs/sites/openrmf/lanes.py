@@ -11,7 +11,7 @@ from somrs.ontology.types import Value
 from somrs.sites.draft import Draft, identifier, pose
 from somrs.sites.models import ADVICE, UNKNOWN_ROBOT, ModelTable
 from somrs.sites.notes import Rank
-from somrs.sites.openrmf.document import Document, name_text, parameter, text_of, whole_number
+from somrs.sites.openrmf.document import Document, name_text, number, parameter, text_of, whole_number
 from somrs.sites.openrmf.levels import Level
 from somrs.sites.plan import Box, Point, roomiest
 
@@ -110,10 +110,17 @@ def add_lanes(document: Document, draft: Draft, level: Level, *, crowds: bool) -
             subject = f"{kind.rstrip('s').replace('_', ' ')} {index + 1} of {level.name}"
             with document.reading(subject, ("levels", level.name, kind, index)):
                 parameters = edge[2] if len(edge) > 2 else {}
+                if _has_unread_end(level, edge):
+                    continue  # the mistake in the vertex is told
                 _note_unknown(draft, parameters, _KNOWN_OF_LANES | _OBSOLETE, kind)
                 name = draft.add(draft.numbered("Lane"), "Lane", dict(_lane_values(parameters)), level.storey)
                 draft.relate("startsAt", name, level.waypoints[whole_number(edge[0])])
                 draft.relate("endsAt", name, level.waypoints[whole_number(edge[1])])
+
+
+def _has_unread_end(level: Level, edge: list[Any]) -> bool:
+    ends = whole_number(edge[0]), whole_number(edge[1])
+    return any(end < len(level.points) and end not in level.waypoints for end in ends)
 
 
 def _lane_values(parameters: Any) -> Iterator[tuple[str, Value]]:
@@ -121,8 +128,8 @@ def _lane_values(parameters: Any) -> Iterator[tuple[str, Value]]:
     if parameter(parameters, "bidirectional", False) is True:
         yield "Bidirectional", True
     for key, attribute in (("speed_limit", "SpeedLimit"), ("width", "LaneWidth")):
-        if (number := float(parameter(parameters, key, 0.0))) > 0:
-            yield attribute, number
+        if (limit := number(parameter(parameters, key, 0.0))) > 0:
+            yield attribute, limit
     if (travel := text_of(parameters, "orientation").capitalize()) in ("Forward", "Backward"):
         yield "Travel", travel
     if mutex := text_of(parameters, "mutex"):

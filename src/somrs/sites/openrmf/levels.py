@@ -116,6 +116,9 @@ class Coordinates:
         """Align the levels with the reference level, by the fiducials that they share with it."""
         reference_name = name_text(self.document.data.get("reference_level_name") or levels[0].name)
         reference = next((level for level in levels if level.name == reference_name), levels[0])
+        if reference.name != reference_name:
+            text = f"is named as the reference level and is not there; the levels are aligned with {reference.name}"
+            self.notes.add(Rank.ASSUMED, reference_name, text)
         marks = {level.name: self._fiducials(level) for level in levels}
         for level in levels:
             shared = sorted(marks[level.name].keys() & marks[reference.name].keys())
@@ -139,14 +142,14 @@ class Coordinates:
         vertices = [vertex for level in self.document.data["levels"].values() for vertex in level.get("vertices") or ()]
         origin = str(self.document.parameter("generate_origin_vertex", "") or "")
         named = [vertex for vertex in vertices if origin and len(vertex) > 3 and vertex[3] == origin]
-        return [self._degrees(float(vertex[0]), float(vertex[1])) for vertex in named or vertices]
+        return [self._degrees(number(vertex[0]), number(vertex[1])) for vertex in named or vertices]
 
     def _scale(self, name: str, data: dict[str, Any]) -> float:
         """Metres per pixel, by the measurements in the drawing of the level, or else of the first level."""
         ratios = []
-        for start, end, parameters, *_ in data.get("measurements") or ():
-            first_point, second_point = (data["vertices"][whole_number(index)][:2] for index in (start, end))
-            pixels, metres = math.dist(first_point, second_point), float(parameter(parameters, "distance", 0.0))
+        for measurement in data.get("measurements") or ():
+            first_point, second_point = (data["vertices"][whole_number(index)][:2] for index in measurement[:2])
+            pixels, metres = math.dist(first_point, second_point), number(parameter(measurement[2], "distance", 0.0))
             if pixels > 0 and metres > 0:
                 ratios.append(metres / pixels)
         if ratios:
@@ -159,5 +162,5 @@ class Coordinates:
 
     def _fiducials(self, level: Level) -> dict[str, Point]:
         with self.document.reading(f"fiducials of {level.name}", ("levels", level.name, "fiducials")):
-            return {name_text(name): level.point(x, y) for x, y, name, *_ in level.data.get("fiducials") or () if name}
+            return {name_text(mark[2]): level.point(mark[0], mark[1]) for mark in level.data.get("fiducials") or () if mark[2]}
         return {}
