@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import random
+import signal
+import sqlite3
 from functools import partial
 from pathlib import Path
 
@@ -126,3 +129,41 @@ def test_what_was_acknowledged_is_there_once_whoever_goes_on(tmp_path: Path, mon
 
     with NatsServer(tmp_path) as server:
         asyncio.run(asyncio.wait_for(play(server), HANG_TIME))
+
+
+def _fill_up(db: sqlite3.Connection) -> None:
+    raise UsageError("the disk is full")
+
+
+@pytest.mark.parametrize("reason", ["signal", "full disk"])
+def test_a_standby_that_is_asked_to_stop_or_cannot_store_ends(tmp_path: Path, reason: str) -> None:
+    async def play(server: NatsServer) -> None:
+        leader = Process(server.address, tmp_path / "leader")
+        await leader.leads.wait()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in the background of a shell
+        file = tmp_path / "standby" / "ledger.sqlite"
+        async with (
+            continuing(server.address, "ledger", file, lambda log: Journal(file, SCHEMA, log=log)) as following,
+            Host(bus=server.address) as host,
+        ):
+            client = Host(bus=server.address)
+            await client.start()
+            if reason == "signal":
+                asyncio.get_running_loop().call_later(0.5, os.kill, os.getpid(), signal.SIGINT)
+            else:
+                following.journal.disk.write(_fill_up)
+                message = amount_message(1, 1, f"{server.address.gateway}{PATH}", f"{server.address.gateway}/teller")
+                await retry_unanswered(partial(client.request, message, 1.0), HANG_TIME)
+            try:
+                await following.add(host, PATH, lambda address: Ledger(f"{host.url}/sink", address))
+            finally:
+                await client.stop()
+                await leader.end()
+
+    handler = signal.getsignal(signal.SIGINT)
+    try:
+        with NatsServer(tmp_path) as server, pytest.raises((SystemExit, UsageError)) as ending:
+            asyncio.run(play(server))
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    assert isinstance(ending.value, SystemExit) if reason == "signal" else "disk is full" in str(ending.value), ending.value

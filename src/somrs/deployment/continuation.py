@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from somrs.deployment.programs import say_ready, until_stopped
+from somrs.deployment.programs import say_ready, stop_signals, until_stopped
 from somrs.errors import RemoteError, UsageError
 from somrs.kernel.component import Stateful
 from somrs.kernel.durability import JournaledComponent
@@ -90,14 +90,17 @@ class Continuation:
         # What was said to a component at another address cannot be handled again at this one: it would do its tasks once more.
         begins_anew = not is_resumed and await stream.copied_address() not in (None, address)
         stream.last = (await stream.bounds())[1] if begins_anew else await stream.place_after(journaled.number) - 1
-        while not await stream.acquire():
-            await self._follow(stream, journaled)
-            if not is_said:
-                say_ready(stream.component, f"{address} (standby)")
-                is_said = True
-            await stream.wait_for_news(RENEWAL)
-            if os.getppid() != parent:
-                raise RemoteError(f"{stream.component} ends, because the process that started it has ended")
+        with stop_signals() as signals:
+            while not await stream.acquire():
+                await self._follow(stream, journaled)
+                if not is_said:
+                    say_ready(stream.component, f"{address} (standby)")
+                    is_said = True
+                await stream.wait_for_news(RENEWAL)
+                if not signals.empty():
+                    raise SystemExit(0)
+                if os.getppid() != parent:
+                    raise RemoteError(f"{stream.component} ends, because the process that started it has ended")
         has_all = False
         while not has_all:
             number_on_bus = await self._follow(stream, journaled)
@@ -107,7 +110,12 @@ class Continuation:
         return journaled, is_resumed or journaled.number > 0
 
     async def _follow(self, stream: StreamLog, journaled: JournaledComponent) -> int:
-        """Handle the entries on the bus that are new here. Returns the number of the last entry on the bus."""
+        """Handle the entries on the bus that are new here. Returns the number of the last entry on the bus.
+
+        Raises UsageError when they cannot be stored here: who cannot store cannot lead.
+        """
+        if self.journal.disk.failed is not None:
+            raise UsageError(f"{stream.component} ends: {self.journal.disk.failed}")
         number = 0
         if stream.last:
             last_batch = await stream.batch(stream.last)

@@ -6,12 +6,13 @@ Each program prints one line of JSON when it is ready. It ends at SIGTERM or SIG
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import logging
 import os
 import signal
 import sys
-from collections.abc import Coroutine, Sequence
+from collections.abc import Coroutine, Iterator, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -36,6 +37,10 @@ MAP_TIME = 60.0
 """Seconds for which the simulator waits for the map when it starts."""
 
 log = logging.getLogger(__name__)
+
+STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+"""SIGHUP comes when the terminal closes; `nohup` ignores it. SIGINT counts even if a shell has started this process in the background, and
+ignores it."""
 
 PARENT_CHECK = 1.0
 """Seconds between two checks that the parent process is still alive."""
@@ -80,14 +85,26 @@ async def until_stopped(name: str = "", address: str = "", problems: tuple[str, 
 
 
 async def stop_signal() -> str:
-    """Wait until this process is asked to stop, and return the name of the signal: SIGTERM, SIGINT, or SIGHUP, which comes when the
-    terminal closes and which `nohup` ignores. SIGINT counts even if a shell has started this process in the background, and ignores it."""
-    loop = asyncio.get_running_loop()
+    """Wait until this process is asked to stop, and return the name of the signal. From then on it is asked in vain."""
+    return await _handle_stop_signals().get()
+
+
+@contextlib.contextmanager
+def stop_signals() -> Iterator[asyncio.Queue[str]]:
+    """The names of the signals that ask this process to stop, as they come."""
+    try:
+        yield _handle_stop_signals()
+    finally:
+        for number in STOP_SIGNALS:
+            asyncio.get_running_loop().remove_signal_handler(number)
+
+
+def _handle_stop_signals() -> asyncio.Queue[str]:
     received: asyncio.Queue[str] = asyncio.Queue()
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+    for number in STOP_SIGNALS:
         if number is not signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
-            loop.add_signal_handler(number, received.put_nowait, number.name)
-    return await received.get()
+            asyncio.get_running_loop().add_signal_handler(number, received.put_nowait, number.name)
+    return received
 
 
 def say_ready(name: str, address: str, problems: tuple[str, ...] = ()) -> None:
