@@ -24,13 +24,13 @@ MODELS = {
 """The configurations that are checked, by what can happen in them. The others have too many states."""
 
 SHARED_MODELS = {
-    "delays": tuple(SharedReservationModel(medium=medium, delays=True) for medium in (FIFO, OUTBOX, UNORDERED)),
-    "": tuple(SharedReservationModel(medium=medium) for medium in (UNORDERED_LOSSY, DUPLICATING)),
+    "delays": tuple(SharedReservationModel(medium=medium, delays=True) for medium in (FIFO, UNORDERED)),
+    "one task each": (SharedReservationModel(medium=OUTBOX),),
     "delays, restarts": (SharedReservationModel(medium=FIFO, delays=True, restarts=True),),
     "decisions": (SharedReservationModel(medium=FIFO, decisions=True),),
     "delays, leases that end": tuple(SharedReservationModel(medium=medium, delays=True, lapses=True) for medium in (FIFO, UNORDERED)),
 }
-"""The configurations with two Repositories that are checked, by what can happen in them."""
+"""The configurations with two Repositories that are checked, by what can happen in them. The others have too many states."""
 
 EXCLUSION = Property.MUTUAL_EXCLUSION
 TICKS = 5000
