@@ -66,14 +66,14 @@ class Owner:
         assert isinstance(task, Problem), task
         yield 0.5, plan(task)
 
-    def join(self, robot: Robot) -> None:
+    def join(self, robot: Robot, registry_address: str = "") -> None:
         profile = Profile(
             name=robot.name,
             type="PioneerP3DX",
             capabilities=(Capability(type="TransferObject", method="work", stoppable=True),),
             lease=3600,
         )
-        manager = ServiceManager(profile, repository=self.repository_address, registry=self.registry_address)
+        manager = ServiceManager(profile, repository=self.repository_address, registry=registry_address or self.registry_address)
         self.world.add(f"{self.name}/devices/{robot.name}", manager, robot.carry_out, journaled=SERVICE_MANAGER)
 
     @property
@@ -133,6 +133,26 @@ def test_a_goal_about_a_neighbour_s_map_is_reached_with_the_neighbour_s_robot() 
     assert two.barn.map.has_fact("isOn", ("Jar1", "BarnPlatform"))
     assert two.yard.map.has_fact("isOn", ("Barn:Jar1", "Barn:BarnPlatform"))
     assert [order.inputs["Object"] for order in robot.orders] == ["Jar1"]
+
+
+def test_a_neighbour_s_robot_may_publish_at_any_registry_of_its_owner() -> None:
+    robot, second_address = Robot("BarnRobot", price=5, duration=20), "Barn/registry-2"
+    two = TwoOwners()
+    ontology = two.barn.manager.state.replica.ontology
+    two.world.add(second_address, Registry(second_address, ontology, two.barn.repository_address), journaled=REGISTRY)
+    everything = Selection()
+    yard = NeighbouringRegistry(name="Yard", address=two.yard.registry_address, takes=everything, gives=everything)
+    barn = NeighbouringRegistry(name="Barn", address=two.barn.registry_address, takes=everything, gives=everything)
+    second = NeighbouringRegistry(name="Barn-2", address=second_address, takes=everything, gives=everything, map="Barn")
+    two.world.notify(second_address, Configured((yard,)))
+    two.world.notify(two.yard.registry_address, Configured((barn, second)))
+    for address in (second_address, two.yard.registry_address):
+        two.world.revive(address)
+    two.barn.join(robot, second_address)
+    two.world.run(90.0)
+    task_view = two.finish(two.yard, two.submit(two.yard, "Barn:Jar1 isOn BarnPlatform"))
+    assert task_view.outcome == "accomplished", task_view.explanation
+    assert [order.inputs["Object"] for order in robot.orders] == ["Jar1"], "it is told of things in the names of its map"
 
 
 def test_a_robot_brings_a_thing_to_the_neighbour_where_it_gets_its_home() -> None:

@@ -21,14 +21,15 @@ Passing = Literal["all", "nothing"] | Selection
 
 
 class _RegistryEntry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the file says of a neighbour's Registry. `registry`: its address."""
+    """What the file says of a neighbour's Registry, or of its Registries. `registry`: the address, or the addresses."""
 
-    registry: str
+    registry: str | tuple[str, ...]
     takes: Passing
     gives: Passing
 
     ADVICE: ClassVar[str] = (
-        "`registry` is its address, and `takes` and `gives` are all, nothing, or lists of `types`, `providers` and `areas`"
+        "`registry` is its address, or a list of addresses, and "
+        "`takes` and `gives` are all, nothing, or lists of `types`, `providers` and `areas`"
     )
 
 
@@ -48,10 +49,16 @@ _E = TypeVar("_E", _RegistryEntry, _RepositoryEntry)
 
 def read_neighbours(file: Path) -> tuple[Neighbour, ...]:
     """The Registries of the neighbours in a file, in its order. Raises UsageError for a file that is not as it should be."""
-    entries = _entries(file, _RegistryEntry)
     neighbours = tuple(
-        Neighbour(name=name, address=entry.registry, takes=_selection(entry.takes), gives=_selection(entry.gives))
-        for name, entry in entries.items()
+        Neighbour(
+            name=name if number == 1 else f"{name}-{number}",
+            address=address,
+            takes=_selection(entry.takes),
+            gives=_selection(entry.gives),
+            map=name if number > 1 else "",
+        )
+        for name, entry in _entries(file, _RegistryEntry).items()
+        for number, address in enumerate(_addresses(entry), 1)
     )
     try:
         check_neighbours(neighbours)
@@ -107,14 +114,19 @@ def _entry(source: Source, name: str, written: object, kind: type[_E]) -> _E | N
         entry = msgspec.convert(written, kind)
     except msgspec.ValidationError as error:
         raise UsageError(f"{place}: {error}; {kind.ADVICE}") from None
-    address: str = getattr(entry, kind.__struct_fields__[0])
-    parts = urlsplit(address)
-    if parts.scheme not in ("http", "https") or not parts.hostname:
-        field = kind.__struct_fields__[0]
-        raise UsageError(f"{place}: `{field}` is a URL such as http://HOST:PORT/{field}, not {address!r}")
+    field = kind.__struct_fields__[0]
+    for address in _addresses(entry) or ("",):
+        parts = urlsplit(address)
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise UsageError(f"{place}: `{field}` is a URL such as http://HOST:PORT/{field}, not {address!r}")
     if not name.strip():
         raise UsageError(f"{place}: a neighbour has a name")
     return entry
+
+
+def _addresses(entry: _RegistryEntry | _RepositoryEntry) -> tuple[str, ...]:
+    written: str | tuple[str, ...] = getattr(entry, entry.__struct_fields__[0])
+    return (written,) if isinstance(written, str) else written
 
 
 def _selection(passing: Passing) -> Selection | None:

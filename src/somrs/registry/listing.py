@@ -75,7 +75,8 @@ class Listing:
     @property
     def _maps_of_neighbours(self) -> set[str]:
         """The neighbours whose maps are on the map: their devices have qualified names."""
-        return {neighbour.name for neighbour, _ in self._neighbours if self._map is not None and neighbour.name in self._map.homes}
+        maps = {neighbour.map_name for neighbour, _ in self._neighbours}
+        return {name for name in maps if self._map is not None and name in self._map.homes}
 
     @property
     def _has_areas(self) -> bool:

@@ -31,13 +31,20 @@ MOST_OFFERS = 10_000
 
 class Neighbour(Struct, frozen=True, kw_only=True):
     """A neighbour as its owner configures it: the `address` of its Registry, and which of its offers this Registry `takes` and which of its
-    own it `gives`; None: none. `is_of_site`: it is a Registry of the same site, at which devices may publish instead."""
+    own it `gives`; None: none. `is_of_site`: it is a Registry of the same site, at which devices may publish instead. `map`: the name that
+    its owner's map has, if not this one."""
 
     name: str
     address: str
     takes: Selection | None = None
     gives: Selection | None = None
     is_of_site: bool = False
+    map: str = ""
+
+    @property
+    def map_name(self) -> str:
+        """The name that its owner's map has, if it has one."""
+        return self.map or self.name
 
 
 class Configured(Struct, frozen=True, tag=True):
@@ -127,11 +134,11 @@ def taken_offers(settings: Neighbour, offers: Iterable[Offer], ontology: Ontolog
     """The offers of a neighbour that are taken, as they are listed here, each with the service's name there. What it has from others is not
     taken.
 
-    If the neighbour also has a map of its own, with this name, its devices are on this map under qualified names.
+    If the neighbour also has a map of its own, its devices are on this map under qualified names.
     """
     if settings.takes is None:
         return
-    qualifier = f"{settings.name}{SEPARATOR}" if map is not None and settings.name in map.homes else ""
+    qualifier = f"{settings.map_name}{SEPARATOR}" if map is not None and settings.map_name in map.homes else ""
     selector = Selector(settings.takes, ontology, map)
     for offer in offers:
         service, provider = f"{qualifier}{offer.service}", f"{qualifier}{offer.provider}"

@@ -41,13 +41,25 @@ Airport:
     assert neighbours_in(tmp_path, "") == ()
 
 
+def test_a_neighbour_may_have_several_registries(tmp_path: Path) -> None:
+    text = "Harbour: {registry: ['http://a:1/registry', 'http://a:1/registry-2'], takes: all, gives: nothing}"
+    assert neighbours_in(tmp_path, text) == (
+        Neighbour(name="Harbour", address="http://a:1/registry", takes=Selection()),
+        Neighbour(name="Harbour-2", address="http://a:1/registry-2", takes=Selection(), map="Harbour"),
+    )
+
+
 @pytest.mark.parametrize(
     ("text", "expected_text"),
     [
+        ("Harbour: {registry: [], takes: all, gives: all}", "is a URL such as http://HOST:PORT/registry, not ''"),
         ("- Harbour", "the names of neighbours are missing"),
         ("\nHarbour: 3", "neighbours.yaml:2: Harbour: Expected `object`"),
         ("Harbour: {registry: 'http://a:1/r', takes: all}", "missing required field `gives`"),
-        ("Harbour: {registry: 'http://a:1/r', takes: some, gives: all}", "`registry` is its address, and `takes` and `gives` are"),
+        (
+            "Harbour: {registry: 'http://a:1/r', takes: some, gives: all}",
+            "`registry` is its address, or a list of addresses, and `takes` and",
+        ),
         ("Harbour: {registry: 'http://a:1/r', takes: {type: [A]}, gives: all}", "unknown field `type`"),
         ("Harbour: {registry: harbour, takes: all, gives: all}", "is a URL such as http://HOST:PORT/registry, not 'harbour'"),
         (f"{HARBOUR}\n{HARBOUR.replace('Harbour', 'Port')}", "the neighbours Harbour and Port are both http://harbour.example"),
