@@ -25,7 +25,7 @@ MODELS = {
 
 SHARED_MODELS = {
     "delays": tuple(SharedReservationModel(medium=medium, delays=True) for medium in (FIFO, UNORDERED)),
-    "one task each": (SharedReservationModel(medium=OUTBOX),),
+    "no delays": (SharedReservationModel(medium=OUTBOX),),
     "delays, restarts": (SharedReservationModel(medium=FIFO, delays=True, restarts=True),),
     "decisions": (SharedReservationModel(medium=FIFO, decisions=True),),
     "delays, leases that end": tuple(SharedReservationModel(medium=medium, delays=True, lapses=True) for medium in (FIFO, UNORDERED)),
