@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from msgspec import Struct, structs
@@ -31,6 +32,8 @@ from verification.model_check.reservation_task import TASKS, TRY, Answer, Report
 MANAGERS = ("tm-a", "tm-b")
 NEEDS = (("x", "y"), ("y", "x"))
 """The objects that each task changes, in this order."""
+KEPT_CHANNELS = 1 << 16
+"""The number of channels whose contents are kept: most moves change one of four."""
 
 
 class State(NamedTuple):
@@ -74,6 +77,8 @@ class System:
         self.model = model
         self.messages: list[Struct] = []
         self._tokens: dict[Struct, int] = {}
+        self._numbers: list[tuple[set[int], set[int]]] = []
+        """By token: the fences and serials in its message."""
 
     @property
     def first(self) -> State:
@@ -83,6 +88,7 @@ class System:
         if message not in self._tokens:
             self._tokens[message] = len(self.messages)
             self.messages.append(message)
+            self._numbers.append((_fences_in(message), _serials_in(message)))
         return self._tokens[message]
 
     def has_ended(self, state: State) -> bool:
@@ -230,14 +236,13 @@ class System:
     def _ranked(self, state: State) -> State:
         """The state with ranks in place of numbers that only grow."""
         table = _thawed(state.table)
-        in_transit = [[self.messages[token] for token in _tokens(channel)] for channel in (*state.to_repository, *state.to_managers)]
         fences = {0, *(side.fence for side in state.sides), *(side.lost for side in state.sides)}
         fences |= {claimant.fence for claimant in table.claimants.values()}
         serials: list[set[int]] = [{0, side.serial, side.settled, side.awaits[0]} for side in state.sides]
-        for number, messages in enumerate(in_transit):
-            for message in messages:
-                fences |= _fences_in(message)
-                serials[number % 2] |= {getattr(part, "serial", 0) for part in (message, *getattr(message, "claims", ()))}
+        for number, channel in enumerate((*state.to_repository, *state.to_managers)):
+            for token in _tokens(channel):
+                fences |= self._numbers[token][0]
+                serials[number % 2] |= self._numbers[token][1]
         for number, _, body in state.answers:
             fences |= _fences_in(body)
             serials[number].add(_)
@@ -247,7 +252,7 @@ class System:
         serial_ranks = [{serial: rank for rank, serial in enumerate(sorted(serial for serial in used if serial >= 0))} for used in serials]
         for ranks in serial_ranks:
             ranks |= {serial: serial for serial in (-1, -2)}
-        renumber = _Renumbering(fence_ranks, serial_ranks)
+        renumber = _Renumbering(fence_ranks, serial_ranks, _changed(fence_ranks), [_changed(ranks) for ranks in serial_ranks])
         arrivals = {arrival: rank for rank, arrival in enumerate(sorted(claimant.arrival for claimant in table.claimants.values()), 1)}
         for task, claimant in table.claimants.items():
             claimant.arrival, claimant.fence = arrivals[claimant.arrival], fence_ranks[claimant.fence]
@@ -273,14 +278,28 @@ class System:
         return State((sides[0], sides[1]), _frozen(table), answers, (to_repository[0], to_repository[1]), (to_managers[0], to_managers[1]))
 
     def _renumbered(self, channel: Channel, number: int, renumber: _Renumbering) -> Channel:
-        tokens = {token: self.token(renumber.message(self.messages[token], number)) for token in _tokens(channel)}
+        tokens = {token: token for token in _tokens(channel)}
+        for token in tokens:
+            if renumber.changes(self._numbers[token], number):
+                tokens[token] = self.token(renumber.message(self.messages[token], number))
+        if all(before == after for before, after in tokens.items()):
+            return channel
         masks = (sum(1 << tokens[token] for token in members(mask)) for mask in (channel.unacknowledged, channel.copies))
         return Channel(tuple(tokens[token] for token in channel.queue), *masks)
 
 
 class _Renumbering(NamedTuple):
+    """The ranks of numbers, and the numbers that are not their own ranks."""
+
     fences: dict[int, int]
     serials: list[dict[int, int]]
+    changed_fences: set[int]
+    changed_serials: list[set[int]]
+
+    def changes(self, numbers: tuple[set[int], set[int]], number: int) -> bool:
+        """Whether a message with these fences and serials becomes another one."""
+        fences, serials = numbers
+        return not (fences.isdisjoint(self.changed_fences) and serials.isdisjoint(self.changed_serials[number]))
 
     def message(self, message: Any, number: int) -> Any:
         """The message with ranks in place of its numbers."""
@@ -335,8 +354,17 @@ def _put(pair: tuple[Any, Any], number: int, value: Any) -> tuple[Any, Any]:
     return (value, pair[1]) if number == 0 else (pair[0], value)
 
 
-def _tokens(channel: Channel) -> Iterator[int]:
-    yield from dict.fromkeys((*channel.queue, *members(channel.unacknowledged | channel.copies)))
+@lru_cache(KEPT_CHANNELS)
+def _tokens(channel: Channel) -> tuple[int, ...]:
+    return tuple(dict.fromkeys((*channel.queue, *members(channel.unacknowledged | channel.copies))))
+
+
+def _changed(ranks: dict[int, int]) -> set[int]:
+    return {number for number, rank in ranks.items() if number != rank}
+
+
+def _serials_in(message: Any) -> set[int]:
+    return {getattr(part, "serial", 0) for part in (message, *getattr(message, "claims", ()))}
 
 
 def _fences_in(message: Any) -> set[int]:
