@@ -29,6 +29,8 @@ LEAD = 8
 """How many control periods the set point of a door's drive is ahead of its leaf, which follows like a spring."""
 SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
 """MuJoCo's option to skip bodies at rest until a moving body touches them."""
+DIVERGED = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
+"""MuJoCo's warnings of positions, speeds or accelerations that are not finite, or huge."""
 
 
 class PhysicsScene(Scene):
@@ -66,6 +68,7 @@ class PhysicsScene(Scene):
         self._position, self._velocity = np.asarray(self.data.qpos), np.asarray(self.data.qvel)
         self._place, self._rotation = np.asarray(self.data.xpos), np.asarray(self.data.xmat)
         self._motion = {thing: int(model.body_dofadr[body]) for thing, body in self._things.items()}
+        self._warnings = np.asarray(self.data.warning.number)
         self._asleep = np.asarray(self.data.tree_asleep)
         self._tree = {thing: int(model.body_treeid[body]) for thing, body in self._things.items()}
         self._leaves = {
@@ -90,9 +93,7 @@ class PhysicsScene(Scene):
         self._check()
 
     def _check(self) -> None:
-        warnings = self.data.warning
-        bad = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
-        if any(warnings[kind].number for kind in bad) or not math.isfinite(float(self._position.sum())):
+        if self._warnings[DIVERGED].any() or not math.isfinite(self._position.sum()):
             wrong = np.flatnonzero(~np.isfinite(self.data.qpos))
             joint = next(
                 (self.model.joint(j).name for j in range(self.model.njnt) for i in wrong[:1] if self.model.jnt_qposadr[j] <= i), ""
