@@ -105,7 +105,9 @@ def put(
 
 @control_app.command()
 def mode(
-    mode: Annotated[ModeName | None, typer.Argument(help="The mode; without it, the modes are shown.", show_default=False)] = None,
+    mode: Annotated[
+        ModeName | None, typer.Argument(help="The mode; without it, the modes are shown.", case_sensitive=False, show_default=False)
+    ] = None,
     building: Annotated[str | None, typer.Option(help="Only this building; by default, all.", show_default=False)] = None,
     lift: Annotated[str | None, typer.Option(help="This lift.", show_default=False)] = None,
     door: Annotated[str | None, typer.Option(help="This door.", show_default=False)] = None,

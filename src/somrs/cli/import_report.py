@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from somrs.sites.notes import Note
 
 COUNTED = (
-    "Storey", "Wall", "Door", "Lift", "Lane", "Waypoint", "Station", "Support", "Obstacle", "Graspable", "MobileRobot",
+    "Storey", "Wall", "Door", "Lift", "Lane", "Waypoint", "Station", "Support", "Pedestrian", "Obstacle", "Graspable", "MobileRobot",
 )  # fmt: skip
 """The types whose objects are counted; an object counts for the first one that it is of."""
 _LINES = 12
@@ -25,6 +25,7 @@ _WORDS = {
     "Support": ("table or shelf", "tables and shelves"),
     "Waypoint": ("waypoint or place", "waypoints and places"),
     "Graspable": ("thing", "things"),
+    "Pedestrian": ("person", "people"),
     "MobileRobot": ("robot", "robots"),
 }
 _TITLES = {1: "left out", 2: "assumed", 3: "moved", 4: "note"}

@@ -7,7 +7,8 @@ from io import StringIO
 from rich.console import Console
 
 from somrs.cli.import_report import report
-from somrs.sites import Site
+from somrs.sites import ImportOptions, Site
+from somrs.sites.models import shipped_models
 from somrs.sites.openrmf import import_text
 from tests.unit.sites.test_models import HALL, hall
 
@@ -41,3 +42,9 @@ def test_what_is_left_out_comes_before_what_is_assumed_and_moved() -> None:
     ranks = [line.split()[0] for line in lines if line.strip().startswith(("left", "assumed", "moved"))]
     assert ranks == ["left", "assumed", "moved"]
     assert lines[0].startswith("hall: 1 storey, 4 walls, 1 table or shelf, 1 obstacle")
+
+
+def test_people_of_a_crowd_are_counted_as_people() -> None:
+    crowd = "crowd_sim: {agent_groups: [{agents_name: [], agents_number: 3, x: 20, y: -10}]}\n"
+    first_line = printed(import_text(HALL + crowd, options=ImportOptions(models=shipped_models(), crowds=True)))[0]
+    assert first_line == "hall: 1 storey, 3 people"
