@@ -19,7 +19,8 @@ def call(system: RunningSystem, method: str, path: str, body: object = None, **q
     """The HTTP status, and the JSON that was answered."""
     query_string = urllib.parse.urlencode({name: value for name, value in query.items() if value is not None})
     content = body if isinstance(body, bytes) else json.dumps(body).encode() if body is not None else None
-    request = urllib.request.Request(f"{system.url}/api{path}{f'?{query_string}' if query_string else ''}", method=method, data=content)
+    url = f"{system.url}/api{path}{f'?{query_string}' if query_string else ''}"
+    request = urllib.request.Request(url, content, {"Content-Type": "application/json"}, method=method)
     try:
         with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
             return answer.status, json.loads(answer.read() or b"null")

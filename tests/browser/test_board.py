@@ -20,7 +20,7 @@ OpenPage = Callable[..., Page]
 
 def call(system: RunningSystem, method: str, path: str, body: object = None) -> Any:
     content = json.dumps(body).encode() if body is not None else None
-    request = urllib.request.Request(f"{system.url}/api{path}", method=method, data=content)
+    request = urllib.request.Request(f"{system.url}/api{path}", data=content, headers={"Content-Type": "application/json"}, method=method)
     with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
         return json.loads(answer.read() or b"null")
 

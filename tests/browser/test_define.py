@@ -18,7 +18,8 @@ from .conftest import RunningSystem, every_look, fits, resize, slow_network, tak
 
 
 def call_api(system: RunningSystem, method: str, path: str, body: object | None = None) -> Any:
-    request = urllib.request.Request(f"{system.url}/api{path}", method=method, data=None if body is None else json.dumps(body).encode())
+    content = None if body is None else json.dumps(body).encode()
+    request = urllib.request.Request(f"{system.url}/api{path}", content, {"Content-Type": "application/json"}, method=method)
     with urllib.request.urlopen(request) as answer:
         return json.load(answer)
 

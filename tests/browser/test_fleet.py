@@ -45,7 +45,9 @@ def fleet(system: RunningSystem) -> dict[str, dict[str, Any]]:
 
 
 def state_task(system: RunningSystem, effect: str) -> str:
-    request = urllib.request.Request(f"{system.url}/api/tasks", data=json.dumps({"effect": effect}).encode(), method="POST")
+    request = urllib.request.Request(
+        f"{system.url}/api/tasks", json.dumps({"effect": effect}).encode(), {"Content-Type": "application/json"}
+    )
     with urllib.request.urlopen(request) as answer:
         return str(json.load(answer)["task"])
 

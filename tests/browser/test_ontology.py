@@ -269,7 +269,9 @@ def with_users(system: RunningSystem) -> Iterator[str]:
 
 def call(system: RunningSystem, method: str, path: str, body: object = None) -> Any:
     data = json.dumps(body).encode() if body is not None else None
-    with urllib.request.urlopen(urllib.request.Request(f"{system.url}/api{path}", data, method=method)) as answer:
+    with urllib.request.urlopen(
+        urllib.request.Request(f"{system.url}/api{path}", data, {"Content-Type": "application/json"}, method=method)
+    ) as answer:
         return json.loads(answer.read() or b"null")
 
 

@@ -38,7 +38,9 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSystem]:
 
 def call(system: RunningSystem, path: str, body: object | None = None) -> Any:
     data = json.dumps(body).encode() if body is not None else None
-    with urllib.request.urlopen(urllib.request.Request(f"{system.url}/api{path}", data=data)) as answer:
+    with urllib.request.urlopen(
+        urllib.request.Request(f"{system.url}/api{path}", data=data, headers={"Content-Type": "application/json"})
+    ) as answer:
         content = answer.read()
     return json.loads(content) if content else None
 

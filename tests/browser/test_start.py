@@ -106,7 +106,7 @@ def test_an_address_without_a_page_says_so_and_what_was_meant(system: RunningSys
 
 def test_the_address_of_the_map_has_the_version_that_is_shown(system: RunningSystem, window: Callable[..., Page]) -> None:
     update = {"situation": 'Table002.Label = "Here"', "author": "test"}
-    request = urllib.request.Request(f"{system.url}/api/map/changes", data=json.dumps(update).encode(), method="POST")
+    request = urllib.request.Request(f"{system.url}/api/map/changes", json.dumps(update).encode(), {"Content-Type": "application/json"})
     with urllib.request.urlopen(request):
         pass
     page = window(f"{system.url}/map?version=0&object=Jar002")

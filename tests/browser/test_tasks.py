@@ -31,7 +31,9 @@ OpenPage = Callable[..., Page]
 
 def call(system: RunningSystem, path: str, body: object = None, *, post: bool = False) -> Any:
     content = json.dumps(body).encode() if body is not None else b"" if post else None
-    request = urllib.request.Request(f"{system.url}/api{path}", data=content, method="POST" if post else "GET")
+    request = urllib.request.Request(
+        f"{system.url}/api{path}", content, {"Content-Type": "application/json"}, method="POST" if post else "GET"
+    )
     with urllib.request.urlopen(request) as answer:
         return json.load(answer)
 

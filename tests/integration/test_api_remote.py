@@ -251,7 +251,9 @@ def test_browsers_have_the_api_below_the_windows_own_address(tmp_path: Path) -> 
             async with connect(f"ws://{place}/live") as live:
                 await live.send('{"follow": ["map"], "confirm": 1}')
                 assert await live.recv() == '{"confirmed":1}'
-                assert (await browser.post("/map/changes", content=body)).json()["version"] == 1
+                assert (await browser.post("/map/changes", content=body, headers={"Content-Type": "application/json"})).json()[
+                    "version"
+                ] == 1
                 assert msgspec.json.decode(await live.recv())["value"]["version"] == 1
                 async with connect(f"ws://{place}/poses") as poses:
                     assert isinstance(await poses.recv(), str)

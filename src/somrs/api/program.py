@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from starlette.applications import Starlette
 from starlette.responses import RedirectResponse
 from starlette.routing import Mount, Route, WebSocketRoute
 
+from somrs.api.edge import Edge
 from somrs.api.rest import application
 from somrs.api.service import ApiService, open_api_service
 from somrs.client.addresses import Addresses
@@ -24,20 +25,20 @@ from somrs.runtime.http import KEPT_TIME, QuietServer
 PATH = "/api"
 
 
-async def run_api(data: Path, addresses: Addresses, host: str, port: int) -> None:
-    """Serve the API until this process is asked to stop."""
+async def run_api(data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = ()) -> None:
+    """Serve the API until this process is asked to stop. `allowed_hosts`: see `Edge`."""
     server_socket = bound(host, port)
-    async with open_api_service(addresses, data, host) as service, served(service, server_socket) as url:
+    async with open_api_service(addresses, data, host) as service, served(service, server_socket, allowed_hosts) as url:
         await until_stopped("api", url)
 
 
 @asynccontextmanager
-async def served(service: ApiService, server_socket: socket.socket) -> AsyncIterator[str]:
+async def served(service: ApiService, server_socket: socket.socket, allowed_hosts: Collection[str] = ()) -> AsyncIterator[str]:
     """Serve the API at the socket, and yield its URL."""
     host, port = server_socket.getsockname()[:2]
     # The server keeps connections longer than clients do, so that it does not close one just as a client sends a request.
     config = uvicorn.Config(
-        _site(service),
+        Edge(_site(service), allowed_hosts),
         log_level="warning",
         access_log=False,
         ws="websockets-sansio",

@@ -22,10 +22,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from somrs.api.openapi import document
 from somrs.api.topics import is_topic, unknown_topics_text
 from somrs.api.unknown_fields import unknown_fields
+from somrs.client.api_client import JSON
 from somrs.client.hub import Hub, NewsSubscription
 from somrs.client.live_news import Confirmed, Follow
 from somrs.client.operations import Document, Operation, Parameter
-from somrs.client.refusals import NotFound, WrongMethod, error_report, status
+from somrs.client.refusals import NotFound, WrongFormat, WrongMethod, error_report, status
 from somrs.entish.parse import nearest
 from somrs.errors import InputError, SomrsError
 
@@ -147,6 +148,7 @@ async def _read_argument(parameter: Parameter, request: Request) -> list[Any]:
             content = await request.body()
             if not content and not parameter.required:
                 return []
+            _check_format(request)
             value = msgspec.json.decode(content, type=parameter.type)
             if unknown := [*unknown_fields(msgspec.json.decode(content), value)]:
                 raise InputError(f"the body: {'; '.join(unknown)}")
@@ -157,9 +159,16 @@ async def _read_argument(parameter: Parameter, request: Request) -> list[Any]:
         if text is None:
             raise InputError(f"{parameter.name} is missing; add it to the query: ?{parameter.name}=...")
         return [msgspec.convert(text, type=parameter.type, strict=False)]
-    except (msgspec.ValidationError, msgspec.DecodeError) as error:
+    except (msgspec.ValidationError, msgspec.DecodeError, UnicodeDecodeError) as error:
         location = "the body" if parameter.place == "body" else parameter.name
         raise InputError(f"{location}: {error}; the API's documentation page describes what is expected") from None
+
+
+def _check_format(request: Request) -> None:
+    """Raise WrongFormat for a body that is not JSON. What pages of other sites may send without asking is not (Fetch Standard, 2.2.2)."""
+    sent = request.headers.get("content-type", "")
+    if sent.partition(";")[0].strip().lower() != JSON:
+        raise WrongFormat(f"send JSON, with the header `Content-Type: {JSON}`; the body was sent as {sent or 'nothing'}")
 
 
 async def _serve_news(socket: WebSocket, hub: Hub) -> None:

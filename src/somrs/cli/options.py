@@ -23,6 +23,15 @@ WorldOption = Annotated[
     typer.Option("--world", help="What moves the simulated world: `physics`, or `kinematic`, without forces, for hundreds of robots."),
 ]
 PortOption = Annotated[int, typer.Option("--port", help="The port to listen on; 0 selects a free port.")]
+AllowedHosts = Annotated[
+    list[str],
+    typer.Option(
+        "--allowed-host",
+        envvar="SOMRS_ALLOWED_HOSTS",
+        help="A name under which browsers reach this server, besides its IP addresses and the name of this computer.",
+        show_default=False,
+    ),
+]
 BusOption = Annotated[
     str | None,
     typer.Option(

@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, BusOption, Data, HostOption, Neighbours, PortOption, SiteName, WorldOption, guarded
+from somrs.cli.options import (
+    DEFAULT_FOLDER,
+    LOOPBACK,
+    AllowedHosts,
+    BusOption,
+    Data,
+    HostOption,
+    Neighbours,
+    PortOption,
+    SiteName,
+    WorldOption,
+    guarded,
+)
 from somrs.devices.simulator.world.kinds import WorldKind
 
 if TYPE_CHECKING:
@@ -177,18 +189,28 @@ def scheduler(
 
 @run_app.command()
 def api(
-    data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0, bus: BusOption = None, name: SiteName = None
+    data: Data = DEFAULT_FOLDER,
+    host: HostOption = LOOPBACK,
+    port: PortOption = 0,
+    bus: BusOption = None,
+    name: SiteName = None,
+    allowed_hosts: AllowedHosts = [],  # noqa: B006  # as above
 ) -> None:
     """The API: REST and WebSocket."""
     from somrs.api.program import run_api
     from somrs.deployment.programs import run_program
 
-    guarded(lambda: run_program(run_api(data, addresses_of(data, bus, name), host, port)))
+    guarded(lambda: run_program(run_api(data, addresses_of(data, bus, name), host, port, allowed_hosts)))
 
 
 @run_app.command()
 def gui(
-    data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0, bus: BusOption = None, name: SiteName = None
+    data: Data = DEFAULT_FOLDER,
+    host: HostOption = LOOPBACK,
+    port: PortOption = 0,
+    bus: BusOption = None,
+    name: SiteName = None,
+    allowed_hosts: AllowedHosts = [],  # noqa: B006  # as above
 ) -> None:
     """The windows, for the browser. They need the API."""
     from somrs.deployment.programs import has_windows, run_program
@@ -199,7 +221,7 @@ def gui(
             raise UsageError("the windows need additional packages: pip install 'somrs[gui]'")
         from somrs.gui.server import run_gui
 
-        run_program(run_gui(data, addresses_of(data, bus, name), host, port))
+        run_program(run_gui(data, addresses_of(data, bus, name), host, port, allowed_hosts))
 
     guarded(run)
 

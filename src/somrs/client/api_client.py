@@ -24,6 +24,8 @@ from somrs.runtime.wire import Unanswered
 ANSWER_TIME = 100.0
 """Seconds within which the API has to answer."""
 
+JSON = "application/json"
+
 T = TypeVar("T")
 
 
@@ -60,7 +62,8 @@ class ApiClient:
         body = next((msgspec.json.encode(value) for name, value in values.items() if places[name] == "body" and value is not None), None)
         url = f"{self.url}{path}{f'?{urlencode(query)}' if query else ''}"
         try:
-            async with self.session.request(operation.method, URL(url, encoded=True), data=body) as response:
+            headers = {"Content-Type": JSON} if body is not None else {}
+            async with self.session.request(operation.method, URL(url, encoded=True), data=body, headers=headers) as response:
                 content = await response.read()
         except (aiohttp.ClientError, TimeoutError) as error:
             raise Unanswered(self.no_answer_text(error)) from None

@@ -9,7 +9,20 @@ from somrs.errors import FormulaError, InputError, ModelError, Problem, RemoteEr
 from somrs.protocol.messages.knowledge import BrokenRule, Rejected
 from somrs.runtime.wire import Unanswered
 
-__all__ = ["REFUSALS", "Changed", "ErrorReport", "NotFound", "Refused", "WrongMethod", "error_report", "refusal", "refusal_of", "status"]
+__all__ = [
+    "REFUSALS",
+    "Changed",
+    "ErrorReport",
+    "Forbidden",
+    "NotFound",
+    "Refused",
+    "WrongFormat",
+    "WrongMethod",
+    "error_report",
+    "refusal",
+    "refusal_of",
+    "status",
+]
 
 
 class NotFound(InputError):
@@ -18,6 +31,14 @@ class NotFound(InputError):
 
 class WrongMethod(InputError):
     """The path exists, and does not have the method of the request."""
+
+
+class WrongFormat(InputError):
+    """The body of the request is not in a format that is read."""
+
+
+class Forbidden(InputError):
+    """Who sends the request may not do so."""
 
 
 class Changed(SomrsError):
@@ -54,6 +75,7 @@ class ErrorReport(msgspec.Struct, frozen=True, kw_only=True):
 
 REFUSALS = {
     400: "The request is invalid; the report says what is wrong and what to do",
+    403: "Who sends the request may not do so, such as the page of another site",
     404: "The object of the request does not exist",
     409: "The request cannot be carried out in the current state",
     503: "A component of the system does not answer; try again",
@@ -68,8 +90,12 @@ def status(error: SomrsError) -> int:
             return 503
         case NotFound():
             return 404
+        case Forbidden():
+            return 403
         case WrongMethod():
             return 405
+        case WrongFormat():
+            return 415
         case InputError():
             return 400
         case _:
@@ -100,7 +126,9 @@ def refusal(code: int, report: ErrorReport) -> SomrsError:
             return Refused(Rejected(problems=report.problems, broken=report.broken))
         case ErrorReport(error="Changed"):
             return Changed(report.problem)
-    return {400: UsageError, 404: NotFound, 405: WrongMethod, 503: Unanswered}.get(code, RemoteError)(report.problem)
+    return {400: UsageError, 403: Forbidden, 404: NotFound, 405: WrongMethod, 415: WrongFormat, 503: Unanswered}.get(code, RemoteError)(
+        report.problem
+    )
 
 
 def refusal_of(report: ErrorReport) -> SomrsError:

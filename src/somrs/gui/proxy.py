@@ -24,9 +24,9 @@ HOP_HEADERS = frozenset(
 )
 """Hop-by-hop headers (RFC 9110, 7.6.1)."""
 
-DROPPED_HEADERS = HOP_HEADERS | {"host", "cookie", "accept-encoding"}
-"""Request headers that are not forwarded: the host, and the cookies of the pages. Without compression, as both programs usually run on one
-machine."""
+DROPPED_HEADERS = HOP_HEADERS | {"host", "origin", "sec-fetch-site", "cookie", "accept-encoding"}
+"""Request headers that are not forwarded: those that say which page sends, which is checked before, and the cookies of the pages. Without
+compression, as both programs usually run on one machine."""
 
 CHUNK_SIZE = 2**16
 """Bytes forwarded at once."""

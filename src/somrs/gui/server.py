@@ -7,11 +7,13 @@ import asyncio
 import contextlib
 import os
 import secrets
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import uvicorn
 
+from somrs.api.edge import Edge
 from somrs.api.remote import LiveApi, live_api
 from somrs.client.addresses import Addresses
 from somrs.client.api_client import address_of
@@ -32,14 +34,13 @@ RECONNECT_TIME = 60.0
 0.4 of this time. A page that was dropped is reloaded, and unsaved input is lost."""
 
 
-async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> None:
-    """Serve the windows until the process is stopped."""
+async def run_gui(data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = ()) -> None:
+    """Serve the windows until the process is stopped. `allowed_hosts`: see `Edge`."""
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str((data / "gui").resolve()))  # NiceGUI reads this when it is imported
     listener = bound(host, port)
     async with live_api(address_of(addresses)) as api:
-        config = uvicorn.Config(
-            Cache(_application(api, data)), log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
-        )
+        application = Edge(Cache(_application(api, data)), allowed_hosts)
+        config = uvicorn.Config(application, log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1)
         server = QuietServer(config)
         serving = asyncio.create_task(server.serve(sockets=[listener]))
         while not server.started and not serving.done():
