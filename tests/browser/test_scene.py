@@ -56,7 +56,7 @@ def wait_until_at_rest(page: Page) -> None:
 
 
 def call_api(system: RunningSystem, method: str, path: str, body: object = None) -> Any:
-    request = urllib.request.Request(f"{system.url}/api{path}", method=method)
+    request = urllib.request.Request(f"{system.url}/api{path}", headers={"Content-Type": "application/json"}, method=method)
     if body is not None:
         request.data = json.dumps(body).encode()
     with urllib.request.urlopen(request, timeout=PATIENCE) as answer:

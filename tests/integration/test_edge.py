@@ -46,16 +46,16 @@ def test_no_other_site_changes_or_follows_anything(tmp_path: Path) -> None:
             ("nothing said", {}, 415),
         ]
         async with httpx.AsyncClient(base_url=api.client.url) as client:
-            for who, headers, code in attacks:
+            for attacker, headers, code in attacks:
                 answer = await client.post("/tasks", content=TASK, headers=headers)
-                assert (answer.status_code, answer.headers["content-type"]) == (code, "application/json"), who
-                assert answer.json()["problem"], who
-            for who, headers, code in attacks:
+                assert (answer.status_code, answer.headers["content-type"]) == (code, "application/json"), attacker
+                assert answer.json()["problem"], attacker
+            for attacker, headers, code in attacks:
                 if code == 403:
-                    assert await socket_status(api.client.url, headers) == 403, who
-            rebound = await client.get("/map", headers={"Host": f"evil.example:{port}"})
-            assert rebound.status_code == 403
-            assert "Jar002" not in rebound.text
+                    assert await socket_status(api.client.url, headers) == 403, attacker
+            rebound_answer = await client.get("/map", headers={"Host": f"evil.example:{port}"})
+            assert rebound_answer.status_code == 403
+            assert "Jar002" not in rebound_answer.text
             assert (await client.get("/tasks")).json()["rows"] == [], "nothing was obeyed"
 
     run_scenario(tmp_path / "data", scenario)
@@ -84,20 +84,22 @@ def test_programs_and_own_pages_are_served_under_all_names_of_the_server(tmp_pat
         port = urlsplit(api.client.url).port
         async with httpx.AsyncClient(base_url=api.client.url) as client:
             for name in ("127.0.0.1", "localhost", "LOCALHOST.", "[::1]", "192.0.2.7", socket.gethostname()):
-                own = {"Host": f"{name}:{port}"}
-                for headers in (own, {**own, "Origin": f"http://{name}:{port}", "Sec-Fetch-Site": "same-origin"}):
+                own_host = {"Host": f"{name}:{port}"}
+                for headers in (own_host, {**own_host, "Origin": f"http://{name}:{port}", "Sec-Fetch-Site": "same-origin"}):
                     answer = await client.post(
                         "/formulas/check", content='{"text": "Jar002 isOn Platform001"}', headers={**JSON, **headers}
                     )
                     assert answer.status_code == 200, (headers, answer.text)
                     assert await socket_status(api.client.url, headers) == 101, headers
-            json = await client.post("/formulas/check", content='{"text": ""}', headers={"Content-Type": "Application/JSON; charset=utf-8"})
-            assert json.status_code == 200
-            assert "frame-ancestors 'none'" in json.headers["content-security-policy"]
-            assert "access-control-allow-origin" not in json.headers
-            broken = await client.post("/tasks", content=b'{"effect": "\xff\xfe"}', headers=JSON)
-            assert broken.status_code == 400
-            assert broken.json()["problem"].startswith("the body: ")
+            checked = await client.post(
+                "/formulas/check", content='{"text": ""}', headers={"Content-Type": "Application/JSON; charset=utf-8"}
+            )
+            assert checked.status_code == 200
+            assert "frame-ancestors 'none'" in checked.headers["content-security-policy"]
+            assert "access-control-allow-origin" not in checked.headers
+            broken_answer = await client.post("/tasks", content=b'{"effect": "\xff\xfe"}', headers=JSON)
+            assert broken_answer.status_code == 400
+            assert broken_answer.json()["problem"].startswith("the body: ")
 
     run_scenario(tmp_path / "data", scenario)
 

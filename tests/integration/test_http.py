@@ -393,12 +393,13 @@ def test_who_comes_while_a_process_starts_comes_again() -> None:
 def test_pages_and_descriptions() -> None:
     async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
         async def page(path: str) -> tuple[int, str]:
-            async with session.get(f"{server.url}{path}") as response:
+            async with session.get(f"{server.url}{path}", headers={"Host": "evil.example"}) as response:
                 return response.status, await response.text()
 
         assert await page("/repository") == (200, "a SOAP 1.2 endpoint of SO-MRS; its description is at /repository?wsdl\n")
         status, wsdl = await page("/repository?wsdl")
-        assert (status, f'location="{server.url}/repository"' in wsdl) == (200, True)
+        assert (status, f'location="{server.url}/repository"' in wsdl) == (200, True), "not where whoever asks says that it is"
+        assert "evil.example" not in wsdl
         assert (await page("/repository?xsd=knowledge"))[0] == 200
         assert (await page("/repository?xsd=../x"))[0] == 404
         assert (await page("/nothing?wsdl")) == (404, "there is no component at /nothing; available: /repository\n")

@@ -35,6 +35,11 @@ def is_running(process_id: int) -> bool:
     return state != "Z"  # ended, and nobody has asked how
 
 
+def open_to_others(folder: Path) -> list[Path]:
+    """The folder and what is in it, as far as other users may do anything with it."""
+    return [file for file in (folder, *folder.rglob("*")) if not file.is_symlink() and file.stat().st_mode & 0o077]
+
+
 def test_a_system_outlives_the_shell_that_started_it_and_logs_why_it_stops(tmp_path: Path) -> None:
     output, log = tmp_path / "output.txt", tmp_path / "data" / "logs" / "system.log"
     command = f"'{sys.executable}' -m somrs.cli.main up '{SCENARIO_1}' --data '{tmp_path / 'data'}' --speed max --world kinematic"
@@ -46,6 +51,7 @@ def test_a_system_outlives_the_shell_that_started_it_and_logs_why_it_stops(tmp_p
         system = int(shell.stdout.readline())
         try:
             wait_until(lambda: "Running." in text(output), output)
+            assert open_to_others(tmp_path / "data") == []
             shell.communicate("\n")
             time.sleep(2 * PARENT_CHECK)
             assert is_running(system), text(output)

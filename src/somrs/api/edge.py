@@ -81,10 +81,10 @@ class Edge:
             return Forbidden(f"this server is not {named}; open the address that `somrs up` printed, or start it with --allowed-host NAME")
         if scope["type"] == "http" and scope["method"] in READING:
             return None
-        origins, site = headers.getlist("origin"), headers.get("sec-fetch-site", "same-origin")
+        origins, sending_site = headers.getlist("origin"), headers.get("sec-fetch-site", "same-origin")
         if not all(_is_same(origin, hosts[0]) for origin in origins):
             return Forbidden(f"a page of {', '.join(origins)} may change and follow nothing here; use the pages of this server")
-        if not origins and site not in ("same-origin", "none"):
+        if not origins and sending_site not in ("same-origin", "none"):
             return Forbidden("a page of another site may change and follow nothing here; use the pages of this server")
         return None
 
@@ -110,8 +110,8 @@ def _is_same(origin: str, host: str) -> bool:
     try:
         page = urlsplit(origin)
         server = urlsplit(f"{page.scheme}://{host}")
-        usual = {"http": 80, "https": 443}[page.scheme]
-        return (page.hostname, page.port or usual) == (server.hostname, server.port or usual)
+        usual_port = {"http": 80, "https": 443}[page.scheme]
+        return (page.hostname, page.port or usual_port) == (server.hostname, server.port or usual_port)
     except (ValueError, KeyError):
         return False
 

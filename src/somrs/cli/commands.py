@@ -110,11 +110,13 @@ def _reporter(data: Path, console: Console) -> Callable[[str], None]:
 async def run_system(site: Sequence[Path], data: Path, make_system: Callable[[Sequence[Path]], System], *, fresh: bool) -> None:
     """Run the system that `make_system` makes of the site's files, until it is asked to stop. `fresh`: discard what is kept of it."""
     from somrs.cli.import_commands import import_sources
+    from somrs.deployment.private_files import keep_files_private, make_private
     from somrs.deployment.programs import load_site, stop_signal
     from somrs.deployment.system import check_unused
 
     console = terminal.console()
-    data.mkdir(parents=True, exist_ok=True)
+    keep_files_private()
+    make_private(data)
     check_unused(data)
     files = import_sources(site, data)
     system = make_system(files)

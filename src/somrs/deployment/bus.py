@@ -127,7 +127,7 @@ async def run_gateway(bus: BusAddress, host: str, port: int) -> None:
         listed = await _listed(sites, bus.site)
         if listed is not None:
             await _check_same_site(bus, listed)
-        server = Server(host, port, BusParts(connection, ANSWER_TIME))
+        server = Server(host, port, BusParts(connection, ANSWER_TIME), public_url=bus.gateway)
         await server.start()
         if listed is None or listed.bus != bus:
             await sites.put(bus.site, msgspec.json.encode(addresses_on(bus)))

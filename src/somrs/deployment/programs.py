@@ -22,6 +22,7 @@ from urllib.parse import urlsplit
 import msgspec
 
 from somrs.client.addresses import Addresses
+from somrs.deployment.private_files import keep_files_private
 from somrs.errors import RemoteError, UsageError
 from somrs.runtime.host import Host
 from somrs.worker import fork_ahead
@@ -242,7 +243,8 @@ async def _serve_robots(server: Server) -> None:
 
 
 def run_program(main: Coroutine[Any, Any, None], *, has_worker: bool = False) -> None:
-    """Run a program's coroutine, on uvloop if it is installed. With a worker, fork the process for it first."""
+    """Run a program's coroutine, on uvloop if it is installed. With a worker, fork the process for it first. Its files are private."""
+    keep_files_private()
     if has_worker:
         fork_ahead()
     # The thread that writes to disk needs the interpreter often, each time briefly. With the default interval it waits 5 ms each

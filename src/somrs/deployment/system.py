@@ -21,6 +21,7 @@ from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.devices_of_map import devices, symbolic, unsimulated
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.ports_of_programs import Part, Ports, ports_before
+from somrs.deployment.private_files import make_private
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_windows
 from somrs.deployment.task_managers import task_manager_count
 from somrs.devices.simulator.world.kinds import WorldKind
@@ -174,7 +175,7 @@ class System:
 
     async def start(self) -> None:
         """Start all programs. Return when all devices offer their services."""
-        self.data.mkdir(parents=True, exist_ok=True)
+        make_private(self.data)
         check_unused(self.data)
         ports = self._reserve_ports()
         self._check_site()

@@ -43,10 +43,20 @@ _STARTING = "no component is available yet; this process is starting"
 
 
 class Server:
-    """Serves `parts`, the handlers by path, at one port. Runs in the present event loop."""
+    """Serves `parts`, the handlers by path, at one port. Runs in the present event loop.
 
-    def __init__(self, host: str, port: int, parts: Mapping[str, Handler] | None = None, body_time: float = BODY_TIME) -> None:
-        self.host, self.port, self.body_time = host, port, body_time
+    `public_url`: how others reach it, if that is not its own host and port.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        parts: Mapping[str, Handler] | None = None,
+        body_time: float = BODY_TIME,
+        public_url: str | None = None,
+    ) -> None:
+        self.host, self.port, self.body_time, self._public_url = host, port, body_time, public_url
         self.parts: Mapping[str, Handler] = parts if parts is not None else {}
         self._serving: asyncio.Task[None] | None = None
         self._server: QuietServer | None = None
@@ -145,8 +155,8 @@ class Server:
             return PlainTextResponse(self._reception.not_found_text(path), 404)
         query = request.query_params
         if "wsdl" in query:
-            # The client can reach the component again at the address that it used now.
-            return _xml(description(path, str(request.url.replace(query=""))))
+            # Not at the address that the request names, which may be anybody's choice.
+            return _xml(description(path, f"{self._public_url or self.url}{path}"))
         if (schema_name := query.get("xsd")) is not None:
             return _xml(schema(schema_name))
         return PlainTextResponse(f"a SOAP 1.2 endpoint of SO-MRS; its description is at {path}?wsdl\n")

@@ -14,7 +14,7 @@ const ICONS = {
 };
 
 async function ask(path, body) {
-  const answer = await fetch(`/api/formulas/${path}`, { method: "POST", body: JSON.stringify(body) });
+  const answer = await fetch(`/api/formulas/${path}`, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
   if (!answer.ok) throw new Error(`${answer.status}`);
   return answer.json();
 }
