@@ -355,6 +355,42 @@ def test_what_cannot_be_reached_or_is_no_component() -> None:
     run_scenario(scenario)
 
 
+@pytest.mark.parametrize("status", [200, 201, 202, 204, 299])
+@pytest.mark.parametrize("page", [b"", b"Content-Type: text/html|<p>Thank you!</p>", b"Content-Type: text/xml|<ok/>"])
+def test_any_success_says_that_a_message_was_delivered(status: int, page: bytes) -> None:
+    head, _, content = page.partition(b"|")
+    content = b"" if status == 204 else content
+
+    async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        lines = [
+            b"HTTP/1.1 %d Yes" % status,
+            b"Content-Length: %d" % len(content),
+            b"Connection: close",
+            *filter(None, [head]),
+            b"",
+            content,
+        ]
+        writer.write(b"\r\n".join(lines))
+        await writer.drain()
+        writer.close()
+
+    async def play() -> None:
+        foreign = await asyncio.start_server(accept, "127.0.0.1", 0)
+        wire, address = Wire(), f"http://127.0.0.1:{foreign.sockets[0].getsockname()[1]}/robot"
+        asked = query(address)
+        elsewhere = Message(header=structs.replace(asked.header, sender="http://here/", reply_to="http://here/"), body=QUERY)
+        report = Message(header=session_message(address).header, body=frp.End(outcome=frp.Outcome.CANCELLED))
+        assert [await wire.post(elsewhere), await wire.post(report)] == [None, None]
+        if status != 202:
+            with pytest.raises(RemoteError, match=f"HTTP {status}"):
+                await wire.post(asked)
+        foreign.close()
+        await wire.close()
+
+    asyncio.run(play())
+
+
 def test_a_port_that_is_taken() -> None:
     async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
         with pytest.raises(UsageError, match=f"cannot listen at 127.0.0.1:{server.port}"):

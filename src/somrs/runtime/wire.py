@@ -10,6 +10,7 @@ import aiohttp
 
 from somrs.errors import RemoteError, WireError
 from somrs.kernel.durability import FIRST_PAUSE, LONGEST_PAUSE
+from somrs.protocol.messages.bodies import REQUESTS
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
@@ -190,10 +191,14 @@ def _result(response: _Response, message: Message, decode: Decode) -> Message | 
 
 
 def _read(response: _Response, message: Message, decode: Decode) -> Message | None:
-    """Return the answer to the message, or None when it was accepted without one. Raises RemoteError when it was rejected."""
-    if response.status == 202 and not response.document:
-        return None
+    """Return the answer to the message, or None when it was accepted without one. Raises RemoteError when it was rejected.
+
+    Peers of other makes accept a message with 200 or 204 or with a page, too. That is no answer to a request which waits for one here.
+    """
     if not response.document or response.media_type != soap.MEDIA_TYPE:
+        waits_here = type(message.body) in REQUESTS and message.header.reply_to == ANONYMOUS
+        if response.status == 202 or (200 <= response.status < 300 and not waits_here):
+            return None
         raise _unexpected(response, message)
     try:
         return decode(response.document)
