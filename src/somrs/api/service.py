@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import uuid
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
@@ -28,11 +27,8 @@ from somrs.client.addresses import Addresses
 from somrs.client.client import Client
 from somrs.client.hub import Hub
 from somrs.client.operations import Operation, operations
-from somrs.errors import RemoteError
+from somrs.deployment.programs import others_ready
 from somrs.runtime.host import Host
-
-MAP_TIMEOUT = 60.0
-"""Seconds to wait for the map at the start."""
 
 
 class ApiService:
@@ -64,11 +60,7 @@ class ApiService:
 
 @asynccontextmanager
 async def open_api_service(addresses: Addresses, data: Path, host: str = "127.0.0.1") -> AsyncIterator[ApiService]:
-    """Follow a running system, and yield its API service when the map has been read.
-
-    Raises:
-        RemoteError: the Repository sent no map within `MAP_TIMEOUT`.
-    """
+    """Follow a running system, and yield its API service when the map has been read."""
     hub, runtime = Hub(), Host(host, bus=addresses.bus)
     await runtime.start()
     # On a bus, there may be several programs that follow the system.
@@ -77,16 +69,8 @@ async def open_api_service(addresses: Addresses, data: Path, host: str = "127.0.
     runtime.add(path, lambda address: listener)
     try:
         async with Client(addresses, runtime.post) as client:
-            await _map_read(listener, addresses.repository)
+            await others_ready(listener.ready.wait(), lambda: f"no map came from {addresses.repository} yet; is the Repository running?")
             yield ApiService(Context(addresses=addresses, data=data, client=client, listener=listener, hub=hub))
     finally:
         await hub.close()
         await runtime.stop()
-
-
-async def _map_read(listener: Listener, repository: str) -> None:
-    try:
-        async with asyncio.timeout(MAP_TIMEOUT):
-            await listener.ready.wait()
-    except TimeoutError:
-        raise RemoteError(f"no map came from {repository} within {MAP_TIMEOUT:.0f} s; is the Repository running?") from None

@@ -21,7 +21,7 @@ from msgspec import structs
 from somrs.client.addresses import Addresses
 from somrs.deployment.device_tasks import DeviceTasks
 from somrs.deployment.passage import add_passage
-from somrs.deployment.programs import run_program, until_stopped
+from somrs.deployment.programs import others_ready, run_program, until_stopped
 from somrs.deployment.shared_map import SharedMap
 from somrs.devices.passage import PassageDevice
 from somrs.errors import DeviceError, InputError, RemoteError
@@ -45,9 +45,6 @@ from somrs.service_manager.sdk.tasks import TaskSubmitter
 from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)
-
-JOIN_TIME = 60.0
-"""Seconds after which `DeviceRunner.start` raises when the device has not joined."""
 
 MAP_TIME = 60.0
 """Seconds for which a device repeats a request that the Repository or the Task Manager does not answer."""
@@ -118,9 +115,9 @@ class DeviceRunner:
         self._joined: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     async def start(self) -> str:
-        """Connect to the hardware, join the system, and return the device's address.
+        """Connect to the hardware, join the system when it is there, and return the device's address.
 
-        Raises: DeviceError when the device is rejected, RemoteError when the Repository or the Registry does not answer.
+        Raises DeviceError when the device is rejected.
         """
         self.device.profile()  # reports an invalid class before anything is connected
         self._runtime = runtime = await self._listen()
@@ -140,13 +137,8 @@ class DeviceRunner:
             # The author may have changed the device since its journal was written.
             notices=(Equipped(profile, repository, registry, tuple(further_registries)), *self._early),
         )
-        try:
-            async with asyncio.timeout(JOIN_TIME):
-                await asyncio.shield(self._joined)
-        except TimeoutError:
-            raise RemoteError(
-                f"{self.device.name} could not join within {JOIN_TIME:.0f} s: no answer from {repository} or {registry}"
-            ) from None
+        missing = f"{self.device.name} waits for an answer of {repository} or {registry} to join"
+        await others_ready(asyncio.shield(self._joined), lambda: missing)
         if isinstance(self.device, PassageDevice) and self._addresses.traffic is not None:
             self._passage = add_passage(runtime, self.device, self._addresses.traffic)
         return self._node.address

@@ -12,11 +12,12 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Coroutine, Iterator, Sequence
+import time
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
 
 import msgspec
@@ -34,10 +35,12 @@ if TYPE_CHECKING:
     from somrs.devices.simulator.world.kinds import WorldKind
     from somrs.ontology.files.loading import LoadedModel
 
-MAP_TIME = 60.0
-"""Seconds for which the simulator waits for the map when it starts."""
+REMINDER = 60.0
+"""Seconds after which a program that waits for another one at its start says so in its log, again and again."""
 
 log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 """SIGHUP comes when the terminal closes; `nohup` ignores it. SIGINT counts even if a shell has started this process in the background, and
@@ -66,6 +69,25 @@ class Ready(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     ready: str
     address: str = msgspec.field(name="at")
     problems: tuple[str, ...] = ()
+
+
+async def others_ready(waiting: Awaitable[T], missing_text: Callable[[], str]) -> T:
+    """Wait for what this program needs of others before it is ready, however long: they may start later, and machines may be busy.
+
+    What is missing is said in the log. Raises RemoteError when the process that started this one has ended.
+    """
+    parent, reminded_at = os.getppid(), time.monotonic()
+    task = asyncio.ensure_future(waiting)
+    try:
+        while not (await asyncio.wait([task], timeout=PARENT_CHECK))[0]:
+            if os.getppid() != parent:
+                raise RemoteError(f"this program ends, because the process that started it has ended; {missing_text()}")
+            if time.monotonic() >= reminded_at + REMINDER:
+                reminded_at = time.monotonic()
+                log.warning("%s", missing_text())
+        return task.result()
+    finally:
+        task.cancel()
 
 
 async def until_stopped(name: str = "", address: str = "", problems: tuple[str, ...] = ()) -> None:
@@ -181,21 +203,10 @@ async def simulated(followed: Followed) -> Simulation:
     """The simulation of the maps, when these have been read. However long its making takes: a large building takes a minute on a busy
     machine.
 
-    The maps of several Repositories are waited for: their systems may start later. Raises RemoteError when that of a single one does not
-    come within `MAP_TIME`, and UsageError for several maps of one name.
+    The maps are waited for, as their systems may start later. Raises UsageError for several maps of one name.
     """
     world = followed.world
-    while not world.read.is_set():
-        try:
-            async with asyncio.timeout(MAP_TIME):
-                await world.read.wait()
-        except TimeoutError:
-            if world.read.is_set():  # the world took long to make
-                break
-            missing = f"no map came from {' and '.join(followed.unread)} within {MAP_TIME:.0f} s; is the Repository running?"
-            if not followed.is_shared:
-                raise RemoteError(missing) from None
-            log.warning("%s", missing)
+    await others_ready(world.read.wait(), lambda: f"no map came from {' and '.join(followed.unread)} yet; is the Repository running?")
     if followed.problem:
         raise UsageError(followed.problem)
     assert world.simulation is not None, "made when the maps have been read"
