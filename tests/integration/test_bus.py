@@ -316,8 +316,8 @@ def test_a_gateway_that_starts_again_lists_all_that_its_site_has(tmp_path: Path,
     async def scenario(server: NatsServer) -> None:
         origin, servers = server.address.gateway, server.address.servers
         await list_site(structs.replace(addresses_on(server.address), api=f"{origin}/api"))
-        await asyncio.gather(list_number(server.address, task_manager=3), list_number(server.address, registry=2))
-        await list_number(server.address, task_manager=2)
+        numbers = [list_number(server.address, task_manager=number) for number in (2, 3, 2, 3)]
+        await asyncio.gather(*numbers, list_number(server.address, registry=2))
         expected = structs.replace(
             addresses_on(server.address),
             api=f"{origin}/api",

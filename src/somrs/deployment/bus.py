@@ -250,8 +250,9 @@ async def list_number(bus: BusAddress, *, task_manager: int = 1, registry: int =
     await connection.start()
     try:
         sites = await _sites(connection)
-        while (listed := await _listed(sites, bus.site)) is not None:
-            entry = await sites.get(bus.site)
+        while bus.site in await _names(sites):
+            entry = await sites.get(bus.site)  # once: the revision has to be that of these addresses
+            listed = _addresses(entry)
             complete = _with_numbers(listed, bus.gateway, task_manager, registry)
             if complete == listed:
                 return
@@ -272,9 +273,11 @@ def _with_numbers(listed: Addresses, gateway: str, task_manager: int, registry: 
 
 async def _listed(sites: KeyValue, site: str) -> Addresses | None:
     """The addresses of a site; None if it is not listed."""
-    if site not in await _names(sites):
-        return None
-    return msgspec.json.decode((await sites.get(site)).value or b"", type=Addresses)
+    return _addresses(await sites.get(site)) if site in await _names(sites) else None
+
+
+def _addresses(entry: KeyValue.Entry) -> Addresses:
+    return msgspec.json.decode(entry.value or b"", type=Addresses)
 
 
 async def _names(sites: KeyValue) -> list[str]:
