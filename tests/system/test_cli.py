@@ -206,8 +206,11 @@ def test_check_finds_mistakes_in_the_geometry_with_their_line(tmp_path: Path) ->
     result = somrs("check", "track.yaml", cwd=tmp_path)
     assert result.returncode == 1
     assert "track.yaml:10: Bay: there is no floor under it" in result.stdout
-    (problem,) = json.loads(somrs("check", "track.yaml", "--json", cwd=tmp_path).stdout)
-    assert (problem["subject"], problem["line"], problem["rule"]) == ("Bay", 10, "no-floor")
+    problems = json.loads(somrs("check", "track.yaml", "--json", cwd=tmp_path).stdout)
+    assert [(problem["subject"], problem["line"], problem["rule"]) for problem in problems] == [
+        ("Bay", 10, "no-floor"),
+        ("Lane1", 12, "no-way-back"),
+    ]
 
 
 def test_degrees_taken_for_metres_are_found(tmp_path: Path) -> None:

@@ -51,7 +51,8 @@ def wait_until(condition: Callable[[], bool], output: Callable[[], str]) -> None
 
 def call(data: Path, path: str, body: object = None) -> Any:
     content = json.dumps(body).encode() if body is not None else None
-    with urllib.request.urlopen(f"{Addresses.read(data).api}{path}", data=content) as answer:
+    request = urllib.request.Request(f"{Addresses.read(data).api}{path}", content, {"Content-Type": "application/json"})
+    with urllib.request.urlopen(request) as answer:
         return json.load(answer)
 
 
