@@ -78,7 +78,9 @@ class Edge:
         hosts = headers.getlist("host")
         if len(hosts) != 1 or not self._is_own(hosts[0]):
             named = ", ".join(hosts) or "no host"
-            return Forbidden(f"this server is not {named}; open the address that `somrs up` printed, or start it with --allowed-host NAME")
+            return Forbidden(
+                f"this server is not {named}; open the address that `somrs up` printed, or allow the name: SOMRS_ALLOWED_HOSTS"
+            )
         if scope["type"] == "http" and scope["method"] in READING:
             return None
         origins, sending_site = headers.getlist("origin"), headers.get("sec-fetch-site", "same-origin")

@@ -28,7 +28,7 @@ AllowedHosts = Annotated[
     typer.Option(
         "--allowed-host",
         envvar="SOMRS_ALLOWED_HOSTS",
-        help="A name under which browsers reach this server, besides its IP addresses and the name of this computer.",
+        help="A name of this server for browsers, besides IP addresses and this computer's name; in the variable, spaces separate several.",
         show_default=False,
     ),
 ]

@@ -57,6 +57,11 @@ def way(ways: Ways, start: Point, *points: Point, closed: Closed = Closed()) -> 
     return ways.way(start, 0.0, goal(ways, *points), closed, 0.8)
 
 
+def without_memory(ways: Ways) -> Ways:
+    """The same ways, of which nothing is kept yet."""
+    return Ways(ways._roadmap, ways._spaces, ways.doors)
+
+
 def shut(*doors: str) -> Closed:
     return Closed(doors=frozenset(doors))
 
@@ -187,3 +192,17 @@ def test_what_was_asked_earlier_does_not_change_an_answer(queries: list[tuple[Po
     experienced = two_rooms()
     for start, end, closed in queries:
         assert way(experienced, start, end, closed=closed) == way(two_rooms(), start, end, closed=closed)
+
+
+STARTS = ((1.0, 1.0), (3.0, 3.0), (7.0, 2.0))
+GOALS = ((1.5, 3.0), (6.0, 1.0))
+CLOSURES = (shut(), shut("Door1"), shut("Door2"), shut("Door1", "Door2"), Closed(standing=((0.0, Disc(2.0, 2.0, 0.3)),)))
+QUESTIONS = st.tuples(st.sampled_from(STARTS), st.sampled_from(GOALS), st.sampled_from(CLOSURES))
+
+
+@examples(30)
+@given(st.lists(QUESTIONS, min_size=2, max_size=12))
+def test_ways_that_are_kept_are_those_of_a_new_search(questions: list[tuple[Point, Point, Closed]]) -> None:
+    kept = two_rooms()
+    for start, end, closed in questions:
+        assert way(kept, start, end, closed=closed) == way(without_memory(kept), start, end, closed=closed)
