@@ -37,7 +37,7 @@ from somrs.ports import bound
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.orders import TemplateSaved
 from somrs.protocol.messages.submission import Submit
-from somrs.runtime.http import QuietServer
+from somrs.runtime.bounded_http import QuietServer
 from somrs.runtime.wire import Unanswered
 from tests.support.hang import HANG_TIME
 from tests.support.small_system import LOOPBACK, SmallSystem, running, scheduler_at

@@ -9,7 +9,6 @@ from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-import uvicorn
 from starlette.applications import Starlette
 from starlette.responses import RedirectResponse
 from starlette.routing import Mount, Route, WebSocketRoute
@@ -20,7 +19,8 @@ from somrs.api.service import ApiService, open_api_service
 from somrs.client.addresses import Addresses
 from somrs.deployment.programs import until_stopped
 from somrs.ports import bound
-from somrs.runtime.http import KEPT_TIME, QuietServer
+from somrs.runtime.bounded_http import BoundedConfig, QuietServer
+from somrs.runtime.http import KEPT_TIME
 
 PATH = "/api"
 
@@ -37,14 +37,7 @@ async def served(service: ApiService, server_socket: socket.socket, allowed_host
     """Serve the API at the socket, and yield its URL."""
     host, port = server_socket.getsockname()[:2]
     # The server keeps connections longer than clients do, so that it does not close one just as a client sends a request.
-    config = uvicorn.Config(
-        Edge(_site(service), allowed_hosts),
-        log_level="warning",
-        access_log=False,
-        ws="websockets-sansio",
-        timeout_keep_alive=KEPT_TIME + 15,
-        timeout_graceful_shutdown=1,
-    )
+    config = BoundedConfig(Edge(_site(service), allowed_hosts), ws="websockets-sansio", timeout_keep_alive=KEPT_TIME + 15)
     server = QuietServer(config)
     serving = asyncio.create_task(server.serve(sockets=[server_socket]))
     while not server.started and not serving.done():

@@ -19,7 +19,7 @@ from somrs.client.operations import Document, Operation, operations
 from somrs.client.refusals import ErrorReport, refusal
 from somrs.errors import RemoteError, UsageError
 from somrs.runtime.http import KEPT_TIME
-from somrs.runtime.wire import Unanswered
+from somrs.runtime.wire import UNTAKEN, Unanswered
 
 ANSWER_TIME = 100.0
 """Seconds within which the API has to answer."""
@@ -79,7 +79,9 @@ class ApiClient:
         try:
             return refusal(status, msgspec.json.decode(content, type=ErrorReport))
         except msgspec.MsgspecError:
-            return RemoteError(f"the API at {self.url} answered with HTTP {status}")
+            text = content[:500].decode(errors="replace").strip()  # of the server, before the API has seen the request
+            problem = f"the API at {self.url} answered with HTTP {status}{': ' + text if text else ''}"
+            return Unanswered(problem) if status in UNTAKEN else RemoteError(problem)
 
 
 class _Part:

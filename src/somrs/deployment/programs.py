@@ -10,6 +10,7 @@ import contextlib
 import gc
 import logging
 import os
+import resource
 import signal
 import sys
 import time
@@ -51,6 +52,9 @@ PARENT_CHECK = 1.0
 
 YOUNG_OBJECTS = 20_000
 """Threshold of the garbage collector's youngest generation. It is high because almost all objects are values without cycles."""
+
+OPEN_FILES = 65_536
+"""How many files a program may have open, where the system allows it."""
 
 SWITCH_TIME = 0.0005
 """The interpreter's thread switch interval, in seconds."""
@@ -253,9 +257,18 @@ async def _serve_robots(server: Server) -> None:
     await server.stop()
 
 
+def _allow_open_files() -> None:
+    """Let this process have more files open than is usual, as each connection is one."""
+    soft_limit, hard_limit = resource.getrlimit(resource.RLIMIT_NOFILE)
+    allowed = OPEN_FILES if hard_limit == resource.RLIM_INFINITY else min(OPEN_FILES, hard_limit)
+    if soft_limit != resource.RLIM_INFINITY and soft_limit < allowed:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (allowed, hard_limit))
+
+
 def run_program(main: Coroutine[Any, Any, None], *, has_worker: bool = False) -> None:
     """Run a program's coroutine, on uvloop if it is installed. With a worker, fork the process for it first. Its files are private."""
     keep_files_private()
+    _allow_open_files()
     if has_worker:
         fork_ahead()
     # The thread that writes to disk needs the interpreter often, each time briefly. With the default interval it waits 5 ms each

@@ -11,8 +11,6 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import uvicorn
-
 from somrs.api.edge import Edge
 from somrs.api.remote import LiveApi, live_api
 from somrs.client.addresses import Addresses
@@ -21,7 +19,7 @@ from somrs.deployment.programs import until_stopped
 from somrs.gui.cache import Cache
 from somrs.gui.proxy import Proxy
 from somrs.ports import bound
-from somrs.runtime.http import QuietServer
+from somrs.runtime.bounded_http import BoundedConfig, QuietServer
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -40,8 +38,7 @@ async def run_gui(data: Path, addresses: Addresses, host: str, port: int, allowe
     listener = bound(host, port)
     async with live_api(address_of(addresses)) as api:
         application = Edge(Cache(_application(api, data)), allowed_hosts)
-        config = uvicorn.Config(application, log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1)
-        server = QuietServer(config)
+        server = QuietServer(BoundedConfig(application, ws="websockets-sansio"))
         serving = asyncio.create_task(server.serve(sockets=[listener]))
         while not server.started and not serving.done():
             await asyncio.sleep(0.01)

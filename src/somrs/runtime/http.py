@@ -8,33 +8,28 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
-import uvicorn
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.types import Receive, Scope
 from starlette.types import Send as SendPart
 
 from somrs.errors import RemoteError, UsageError
+from somrs.limits import Limits
 from somrs.ports import bound
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.protocol.soap.wsdl import description, schema
 from somrs.runtime import batches
 from somrs.runtime.batches import Outcome
+from somrs.runtime.bounded_http import BoundedConfig, QuietServer
 from somrs.runtime.reception import Format, Handler, Reception, unavailable
 
 SOAP = Format(soap.encode, soap.decode, soap.fault)
 
-BODY_TIME = 10.0
-"""Seconds within which the whole message must arrive."""
-
 KEPT_TIME = 60
 """Seconds for which a client keeps an idle connection. The server keeps it longer, so that it never closes a connection first."""
-
-DATE_TIME = 1.0
-"""Seconds between two updates of the date in the headers of responses."""
 
 CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
 _HANG_UP = {"Connection": "close"}
@@ -45,7 +40,7 @@ _STARTING = "no component is available yet; this process is starting"
 class Server:
     """Serves `parts`, the handlers by path, at one port. Runs in the present event loop.
 
-    `public_url`: how others reach it, if that is not its own host and port.
+    `public_url`: how others reach it, if that is not its own host and port. `bounds`: by default those of the environment.
     """
 
     def __init__(
@@ -53,10 +48,10 @@ class Server:
         host: str,
         port: int,
         parts: Mapping[str, Handler] | None = None,
-        body_time: float = BODY_TIME,
         public_url: str | None = None,
+        bounds: Limits | None = None,
     ) -> None:
-        self.host, self.port, self.body_time, self._public_url = host, port, body_time, public_url
+        self.host, self.port, self._public_url, self._bounds = host, port, public_url, bounds
         self.parts: Mapping[str, Handler] = parts if parts is not None else {}
         self._serving: asyncio.Task[None] | None = None
         self._server: QuietServer | None = None
@@ -75,16 +70,14 @@ class Server:
         """Listen. Port 0 becomes a free port. Raises UsageError when the port is not available."""
         server_socket = bound(self.host, self.port)
         self.port = server_socket.getsockname()[1]
-        config = uvicorn.Config(
+        config = BoundedConfig(
             self._serve,
+            bounds=self._bounds,
+            body_bytes=MOST_BYTES,
             interface="asgi3",
-            log_level="warning",
-            access_log=False,
             lifespan="off",
             ws="none",
             timeout_keep_alive=KEPT_TIME + 15,
-            timeout_graceful_shutdown=1,
-            backlog=512,
             proxy_headers=False,
             headers=[("Accept-Post", batches.ACCEPTED)],
         )
@@ -128,16 +121,11 @@ class Server:
             return PlainTextResponse(f"send {CONTENT_TYPE}, not compressed\n", 415, headers=_HANG_UP)
         try:
             self._reception.check_open()
-            async with asyncio.timeout(self.body_time):
-                document = await self._reception.unless_stopped(_body(headers, receive))
+            document = await self._reception.unless_stopped(_body(receive))
         except ClientDisconnect:
             return Response(status_code=400)
-        except TimeoutError:
-            return PlainTextResponse(f"the message was not complete within {self.body_time:g} s\n", 408, headers=_HANG_UP)
         except RemoteError as error:
             return _response(unavailable(error))
-        if document is None:
-            return PlainTextResponse(f"the message has more than {MOST_BYTES} bytes, which is the limit\n", 413, headers=_HANG_UP)
         return await self._take_batch(document) if is_batch else _response(await self._reception.outcome(document, handler))
 
     async def _take_batch(self, batch: bytes) -> Response:
@@ -160,29 +148,6 @@ class Server:
         if (schema_name := query.get("xsd")) is not None:
             return _xml(schema(schema_name))
         return PlainTextResponse(f"a SOAP 1.2 endpoint of SO-MRS; its description is at {path}?wsdl\n")
-
-
-class QuietServer(uvicorn.Server):
-    """A server that leaves signals to the program, and sleeps while there is nothing to serve: uvicorn's wakes its process ten times a
-    second, to see whether it should end."""
-
-    def __init__(self, config: uvicorn.Config) -> None:
-        super().__init__(config)
-        self._end_event = asyncio.Event()
-
-    def end(self) -> None:
-        self.should_exit = True
-        self._end_event.set()
-
-    @contextlib.contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        yield
-
-    async def main_loop(self) -> None:
-        while not await self.on_tick(0):
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(DATE_TIME):
-                    await self._end_event.wait()
 
 
 def _response(outcome: Outcome) -> Response:
@@ -208,18 +173,13 @@ def _is_plain(headers: dict[bytes, bytes]) -> bool:
     return headers.get(b"content-encoding", b"").strip().lower() in (b"", b"identity")
 
 
-async def _body(headers: dict[bytes, bytes], receive: Receive) -> bytes | None:
-    """Return the request's body; None if it is too large. A body with a `Content-Length` above the limit is not read."""
-    declared = headers.get(b"content-length", b"0")
-    if not declared.isdigit() or int(declared[:20]) > MOST_BYTES:
-        return None
+async def _body(receive: Receive) -> bytes:
+    """Return the request's body, whose size and time the server bounds."""
     body, is_incomplete = b"", True
     while is_incomplete:
         part = await receive()
         if part["type"] == "http.disconnect":
             raise ClientDisconnect
         body += part.get("body", b"")
-        if len(body) > MOST_BYTES:
-            return None
         is_incomplete = part.get("more_body", False)
     return body

@@ -29,6 +29,9 @@ Decode = Callable[[bytes], Message]
 NONE_ADDRESS = "http://www.w3.org/2005/08/addressing/none"
 """WS-Addressing 1.0 Core, 2.1: messages to this address are discarded."""
 
+UNTAKEN = (408, 503)
+"""HTTP statuses of requests that came to nothing, and may be sent again."""
+
 _OMITTED_HEADERS = ("Accept", "Accept-Encoding", "User-Agent")
 """Headers that aiohttp would add: they accept any answer, also a compressed one, which is not read here."""
 
@@ -209,4 +212,4 @@ def _read(response: _Response, message: Message, decode: Decode) -> Message | No
 def _unexpected(response: _Response, message: Message) -> RemoteError:
     text = response.document[:500].decode(errors="replace").strip()
     problem = f"{message.header.recipient} answered with HTTP {response.status}{': ' + text if text else ''}"
-    return Unanswered(problem) if response.status == 503 else RemoteError(problem)
+    return Unanswered(problem) if response.status in UNTAKEN else RemoteError(problem)
