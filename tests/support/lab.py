@@ -10,7 +10,7 @@ from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.repository.state import Contents
 from tests.support.building import building
 
@@ -52,6 +52,12 @@ def request(body: Body, sender: str = CLIENT, recipient: str = REPOSITORY, ident
     """Return a message with a new id, whose answer goes to its sender."""
     identity = identity or message_id("request", next(_numbers))
     return Message(header=Header(sender=sender, recipient=recipient, message_id=identity, reply_to=sender), body=body)
+
+
+def ask_on_connection(body: Body, recipient: str) -> Message:
+    """Return a message with a new id, whose answer comes back on its connection."""
+    identity = message_id("request", next(_numbers))
+    return Message(header=Header(sender=CLIENT, recipient=recipient, message_id=identity, reply_to=ANONYMOUS), body=body)
 
 
 def deliver_request(component: Component, body: Body, now: float = 0.0, sender: str = CLIENT, identity: str | None = None) -> list[Effect]:

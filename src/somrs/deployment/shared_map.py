@@ -16,6 +16,7 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap
 from somrs.repository.map_answers import MapAnswers
+from somrs.repository.state import LargeQuery
 from somrs.runtime.host import Host
 
 MAPS = "/maps"
@@ -70,9 +71,10 @@ class SharedMap:
         except TimeoutError:
             return await self._request(question)
         try:
-            return self._answers.answer(question, replica.map, replica.ontology, replica.version)
+            answer = self._answers.answer(question, replica.map, replica.ontology, replica.version)
         except InputError as error:
             return Fault(code="Sender", text=str(error))
+        return answer if not isinstance(answer, LargeQuery) else await self._request(question)
 
     async def _current_version(self) -> int:
         """The Repository's version, which is asked for after this call: an answer that is on its way may be older than the question."""

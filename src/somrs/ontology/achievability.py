@@ -37,6 +37,7 @@ from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import attribute_at, constant, value_of
+from somrs.ontology.work_budget import WorkBudget
 
 DEPTH = 3
 """The number of services in a row of which each would have to bring about a condition of the next."""
@@ -77,6 +78,8 @@ class Achievability:
     providers: Mapping[str, Collection[str]]
     _known: dict[tuple[Literal, int], bool] = field(init=False, repr=False, compare=False, default_factory=dict)
     """Whether a literal could become true, by the number of services in a row."""
+    _budget: WorkBudget = field(init=False, repr=False, compare=False, default_factory=WorkBudget)
+    """For all questions together: what is too much to find out is taken to be possible."""
 
     def unachievable_parts(self, goal: Formula) -> Iterator[Unachievable]:
         """The parts without which the goal cannot hold, and that no service brings about; none for an OR with an achievable alternative,
@@ -125,7 +128,7 @@ class Achievability:
     def _holds(self, formula: Formula) -> bool:
         """Whether the formula holds for some objects; also where a query cannot tell because an input that is a value is open."""
         try:
-            return next(bindings(formula, self.map, self.ontology), None) is not None
+            return next(bindings(formula, self.map, self.ontology, budget=self._budget), None) is not None
         except FormulaError:
             return True
 

@@ -22,6 +22,10 @@ from somrs.ontology.truth import formula_holds
 from somrs.ontology.type_rules import SELF_VARIABLE, TypeRules, attribute_paths, is_about_itself
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, Ontology, Value
 from somrs.ontology.values import compare, measure
+from somrs.ontology.work_budget import MOST_WORK, WorkBudget
+
+WORK_PER_OBJECT = 1000
+"""The work that the rules may take for each object that is checked, in steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +96,7 @@ class _Checker:
         self.named = touched
         self.touched = touched
         self.schemas: dict[str, TypeRules] = {}
+        self._budget = WorkBudget(MOST_WORK + WORK_PER_OBJECT * len(touched if touched is not None else map.objects))
         self._rule_results: dict[tuple[object, ...], bool] = {}
         """Cached results of rules about an object's own values, by type, rule and values."""
         self._composed: set[str] | None = None
@@ -299,7 +304,7 @@ class _Checker:
         raise TypeError(f"{formula} refers to other objects")
 
     def _holds_on_map(self, object: Object, text: str) -> bool:
-        return formula_holds(substitute(parse(text), {SELF_VARIABLE: Name(object.name)}), self.map, self.ontology)
+        return formula_holds(substitute(parse(text), {SELF_VARIABLE: Name(object.name)}), self.map, self.ontology, self._budget)
 
     def _fact(self, fact: Fact) -> Iterator[Violation]:
         if (violation := malformed(fact, self.ontology)) is not None:

@@ -15,8 +15,6 @@ from msgspec import Struct
 
 from somrs.entish.formula import (
     And,
-    Attribute,
-    Call,
     Comparison,
     Condition,
     Exists,
@@ -35,37 +33,52 @@ from somrs.entish.formula import (
     conjunction,
     conjuncts,
     count_alternatives,
-    terms,
     variables,
 )
-from somrs.entish.normal_form import affirmed_variables, negation
 from somrs.errors import FormulaError
 from somrs.ontology.map import Map
-from somrs.ontology.types import ROOT, Ontology
+from somrs.ontology.query_context import QueryContext
+from somrs.ontology.types import Ontology
 from somrs.ontology.values import MeasuredValue, compare, evaluate, measure, name_of, value_of
+from somrs.ontology.work_budget import WorkBudget
 
 __all__ = ["Bindings", "bindings", "evaluate", "formula_holds", "value_of"]
 
 Bindings = dict[str, Term]
 
+LISTED = 64
+"""So many facts are listed with the work of one step."""
+
+REMEMBERED_WORK = 16
+"""What took so many steps and led to nothing is remembered, because it is likely to be met again."""
+
 ALTERNATIVES = 20_000
 """The maximum number of alternatives of a formula with variables; more are taken for a mistake."""
 
 
-def bindings(formula: Formula, map: Map, ontology: Ontology, initial_bindings: Mapping[str, Term] | None = None) -> Iterator[Bindings]:
+def bindings(
+    formula: Formula,
+    map: Map,
+    ontology: Ontology,
+    initial_bindings: Mapping[str, Term] | None = None,
+    budget: WorkBudget | None = None,
+) -> Iterator[Bindings]:
     """All bindings of the free variables with which the formula holds, each once. They extend `initial_bindings`.
 
-    A variable that occurs only after NOT is not free: `NOT ?x isOn Table1` means that nothing stands on Table1.
+    A variable that occurs only after NOT is not free: `NOT ?x isOn Table1` means that nothing stands on Table1. `budget`: the
+    work that this may take, if not `MOST_WORK`.
 
     Raises:
         FormulaError: the formula has too many alternatives, or no equation gives a variable for values its value.
+        ExcessiveWork: the evaluation takes too much work.
     """
-    return _Query(map, ontology, formula, initial_bindings or {}).answers()
+    context = QueryContext(map, ontology, budget if budget is not None else WorkBudget(), formula)
+    return _Query(context, formula, initial_bindings or {}).answers()
 
 
-def formula_holds(formula: Formula, map: Map, ontology: Ontology) -> bool:
-    """Whether the formula holds for at least one binding of its free variables."""
-    return next(bindings(formula, map, ontology), None) is not None
+def formula_holds(formula: Formula, map: Map, ontology: Ontology, budget: WorkBudget | None = None) -> bool:
+    """Whether the formula holds for at least one binding of its free variables. Raises FormulaError as `bindings` does."""
+    return next(bindings(formula, map, ontology, budget=budget), None) is not None
 
 
 class _Goal(Struct, frozen=True, eq=False):
@@ -80,21 +93,18 @@ class _Query:
     quantifiers whose body is queried; they need an object even if the body does not have them."""
 
     def __init__(
-        self, map: Map, ontology: Ontology, formula: Formula, initial_bindings: Mapping[str, Term], witnesses: Iterable[Variable] = ()
+        self, context: QueryContext, formula: Formula, initial_bindings: Mapping[str, Term], witnesses: Iterable[Variable] = ()
     ) -> None:
-        self.map, self.ontology, self.formula = map, ontology, formula
-        self.types = {name: variable.type for name, variable in variables(formula).items()}
-        self.objects = object_variables(formula, ontology)
+        self.context, self.map, self.ontology, self.formula = context, context.map, context.ontology, formula
+        analysis = context.analysis(formula)
+        context.spend(analysis.size)
+        self.types, self.objects = dict(analysis.types), set(analysis.objects)
         own = {variable.name: variable for variable in witnesses}
         for name in own.keys() - self.types.keys():
             self.types[name] = own[name].type
             self.objects.add(name)
         self.initial_bindings: Bindings = dict(initial_bindings)
-        affirmed = affirmed_variables(formula)
-        self.free = tuple(name for name in self.types if name in affirmed or name in self.initial_bindings or name in own)
-        self._domains: dict[str | None, list[str]] = {}
-        self._fits: dict[tuple[str, str], bool] = {}
-        self._counterexamples: dict[ForAll, Formula] = {}
+        self.free = tuple(name for name in self.types if name in analysis.affirmed or name in self.initial_bindings or name in own)
         self.impossible = any(name in self.types and not self.admits(name, term) for name, term in self.initial_bindings.items())
 
     def answers(self) -> Iterator[Bindings]:
@@ -130,7 +140,7 @@ class _Query:
         type_name = self.types.get(variable)
         if variable in self.objects:
             object = self.map.objects.get(term.name) if isinstance(term, Name) else None
-            return object is not None and (type_name is None or self._is_subtype(object.type, type_name))
+            return object is not None and (type_name is None or self.context.is_subtype(object.type, type_name))
         match type_name:
             case None:
                 return True
@@ -142,22 +152,9 @@ class _Query:
                 return isinstance(term, Truth)
         return False
 
-    def _is_subtype(self, type_name: str, ancestor: str) -> bool:
-        key = type_name, ancestor
-        if key not in self._fits:
-            self._fits[key] = self.ontology.is_subtype(type_name, ancestor)
-        return self._fits[key]
-
     def domain(self, variable: str) -> list[str]:
         """The names of the objects in the domain of an object variable."""
-        type_name = self.types.get(variable)
-        if type_name not in self._domains:
-            if type_name is None or type_name == ROOT:
-                names = list(self.map.objects)
-            else:
-                names = [name for t in self.ontology.subtypes(type_name) for name in self.map.of_type(t)]
-            self._domains[type_name] = names
-        return self._domains[type_name]
+        return self.context.objects_of(self.types.get(variable))
 
     # Tests of bound formulas
 
@@ -174,16 +171,16 @@ class _Query:
                 inner = _Branch(self, (atom,), tuple(variables(atom)), bound)
                 return next(inner.search(inner.goals, bound), None) is None
             case Relation(relation, arguments):
+                self.context.spend()
                 return self._is_related(relation, tuple(name_of(argument, bound) or "" for argument in arguments))
             case Comparison(left_term, operator, right_term):
+                self.context.spend()
                 left_value, right_value = self.measure(left_term, bound), self.measure(right_term, bound)
                 return left_value is not None and right_value is not None and compare(left_value, operator, right_value)
             case Exists(variable, body):
                 return self._has_witness(variable, body, bound)
-            case ForAll(variable, body):
-                if formula not in self._counterexamples:
-                    self._counterexamples[formula] = negation(body, {*bound, variable.name})
-                return not self._has_witness(variable, self._counterexamples[formula], bound)
+            case ForAll(variable, _):
+                return not self._has_witness(variable, self.context.counterexample(formula, bound), bound)
 
     def _has_witness(self, variable: Variable, body: Formula, bound: Bindings) -> bool:
         """Whether the body holds for an object in place of the variable."""
@@ -193,7 +190,7 @@ class _Query:
             witnesses[body.variable.name] = body.variable
             body = body.body
         outer = {name: term for name, term in bound.items() if name not in witnesses and name in variables(body)}
-        return next(_Query(self.map, self.ontology, body, outer, witnesses.values()).answers(), None) is not None
+        return next(_Query(self.context, body, outer, witnesses.values()).answers(), None) is not None
 
     def measure(self, term: Term, bound: Bindings) -> MeasuredValue | None:
         return measure(term, self.map, self.ontology, bound)
@@ -209,10 +206,15 @@ class _Query:
 
 
 class _Branch:
-    """A conjunction. The search always takes the part with the fewest possible bindings next."""
+    """A conjunction. The search always takes the part with the fewest possible bindings next.
+
+    Whether the open parts hold for some bindings only depends on the terms of their own variables. So a search that led to nothing is
+    remembered by these, and not repeated for other terms of variables that only the closed parts have.
+    """
 
     def __init__(self, query: _Query, conditions: tuple[Condition, ...], free: tuple[str, ...], initial_bindings: Bindings) -> None:
         self.query, self.free, self.initial_bindings = query, free, initial_bindings
+        query.context.spend(len(conditions))
         self.goals = [_Goal(condition, tuple(name for name in variables(condition) if name in free)) for condition in conditions]
         self.definitions: dict[str, _Goal] = {}
         for goal in self.goals:
@@ -220,6 +222,7 @@ class _Branch:
                 if not isinstance(term, Variable) and variable not in variables(term):
                     self.definitions.setdefault(variable, goal)
         self._candidates: dict[str, list[str]] = {}
+        self._fruitless: set[tuple[tuple[_Goal, ...], tuple[Term | None, ...]]] = set()
         self._require_definitions(initial_bindings)
 
     def _require_definitions(self, initial_bindings: Bindings) -> None:
@@ -250,6 +253,9 @@ class _Branch:
                 yield variable, term
 
     def search(self, goals: list[_Goal], bound: Bindings) -> Iterator[Bindings]:
+        """The bindings that extend `bound`, with which all of the goals hold."""
+        context = self.query.context
+        context.spend(1 + len(goals))
         open_goals = []
         for goal in goals:
             if any(name not in bound for name in goal.required_variables):
@@ -263,9 +269,17 @@ class _Branch:
             if not steps:
                 yield dict(bound)
                 return
+        key = tuple(open_goals), tuple(bound.get(name) for goal in open_goals for name in goal.required_variables)
+        if key in self._fruitless:
+            return
         _, _, step = min(steps, key=lambda step: step[:2])
+        work_before, is_fruitless = context.budget.remaining, True
         for extended_bindings in step():
-            yield from self.search(open_goals, extended_bindings)
+            for row in self.search(open_goals, extended_bindings):
+                is_fruitless = False
+                yield row
+        if is_fruitless and work_before - context.budget.remaining >= REMEMBERED_WORK:
+            self._fruitless.add(key)
 
     def _steps(self, goal: _Goal, bound: Bindings) -> Iterator[tuple[int, partial[Iterator[Bindings]]]]:
         """The search steps that bind variables of the goal, each with its estimated number of results."""
@@ -317,6 +331,7 @@ class _Branch:
 
     def _match(self, relation: str, arguments: tuple[Name | Variable, ...], names: list[str | None], bound: Bindings) -> Iterator[Bindings]:
         for tuple_ in dict.fromkeys(self._tuples(relation, names)):
+            self.query.context.spend()
             extended_bindings = dict(bound)
             for argument, name in zip(arguments, tuple_, strict=True):
                 if isinstance(argument, Name):
@@ -338,6 +353,7 @@ class _Branch:
             stored = names[::-1] if backwards else names
             tuple_groups = [map.facts_with(relation, place, name) for place, name in enumerate(stored) if name is not None]
             argument_tuples = min(tuple_groups, key=len) if tuple_groups else [fact.arguments for fact in map.facts(relation)]
+            self.query.context.spend(1 + len(argument_tuples) // LISTED)
             for arguments in argument_tuples:
                 if len(arguments) == len(names):
                     yield arguments[::-1] if backwards else arguments
@@ -349,26 +365,3 @@ def _equations(condition: Condition) -> Iterator[tuple[str, Term]]:
         for variable, term in ((condition.left, condition.right), (condition.right, condition.left)):
             if isinstance(variable, Variable):
                 yield variable.name, term
-
-
-def object_variables(formula: Formula, ontology: Ontology) -> set[str]:
-    """The variables that stand for objects; the others stand for values."""
-    match formula:
-        case And(parts) | Or(parts):
-            return {name for part in parts for name in object_variables(part, ontology)}
-        case ForAll(variable, body) | Exists(variable, body):
-            return object_variables(body, ontology) - {variable.name}
-        case Not(atom):
-            return object_variables(atom, ontology)
-        case Relation():
-            return set(variables(formula))
-    variable_names: set[str] = set()
-    for term in terms(formula):
-        match term:
-            case Attribute(Variable(name), _):
-                variable_names.add(name)
-            case Call():
-                variable_names.update(variables(term))
-            case Variable(name, type_name) if type_name is not None and (type_name == ROOT or type_name in ontology.types):
-                variable_names.add(name)
-    return variable_names

@@ -86,6 +86,7 @@ from somrs.repository.state import (
     ArchivedEvents,
     ArchiveWanted,
     Contents,
+    LargeQuery,
     LeasesDue,
     RepetitionDue,
     ReservationsDue,
@@ -174,7 +175,7 @@ class Repository:
             case ReadOntology() | ReadMap() as question:
                 yield self._read(message, question)
             case QueryMap() as query:
-                yield self._answer(message, self._answer_to(query))
+                yield self._read_promised(message, query)
             case UpdateMap() | Define() | RenameObject() | MergeObject() as alteration:
                 yield from self._run_once(message, lambda: self._alter(message, alteration, self._alteration_outcome(alteration, now), now))
             case Undo() as undo:
@@ -232,11 +233,12 @@ class Repository:
         if reader is not None and question.situation is None:
             leaving = {handover.object for handover in contents.handovers.values() if handover.map == reader.map}
             return self._answer(message, View(reader, contents.map, contents.ontology).page(contents.version, question.after, leaving))
-        return self._answer(message, self._answer_to(question))
+        return self._read_promised(message, question)
 
-    def _answer_to(self, question: QueryMap | ReadMap) -> Rows | MapPage:
+    def _read_promised(self, message: Message, question: QueryMap | ReadMap) -> Effect:
         contents = self.contents
-        return self._answers.answer(question, contents.map, contents.ontology, contents.version)
+        answer = self._answers.answer(question, contents.map, contents.ontology, contents.version)
+        return _ask(message, answer) if isinstance(answer, LargeQuery) else self._answer(message, answer)
 
     def _answered(self, message: Message, value: object, now: float) -> Effects:
         """Handle an answer of the archive."""
@@ -378,7 +380,7 @@ SCHEMA = Schema(
     timers=LeasesDue | ReservationsDue | NeighbourDue | RepetitionDue,
     questions=ArchiveWanted,
     tasks=Task,
-    answers=ArchivedEvents | MapPage | OntologyPage | ErrorAnswer,
+    answers=ArchivedEvents | MapPage | OntologyPage | Rows | ErrorAnswer,
     notices=NeighboursConfigured,
     restore=Repository.restored,
     relocatable=True,

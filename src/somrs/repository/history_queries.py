@@ -13,10 +13,12 @@ from somrs.protocol.messages.knowledge import (
     History,
     MapPage,
     OntologyPage,
+    QueryMap,
     ReadEvents,
     ReadHistory,
     ReadMap,
     ReadOntology,
+    Rows,
     Undo,
 )
 from somrs.protocol.messages.paging import fit_page
@@ -66,6 +68,10 @@ def archive_reply(message: Message, value: object, contents: Contents) -> Body:
             return Events(events=page, more=len(page) < len(events), since=contents.since)
         case ReadMap() | ReadOntology(), MapPage() | OntologyPage() as page_:
             return page_
+        case QueryMap(), Rows() as rows:
+            return rows
+        case QueryMap(), _:
+            return Fault(code="Sender" if isinstance(value, InputError) else "Receiver", text=str(value))
         case question, _:
             subject = f"the history of {question.object}" if isinstance(question, ReadHistory) else "the archive"
             return Fault(code="Receiver", text=f"{subject} cannot be read: {value}")

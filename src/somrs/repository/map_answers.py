@@ -8,13 +8,19 @@ from somrs.ontology.check import check
 from somrs.ontology.map import Map
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import Ontology
+from somrs.ontology.work_budget import ExcessiveWork, WorkBudget
 from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Row, Rows
 from somrs.protocol.messages.paging import fit_page
 from somrs.repository.pages import map_page
 from somrs.repository.promised_maps import PromisedMaps
+from somrs.repository.state import LargeQuery
 
 MOST_ROWS = 1000
 """The maximum number of rows in the answer to a QueryMap."""
+SMALL_WORK = 20_000
+"""The work of a query, in steps, for which other requests wait."""
+LARGE_WORK = 2_000_000
+"""The work that a query may take at all."""
 KEPT = 256
 """The number of answers to keep. All who are asked for a quote ask much the same at the same time, such as where a thing is."""
 
@@ -28,25 +34,35 @@ class MapAnswers:
         """What the answers are about that are kept."""
         self._rows: dict[QueryMap, Rows] = {}
 
-    def answer(self, question: QueryMap | ReadMap, map: Map, ontology: Ontology, version: int) -> Rows | MapPage:
-        """The answer to a question about a map of this version. Raises FormulaError."""
+    def answer(self, question: QueryMap | ReadMap, map: Map, ontology: Ontology, version: int) -> Rows | MapPage | LargeQuery:
+        """The answer to a question about a map of this version, or the task to find it. Raises FormulaError."""
         if isinstance(question, ReadMap):
             return map_page(self._promised.map_in(question.situation, map, ontology), version, question.after)
         if self._basis is None or self._basis[0] is not map or self._basis[1] is not ontology or self._basis[2] != version:
             self._basis, self._rows = (map, ontology, version), {}
         if question not in self._rows:
-            rows = _rows(question, self._promised.map_in(question.situation, map, ontology), ontology, version)
+            promised_map = self._promised.map_in(question.situation, map, ontology)
+            try:
+                rows = _rows(question, promised_map, ontology, version, SMALL_WORK)
+            except ExcessiveWork:
+                return LargeQuery(query=question, version=version, map=promised_map, ontology=ontology)
             if len(self._rows) >= KEPT:
                 del self._rows[next(iter(self._rows))]
             self._rows[question] = rows
         return self._rows[question]
 
 
-def _rows(query: QueryMap, map: Map, ontology: Ontology, version: int) -> Rows:
+def answer_large(task: LargeQuery) -> Rows:
+    """The answer to a query that takes long. Raises FormulaError."""
+    return _rows(task.query, task.map, task.ontology, task.version, LARGE_WORK)
+
+
+def _rows(query: QueryMap, map: Map, ontology: Ontology, version: int, most_work: int) -> Rows:
     formula = check(query.formula, ontology, map)
     limit = min(max(query.limit, 0), MOST_ROWS)
     matching_rows = [
-        Row(bindings={name: str(term) for name, term in row.items()}) for row in islice(bindings(formula, map, ontology), limit + 1)
+        Row(bindings={name: str(term) for name, term in row.items()})
+        for row in islice(bindings(formula, map, ontology, budget=WorkBudget(most_work)), limit + 1)
     ]
     rows = tuple(fit_page(matching_rows, limit))
     return Rows(rows=rows, version=version, more=len(rows) < len(matching_rows))

@@ -10,7 +10,7 @@ from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, Section
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.knowledge import Defined, Event, ReadMap, ReadOntology, Rejected, Updated
+from somrs.protocol.messages.knowledge import Defined, Event, QueryMap, ReadMap, ReadOntology, Rejected, Updated
 from somrs.protocol.messages.neighbours import Adopted, AdoptionRefused
 from somrs.protocol.messages.reservations import ReservationDenied, Reserved, TaskAssigned
 from somrs.repository.neighbour_state import ForwardedUpdate, Handover, NeighbourState, SharedReservation
@@ -35,7 +35,7 @@ class RepetitionDue(Struct, frozen=True, tag=True):
 
 
 class ArchiveWanted(Struct, frozen=True, tag=True):
-    """The question: data from the archive for this request. A repeated request asks the same question."""
+    """The question: data from the archive, or the answer to a large query, for this request. A repeated request asks the same question."""
 
     message: Message
 
@@ -74,7 +74,17 @@ class PageOf(Struct, frozen=True, kw_only=True, tag=True):
     ontology: Ontology
 
 
-Task = HistoryOf | EventsOf | PageOf
+class LargeQuery(Struct, frozen=True, kw_only=True, tag=True):
+    """A task beside the Repository: a query that takes longer than other requests may wait. `map`: the one that it is about, which is in
+    this version. The answer is `Rows`."""
+
+    query: QueryMap
+    version: int
+    map: Map
+    ontology: Ontology
+
+
+Task = HistoryOf | EventsOf | PageOf | LargeQuery
 
 
 class ArchivedEvents(Struct, frozen=True, tag="Happened"):

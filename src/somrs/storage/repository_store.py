@@ -15,14 +15,15 @@ import msgspec
 
 from somrs.ontology.naming import Section
 from somrs.ontology.objects import objects_of
-from somrs.protocol.messages.knowledge import Event, MapPage, OntologyPage, ReadMap, Revision
+from somrs.protocol.messages.knowledge import Event, MapPage, OntologyPage, ReadMap, Revision, Rows
 from somrs.repository.component import SCHEMA
 from somrs.repository.pages import map_page, ontology_page
 from somrs.repository.rollback import PastState
-from somrs.repository.state import ArchivedEvents, Contents, EventsOf, HistoryOf, PageOf
+from somrs.repository.state import ArchivedEvents, Contents, EventsOf, HistoryOf, LargeQuery, PageOf
 from somrs.storage import journal_file
 from somrs.storage.disk import Disk, Kind
 from somrs.storage.journal import Contradiction, Journal, Log
+from somrs.storage.large_queries import LargeQueries
 from somrs.storage.repository_formats import MIGRATIONS
 from somrs.storage.store_events import event_of, read_event, read_job, read_way_back, restore_past
 
@@ -64,6 +65,7 @@ class _MapHistory:
 
     def __init__(self) -> None:
         self._pasts: dict[int, PastState] = {}
+        self._large_queries = LargeQueries()
 
     def store_record(self, record: object, db: sqlite3.Connection) -> None:
         """Store an event. Raises Contradiction when a different event is stored for its version."""
@@ -81,8 +83,10 @@ class _MapHistory:
         if latest > state.version:
             raise Contradiction(f"version {latest} of the map is not reached by the same requests now, which lead to {state.version}")
 
-    async def answer(self, task: object, disk: Disk) -> ArchivedEvents | MapPage | OntologyPage:
+    async def answer(self, task: object, disk: Disk) -> ArchivedEvents | MapPage | OntologyPage | Rows:
         match task:
+            case LargeQuery():
+                return await self._large_queries.answer(task)
             case PageOf(question=question, at_version=version):
                 past_state = self._pasts.get(version) or await self._load_past(task, disk)
                 if isinstance(question, ReadMap):

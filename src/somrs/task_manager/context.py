@@ -20,6 +20,7 @@ from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, Handler
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import UNKNOWN
+from somrs.ontology.work_budget import ExcessiveWork, WorkBudget
 from somrs.planner.model.plan import Plan
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.protocol.messages.directory import Offer
@@ -177,9 +178,13 @@ def known_to_hold(formula: Formula, replica: Replica) -> bool:
     def is_known(part: Formula) -> bool:
         return not any(map.objects[name].values.get(UNKNOWN) is True for name in names(part) if name in map.objects)
 
+    budget = WorkBudget()
     try:
-        parts = (conjunction(*branch) for branch in alternatives(formula))
-        return any(is_known(part) and formula_holds(part, map, replica.ontology) for part in parts)
+        for part in (conjunction(*branch) for branch in alternatives(formula)):
+            budget.spend(part)
+            if is_known(part) and formula_holds(part, map, replica.ontology, budget):
+                return True
+        return False
     except FormulaError:
         return False
 
@@ -195,12 +200,26 @@ def find_task_error(task: Submit, replica: Replica) -> InputError | None:
     if abs(task.priority) > MOST_PRIORITY:
         return InputError(f"a priority is a whole number from -{MOST_PRIORITY} to {MOST_PRIORITY}, and not {task.priority}")
     try:
-        planning_problem(task, replica, [])
+        problem = planning_problem(task, replica, [])
+        budget = WorkBudget()
+        for formula in (problem.goal, problem.precondition):
+            if formula is not None:
+                _check_work(formula, replica, budget)
         for handler in task.handlers:
             _check_handler(handler, replica)
     except FormulaError as error:
         return error
     return None
+
+
+def _check_work(formula: Formula, replica: Replica, budget: WorkBudget) -> None:
+    """Raises ExcessiveWork for a formula that is too much to evaluate on the map, as it would be again and again."""
+    try:
+        formula_holds(formula, replica.map, replica.ontology, budget)
+    except ExcessiveWork:
+        raise
+    except FormulaError:
+        pass  # a plan may find the values that are open
 
 
 def rejection(error: InputError) -> TaskRejected:

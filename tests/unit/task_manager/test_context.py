@@ -98,3 +98,11 @@ def test_a_task_as_a_problem() -> None:
 def test_a_procedure_speaks_of_the_steps_that_it_is_for(service_type: str | None, condition: str | None, effect: str, fits: bool) -> None:
     handler = Handler(on=Occasion.FAILURE, effect=effect, when=condition, service_type=service_type)
     assert (find_task_error(Submit(effect=GOAL, handlers=(handler,)), TaskManagerHarness().replica) is None) is fits
+
+
+def test_a_task_whose_goal_takes_too_much_work_is_refused() -> None:
+    replica = TaskManagerHarness().replica
+    pairs = " AND ".join(f"?A{number}.PositionX <= ?B{number}.PositionX" for number in range(8))
+    goal = "".join(f"FORALL ?A{number} (EXISTS ?B{number} (" for number in range(8)) + pairs + "))" * 8
+    refusal = find_task_error(Submit(effect=goal), replica)
+    assert "steps" in str(refusal)

@@ -26,8 +26,9 @@ from somrs.entish.formula import (
 )
 from somrs.entish.normal_form import affirmed_variables, distribute_for_all, has_quantifiers, negation
 from somrs.entish.parse import parse
+from somrs.ontology.query_context import object_variables
 from somrs.ontology.services import PROVIDER, ServiceType
-from somrs.ontology.truth import bindings, formula_holds, object_variables
+from somrs.ontology.truth import bindings, formula_holds
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.vocabulary import Inexpressible, Vocabulary
 

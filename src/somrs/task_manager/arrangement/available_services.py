@@ -15,6 +15,7 @@ from somrs.ontology.services import ServiceType
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import WORKING
 from somrs.ontology.values import rest_reason, takes_work
+from somrs.ontology.work_budget import ExcessiveWork
 from somrs.planner.losses import resting_text
 from somrs.planner.model.plan import Step
 from somrs.planner.model.problem import LostService
@@ -237,7 +238,11 @@ class AvailableServices:
         parts = [precondition_now(run.step, service_type, map, ontology), relevant_situation(run.step, run.reported, map, ontology)]
         terms = member.session.terms if member is not None else None
         for condition in (run.step.condition, parse(terms.condition) if terms is not None and terms.condition is not None else None):
-            if condition is not None and not formula_holds(condition, map, ontology):
+            try:
+                is_met = condition is None or formula_holds(condition, map, ontology)
+            except ExcessiveWork as error:
+                raise LookupError(f"{error}; the service demands it") from error
+            if not is_met:
                 raise LookupError(f"{condition} does not hold, which the service demands")
             parts.append(condition)
         conditions = [*dict.fromkeys(part for part in parts if part is not None)]

@@ -12,6 +12,7 @@ from somrs.kernel.component import Effects, EffectsReturning, SetTimer
 from somrs.kernel.replica import Replica
 from somrs.ontology.effects import apply_effect, net_effect
 from somrs.ontology.truth import formula_holds
+from somrs.ontology.work_budget import ExcessiveWork
 from somrs.planner.model.plan import Step
 from somrs.planner.model.provider_choice import assign_provider
 from somrs.protocol.messages import frp
@@ -253,7 +254,10 @@ def unmet_condition(stated: str | None, promised: Sequence[Formula], replica: Re
     situation = net_effect(promised, replica.map, replica.ontology)
     promised_map = apply_effect(situation, replica.map, replica.ontology) if situation is not None else replica.map
     condition = parse(stated)
-    return condition if not formula_holds(condition, promised_map, replica.ontology) else None
+    try:
+        return condition if not formula_holds(condition, promised_map, replica.ontology) else None
+    except ExcessiveWork:
+        return condition
 
 
 def make_call(
