@@ -11,14 +11,14 @@ import pytest
 
 from somrs.cli.import_commands import import_sources
 from somrs.client.client import Client
-from somrs.deployment.devices_of_map import symbolic
+from somrs.deployment.devices_of_map import is_symbolic, of_one_world
 from somrs.deployment.system import System
 from somrs.devices.symbolic.agent import Faults, Mishap, SymbolicAgent
 from somrs.devices.symbolic.lines import Apply, Begin, Estimate, Estimated, Hello, Result, Welcome
 from somrs.devices.symbolic.link import ask
 from somrs.devices.symbolic.server import WorldServer
 from somrs.devices.symbolic.world import SymbolicWorld
-from somrs.errors import RemoteError, UsageError
+from somrs.errors import RemoteError
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Change, Fact, FactAdded
 from somrs.ontology.truth import formula_holds
@@ -212,15 +212,15 @@ def test_all_devices_share_the_world_of_one_program(parcels: ImportedProblem, wo
 
 
 def test_a_system_has_bodies_or_none() -> None:
-    assert symbolic([("van1", "somrs.devices.symbolic.device:SymbolicDevice"), ("Anna", "somrs.devices.person.device:Person")])
-    assert not symbolic([("Robot1", "somrs.devices.simulator.drivers.manipulator:Manipulator")])
-    with pytest.raises(UsageError, match="van1 is a device of a symbolic world, and Robot1 is a device of the simulator"):
-        symbolic(
-            [
-                ("van1", "somrs.devices.symbolic.device:SymbolicDevice"),
-                ("Robot1", "somrs.devices.simulator.drivers.manipulator:Manipulator"),
-            ]
-        )
+    van = ("van1", "somrs.devices.symbolic.device:SymbolicDevice")
+    robot = ("Robot1", "somrs.devices.simulator.drivers.manipulator:Manipulator")
+    person = ("Anna", "somrs.devices.person.device:Person")
+    assert is_symbolic([van, person])
+    assert not is_symbolic([robot])
+    selection = of_one_world([van, person, robot], symbolic=True)
+    assert selection.devices == [van, person]
+    (problem,) = selection.problems
+    assert problem.startswith("Robot1 is left out: it is a device of the simulator")
 
 
 @asynccontextmanager

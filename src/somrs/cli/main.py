@@ -23,6 +23,7 @@ from somrs.cli.options import (
     BusOption,
     Data,
     DevicesPerProcess,
+    DriverOption,
     FirstPort,
     Formula,
     HostOption,
@@ -148,6 +149,7 @@ def up(
     name: SiteName = None,
     neighbours: Neighbours = None,
     first_port: FirstPort = None,
+    driver: DriverOption = [],  # noqa: B006  # as below
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import run_system as run
@@ -177,6 +179,7 @@ def up(
             name=name,
             neighbours=neighbours,
             first_port=first_port,
+            drivers=driver,
         )
 
     awaited(run(sources, data, make_system, fresh=fresh))

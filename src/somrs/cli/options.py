@@ -64,6 +64,15 @@ DevicesPerProcess = Annotated[
         show_default=False,
     ),
 ]
+DriverOption = Annotated[
+    list[str],
+    typer.Option(
+        "--driver",
+        envvar="SOMRS_DRIVERS",
+        help="A program of devices, `module:Class` or `file.py:Class`, besides those of SO-MRS and of the site's files.",
+        show_default=False,
+    ),
+]
 TaskManagers = Annotated[
     int | None,
     typer.Option(

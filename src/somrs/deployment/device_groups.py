@@ -8,8 +8,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-OWN_DRIVERS = "somrs."
-"""How the names of the drivers of SO-MRS begin."""
+from somrs.deployment.devices_of_map import is_own_driver
 
 LEAST_PROCESSES = 4
 """The number of devices up to which each has a process of its own, also on a machine with fewer cores."""
@@ -31,8 +30,8 @@ def group_devices(driven: Sequence[tuple[str, str]], per_process: int | None = N
     """
     if per_process is not None:
         return _named(_split(driven, math.ceil(len(driven) / per_process)))
-    shared = [device for device in driven if device[1].startswith(OWN_DRIVERS)]
-    separate_devices = [device for device in driven if not device[1].startswith(OWN_DRIVERS)]
+    shared = [device for device in driven if is_own_driver(device[1])]
+    separate_devices = [device for device in driven if not is_own_driver(device[1])]
     process_count = min(len(shared), max(os.cpu_count() or 1, LEAST_PROCESSES))
     return _named([*_split(shared, process_count), *([device] for device in separate_devices)])
 

@@ -118,7 +118,7 @@ class HostedDevice:
 async def serve_devices(drivers: Mapping[str, str], addresses: Addresses, data: Path, address: str = "127.0.0.1") -> None:
     """Run the devices, which have these drivers by their names, until this process receives SIGTERM or SIGINT.
 
-    It is ready when each device has started or failed to. Raises the error of the first device when none of them starts.
+    It is ready when each device has started or failed to; what failed is tried again.
     """
     listeners = Listeners(address, addresses.bus)
     devices = [HostedDevice(name, driver, data, addresses, listeners) for name, driver in drivers.items()]
@@ -126,8 +126,6 @@ async def serve_devices(drivers: Mapping[str, str], addresses: Addresses, data: 
     try:
         starts = await asyncio.gather(*(device.first_start for device in devices), return_exceptions=True)
         failures = {device.name: start for device, start in zip(devices, starts, strict=True) if isinstance(start, BaseException)}
-        if len(failures) == len(devices):
-            raise next(iter(failures.values()))
         problems = tuple(f"{name} did not start: {failure}" for name, failure in failures.items())
         await until_stopped("devices", ", ".join(start for start in starts if isinstance(start, str)), problems)
     finally:

@@ -7,7 +7,7 @@ import contextlib
 import logging
 import shutil
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from somrs.client.addresses import SYSTEM_FILE, Addresses
 from somrs.client.client import Client
 from somrs.deployment.bus import bus_address, check_reachable, discard_site, list_site, site_name
 from somrs.deployment.device_groups import DeviceGroup, group_devices
-from somrs.deployment.devices_of_map import devices, symbolic, unsimulated
+from somrs.deployment.devices_of_map import DevicePrograms, Selection, devices, is_symbolic, of_one_world, unsimulated
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.ports_of_programs import Part, Ports, ports_before
 from somrs.deployment.private_files import make_private
@@ -115,6 +115,7 @@ class System:
     `bus`: the URLs of the NATS servers on which the components are, `OWN_BUS` for one that is started with them, None for no bus; `name`:
     the site's name there.
     `neighbours`: the file of the neighbours of Registry and Repository; None: they have none.
+    `drivers`: programs of devices besides those of SO-MRS and those that the types of the site's files name.
     `first_port`: the ports are this one and those that follow, in the order of `Part`; None: those of the last run, where they are free.
     """
 
@@ -137,6 +138,7 @@ class System:
         name: str | None = None,
         neighbours: Path | None = None,
         first_port: int | None = None,
+        drivers: Collection[str] = (),
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
         self._bus, self._name, self._first_port = bus, name, first_port
@@ -145,6 +147,9 @@ class System:
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
         self._task_managers, self._registries, self._neighbours = task_managers, registries, neighbours
         self.addresses = Addresses(repository="", registry="", task_manager="")
+        self._device_programs = DevicePrograms(self.site, drivers)
+        self.problems: list[str] = []
+        """What was left out at the start, and why, for people."""
         self._listed = False
         self._reservation: Reservation | None = None
         self._launcher = launcher or Launcher()
@@ -187,14 +192,15 @@ class System:
         await self._start("repository", *entrance, *site, *neighbours)
         async with Client(self.addresses) as client:
             ontology, map = await client.ontology(), await client.map()
-        driven = devices(map, ontology)
-        bodiless = symbolic(driven)
+        driven = self._selected(await asyncio.to_thread(self._device_programs.select, devices(map, ontology)))
+        bodiless = is_symbolic(driven)
+        driven = self._selected(of_one_world(driven, symbolic=bodiless))
         world_address = self._world_address or ports.world
         if self._world_address is not None and not bodiless and map.name:
             world_address = f"{world_address}/{map.name}"  # it may have several maps
         has_world = bodiless or self.simulates
         if not has_world:
-            driven = unsimulated(driven, map, ontology)
+            driven = self._selected(unsimulated(driven, map, ontology))
         # A simulator that runs already has a traffic of its own.
         traffic_address = ports.traffic(bus) if self._world_address is None and not bodiless else None
         self.addresses = replace(
@@ -217,18 +223,28 @@ class System:
         await asyncio.gather(*first)
         if self._world_address is not None:
             await until_listening(self._world_address)
-        last_starts = [self._start_devices(group) for group in group_devices(driven, self._devices_per_process)]
-        last_starts += [
+        device_starts = [self._start_devices(group) for group in group_devices(driven, self._devices_per_process)]
+        clients = [
             self._start("scheduler", "--port", str(ports[Part.SCHEDULER])),
             self._start("api", "--port", str(ports[Part.API])),
         ]
         if self.addresses.gui is not None:
-            last_starts.append(self._start("gui", "--port", str(ports[Part.WINDOWS])))
-        await asyncio.gather(*last_starts)
+            clients.append(self._start("gui", "--port", str(ports[Part.WINDOWS])))
+        await asyncio.gather(*device_starts, *clients)
         # Not earlier: when a start fails because an address is taken, the next start tries the same address again.
         self.addresses.write(self.data, LAST_FILE)
         if bus is not None:
             await list_site(self.addresses)
+
+    def _selected(self, selection: Selection) -> list[tuple[str, str]]:
+        """The devices to start. Those that are left out are reported."""
+        for problem in selection.problems:
+            self._report_problem(problem)
+        return selection.devices
+
+    def _report_problem(self, problem: str) -> None:
+        log.warning("%s", problem)
+        self.problems.append(problem)
 
     def _reserve_ports(self) -> Ports:
         """Reserve the ports of all programs, those of the last run where they are free."""
@@ -279,8 +295,12 @@ class System:
             return await self._start(command, "--port", str(port), *arguments)
         return await self._start(command, "--port", str(port), "--number", str(number), *arguments, label=f"{command}-{number}")
 
-    async def _start_devices(self, group: DeviceGroup) -> Program:
-        return await self._start(DEVICES, *(f"{name}={driver}" for name, driver in group.drivers.items()), label=group.name)
+    async def _start_devices(self, group: DeviceGroup) -> None:
+        """Start devices. A program that ends its process is no reason for the others to stop."""
+        try:
+            await self._start(DEVICES, *(f"{name}={driver}" for name, driver in group.drivers.items()), label=group.name)
+        except UsageError as error:
+            self._report_problem(f"{group.name} did not start: {error}")
 
     async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
         """Start a program, and wait until it is ready."""
