@@ -16,6 +16,7 @@ from somrs.client.joined_records import join_records, of_task_manager
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.storage import archive
+from somrs.storage.disk import is_locked
 from somrs.storage.journal_file import KIND
 
 BUSY_TIME = 1.0
@@ -116,6 +117,6 @@ def _open_journal(file: Path) -> sqlite3.Connection:
 
 
 def _unreadable(file: Path, error: sqlite3.DatabaseError) -> UsageError:
-    if error.sqlite_errorname in ("SQLITE_BUSY", "SQLITE_LOCKED"):
+    if is_locked(error):
         return UsageError(f"{file}: is in use by a Task Manager that does not answer; wait until it does, or stop it")
     return UsageError(f"{file}: cannot be read: {error}")

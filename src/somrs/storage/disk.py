@@ -17,9 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
-
 from somrs.errors import UsageError
+from somrs.storage.high_water import HighWaterMark
 
 T = TypeVar("T")
 
@@ -78,6 +77,9 @@ class Disk:
         self._stored: list[_Write] = []
         self._storing: asyncio.Task[None] | None = None
         self._listeners: dict[asyncio.AbstractEventLoop, list[Callable[[], None]]] = {}
+        self._mark = HighWaterMark(path) if syncs else None
+        self._reached: dict[str, int] = {}
+        """The numbers of the last entries, with those of the present transaction."""
         opened: Future[None] = Future()
         self._thread = threading.Thread(target=self._run, args=(opened,), name=f"disk {path.name}", daemon=True)
         self._thread.start()
@@ -187,6 +189,8 @@ class Disk:
             for job in immediate_jobs:
                 job.carry_out(self, db)
         db.close()
+        if self._mark is not None:
+            self._mark.close()
 
     def _collect(self) -> tuple[list[_Write], list[_ImmediateJob], bool]:
         """Return the requested writes and immediate jobs, and whether the thread is to continue."""
@@ -226,7 +230,31 @@ class Disk:
             with contextlib.suppress(RuntimeError):  # the loop was closed: no listener waits there any more
                 loop.call_soon_threadsafe(_notify, listeners)
 
+    # The numbers of entries
+
+    def reach(self, component: str, number: int) -> None:
+        """Note within a write that the file has the component's entries up to this number."""
+        self._reached[component] = number
+
+    def begin_at(self, component: str, number: int) -> None:
+        """Note within a write that the component's entries begin anew after this number."""
+        if self._mark is not None:
+            self._mark.write({name: reached for name, reached in self._mark.numbers.items() if name != component})
+        self._reached[component] = number
+
+    def check_reached(self, component: str, number: int) -> None:
+        """Raise UsageError if the file has had more entries of the component than up to this number."""
+        reached = self._reached.get(component, 0)
+        if self._mark is not None and reached > number:
+            raise UsageError(
+                f"{self.path}: the last {reached - number} of {reached} inputs are missing; the file or its -wal was damaged or removed. "
+                f"Restore a backup; or delete {self._mark.path} to go on without them: what came after is forgotten"
+            )
+
     def _open(self) -> sqlite3.Connection:
+        if self._mark is not None:
+            self._mark.open()
+            self._reached = dict(self._mark.numbers)
         with self.explained():
             db = sqlite3.connect(self.path, isolation_level=None, timeout=1.0)
         try:
@@ -269,9 +297,13 @@ class Disk:
                 yield
                 db.execute("COMMIT")
             except BaseException:  # whatever a job raises: half of a transaction is never kept
+                if self._mark is not None:
+                    self._reached = dict(self._mark.numbers)
                 if db.in_transaction:
                     db.execute("ROLLBACK")
                 raise
+            if self._mark is not None and self._reached != self._mark.numbers:
+                self._mark.write(dict(self._reached))
 
     @contextlib.contextmanager
     def explained(self) -> Iterator[None]:
@@ -279,15 +311,20 @@ class Disk:
         try:
             yield
         except sqlite3.OperationalError as error:
-            if error.sqlite_errorname in ("SQLITE_BUSY", "SQLITE_LOCKED"):
+            if is_locked(error):
                 raise UsageError(f"{self.path}: is in use by {self.kind.rival}; stop it, or use another file") from None
             raise UsageError(f"{self.path}: cannot be used: {error}; check the free disk space and the file's permissions") from None
-        except sqlite3.DatabaseError as error:
+        except sqlite3.Error as error:
             raise UsageError(
                 f"{self.path}: is not {self.kind.owner} file, or is damaged ({error}); use another file, or restore a backup"
             ) from None
-        except (msgspec.MsgspecError, KeyError) as error:
+        except (ValueError, TypeError, LookupError) as error:  # data that were altered may raise any of these
             raise UsageError(f"{self.path}: holds something that is no {self.kind.content} ({error}); restore a backup") from None
+
+
+def is_locked(error: sqlite3.Error) -> bool:
+    """Whether another process has the file. Errors that do not come from SQLite itself have no name."""
+    return getattr(error, "sqlite_errorname", "") in ("SQLITE_BUSY", "SQLITE_LOCKED")
 
 
 def is_in_use(path: Path) -> bool:
@@ -296,7 +333,7 @@ def is_in_use(path: Path) -> bool:
         with contextlib.closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=0)) as db:
             db.execute("SELECT count(*) FROM sqlite_schema")
     except sqlite3.OperationalError as error:
-        return error.sqlite_errorname in ("SQLITE_BUSY", "SQLITE_LOCKED")
+        return is_locked(error)
     except sqlite3.DatabaseError:
         pass  # no database; whoever opens it explains that
     return False

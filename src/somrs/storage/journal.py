@@ -113,6 +113,7 @@ class Journal:
         """The parts of the last snapshot: the next one writes only what is different."""
         try:
             self._stored_journal = self.disk.write_and_wait(lambda db: read_stored_journal(db, component))
+            self.disk.check_reached(component, self._stored_journal.number if self._stored_journal is not None else 0)
         except UsageError:
             self.disk.close()
             raise
@@ -253,7 +254,9 @@ class Journal:
         while self._logged:
             write_batch(db, self._component, *self._logged.popleft())
         while self._queued and self._log is None:
-            write_batch(db, self._component, *self._next_batch())
+            last_number, document = self._next_batch()
+            write_batch(db, self._component, last_number, document)
+            self.disk.reach(self._component, last_number)
 
     def _next_batch(self) -> tuple[int, bytes]:
         """The first queued entries as one document, and the number of the last of them."""
@@ -286,9 +289,11 @@ class Journal:
         self._entry_count += len(entries)
 
     def _begin_anew(self, address: str, journaled: JournaledComponent) -> None:
-        self._stored_parts = self.disk.write_and_wait(
-            lambda db: begin_with(db, journaled, self._written, self._component, self._setting, address)
-        )
+        def begin(db: sqlite3.Connection) -> Parts:
+            self.disk.begin_at(self._component, journaled.number)
+            return begin_with(db, journaled, self._written, self._component, self._setting, address)
+
+        self._stored_parts = self.disk.write_and_wait(begin)
 
     async def carry_out(self, task: object, report: object = None) -> object:
         """Perform a task of the component on its archive, without blocking the event loop. There are no partial answers."""

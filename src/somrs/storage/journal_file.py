@@ -47,12 +47,18 @@ WITHOUT_INDEX = """
     DROP TABLE old_entries;
 """
 
+WITH_SUMS = "SELECT 0;"
+"""From the next format on, batches have checksums. Those of earlier formats stay as they are."""
+
+_SUM_MARK, _SUM_SIZE = b"\xc1SUM", 4
+"""What is between a batch and its checksum, and the size of the latter in bytes. 0xC1 is never used in msgpack."""
+
 KIND = Kind(
     owner="a journal's",
     content="input, record or state",
     rival="another process",
     application=0x534F4D4A,  # `SOMJ` in ASCII
-    version=5,
+    version=6,
     tables=TABLES + archive.TABLES,
     # Devices and Registries had files of other kinds. Their earlier contracts are not known then, and are reported as unknown.
     replaces={
@@ -73,6 +79,7 @@ KIND = Kind(
         """,
         3: WITHOUT_INDEX,
         4: WITH_PARTS,
+        5: WITH_SUMS,
     },
 )
 
@@ -128,7 +135,10 @@ def read_stored_journal(db: sqlite3.Connection, component: str) -> StoredJournal
         state=snapshot[0],
         sum=snapshot[1],
         parts={part: [*_read_part(db, component, part)] for part in _part_names(db, component)},
-        entries=[batch for (batch,) in db.execute("SELECT batch FROM entries WHERE component = ? ORDER BY last", (component,))],
+        entries=[
+            _without_sum(batch, last)
+            for batch, last in db.execute("SELECT batch, last FROM entries WHERE component = ? ORDER BY last", (component,))
+        ],
     )
 
 
@@ -153,7 +163,21 @@ def write_snapshot(db: sqlite3.Connection, component: str, number: int, timestam
 
 def write_batch(db: sqlite3.Connection, component: str, last: int, batch: bytes) -> None:
     """Write a batch of entries, the last of which has this number."""
-    db.execute("INSERT INTO entries VALUES (?, ?, ?)", (component, last, batch))
+    db.execute("INSERT INTO entries VALUES (?, ?, ?)", (component, last, batch + _SUM_MARK + _sum_of(batch)))
+
+
+def _sum_of(batch: bytes) -> bytes:
+    return zlib.crc32(batch).to_bytes(_SUM_SIZE, "big")
+
+
+def _without_sum(stored: bytes, last: int) -> bytes:
+    """The batch, whose last entry has this number. Raises KeyError if it was altered. Those of earlier formats have no checksum."""
+    end = len(stored) - _SUM_SIZE - len(_SUM_MARK)
+    if stored[max(end, 0) : -_SUM_SIZE] != _SUM_MARK:
+        return stored
+    if stored[-_SUM_SIZE:] != _sum_of(stored[:end]):
+        raise KeyError(f"the inputs up to number {last} are not those that were written")
+    return stored[:end]
 
 
 def write_open(db: sqlite3.Connection, component: str, open: tuple[str, ...]) -> None:

@@ -111,5 +111,6 @@ MIGRATIONS: Mapping[int, Step] = {
       WITHOUT ROWID;
     """,
     7: journal_file.WITH_PARTS,
+    8: journal_file.WITH_SUMS,
 }
 """The migration to the next format, by the format of the file."""

@@ -45,7 +45,7 @@ KIND = Kind(
     content="ontology, map or event",
     rival="another process",
     application=0x534F4D52,  # `SOMR` in ASCII
-    version=8,
+    version=9,
     tables=journal_file.TABLES + _TABLES,
     migrations=MIGRATIONS,
 )
