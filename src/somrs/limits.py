@@ -34,6 +34,10 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Time for the headers of a request, and again for its body."""
     frame_bytes: Count = 2**20
     """A message on a WebSocket."""
+    topics: Count = 200
+    """Tasks that one WebSocket follows. All other topics are few."""
+    followed_tasks: Count = 500
+    """Tasks that all WebSockets of the API follow together."""
     bytes_per_second: Count = 10_000
     """A larger body has as much more time as this rate takes."""
     send_seconds: Count = 60

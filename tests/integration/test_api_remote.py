@@ -15,7 +15,7 @@ import pytest
 import uvicorn
 from starlette.applications import Starlette
 from starlette.routing import Mount
-from websockets.asyncio.client import connect
+from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from somrs.api.formulas import CheckFormula
@@ -364,3 +364,32 @@ def test_an_unknown_path_and_a_wrong_method_are_answered_with_a_problem(tmp_path
             assert "/api/live and /api/poses" in msgspec.json.decode(denied.value.response.body or b"")["problem"]
 
     run_scenario(tmp_path / "data", scenario)
+
+
+def test_no_websocket_makes_the_api_follow_thousands_of_tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOMRS_LIMIT_FOLLOWED_TASKS", "300")
+
+    async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
+        url = f"{api.client.url.replace('http', 'ws', 1)}/live"
+        async with connect(url) as greedy_socket, connect(url) as second_socket:
+            for number, limit_text in enumerate(["follows at most 200 tasks"] * 5):
+                topics = [*(f"task {number}-{task}" for task in range(5000)), "map"]
+                await greedy_socket.send(msgspec.json.encode({"follow": topics, "confirm": number}).decode())
+                assert limit_text in await answer_with(greedy_socket, "problem")
+                assert str(number) in await answer_with(greedy_socket, "confirmed")
+            assert (await api.tasks.list()).rows == ()
+            topics = [f"task {task}" for task in range(200)]
+            await second_socket.send(msgspec.json.encode({"follow": topics}).decode())
+            assert "300 tasks are followed, which is the limit" in await answer_with(second_socket, "problem")
+            follow_the_same = msgspec.json.encode({"follow": [f"task 4-{task}" for task in range(200)], "confirm": 1}).decode()
+            await second_socket.send(follow_the_same)
+            assert "limit" not in await answer_with(second_socket, "confirmed"), "these are followed already"
+
+    run_scenario(tmp_path / "data", scenario)
+
+
+async def answer_with(socket: ClientConnection, field: str) -> str:
+    """The next message with this field, behind news."""
+    while field not in msgspec.json.decode(text := await socket.recv()):
+        pass
+    return str(text)

@@ -11,12 +11,16 @@ from somrs.api.context import Context
 from somrs.client.client import PATIENCE
 from somrs.client.operations import operation
 from somrs.client.refusals import ErrorReport, refusal_of
+from somrs.client.task_managers import READ_TIME
 from somrs.errors import RemoteError
 from somrs.protocol.messages import frp, orders
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.orders import Filled, OrderSaved, Run, StandingOrder, Template, TemplateSaved
 from somrs.protocol.messages.submission import Submit, Submitted
+
+CHANGE_TIME = 30.0
+"""Seconds that the Scheduler has to make a change."""
 
 RESTART_PATIENCE = 10.0
 """Seconds for which a read request waits for a Scheduler that is being restarted."""
@@ -166,7 +170,9 @@ class OrderService:
         scheduler = self._context.addresses.scheduler
         if scheduler is None:
             raise RemoteError("the Scheduler keeps templates and orders, and this system has none; `somrs up` starts one")
-        answer: object = await self._context.client.ask(scheduler, body, object, patience=patience)
+        answer: object = await self._context.client.ask(
+            scheduler, body, object, timeout=READ_TIME if patience else CHANGE_TIME, patience=patience
+        )
         match answer:
             case orders.OrdersRejected():
                 raise refusal_of(ErrorReport(**msgspec.structs.asdict(answer)))

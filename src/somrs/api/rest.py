@@ -20,7 +20,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from somrs.api.openapi import document
-from somrs.api.topics import is_topic, unknown_topics_text
+from somrs.api.topics import allowed_topics
 from somrs.api.unknown_fields import unknown_fields
 from somrs.client.api_client import JSON
 from somrs.client.hub import Hub, NewsSubscription
@@ -29,6 +29,7 @@ from somrs.client.operations import Document, Operation, Parameter
 from somrs.client.refusals import NotFound, WrongFormat, WrongMethod, error_report, status
 from somrs.entish.parse import nearest
 from somrs.errors import InputError, SomrsError
+from somrs.limits import limits
 
 log = logging.getLogger(__name__)
 
@@ -174,13 +175,15 @@ def _check_format(request: Request) -> None:
 async def _serve_news(socket: WebSocket, hub: Hub) -> None:
     """Send the news of the topics in the latest `Follow` message that exist, until the connection ends."""
     await socket.accept()
+    bounds = limits()
     with hub.subscribe() as subscription:
         sender = asyncio.create_task(_send_news(socket, subscription))
         try:
             while True:
                 request = msgspec.json.decode(await socket.receive_text(), type=Follow)
-                subscription.follow(filter(is_topic, request.follow))
-                if problem := unknown_topics_text(request.follow):
+                topics, problem = allowed_topics(request.follow, hub.topics - subscription.own_topics(), bounds)
+                subscription.follow(topics)
+                if problem:
                     report = error_report(NotFound(f"{problem}. The other topics of the message are followed"))
                     await socket.send_text(msgspec.json.encode(report).decode())
                 if request.confirm is not None:

@@ -6,6 +6,7 @@ A subscriber reads the task or the list once after it has subscribed, and merges
 from __future__ import annotations
 
 import asyncio
+import contextlib
 
 import msgspec
 
@@ -31,6 +32,10 @@ RETRY_DELAY = 1.0
 """Seconds before the next request to a Task Manager that did not answer."""
 
 
+FIRST_READS = 8
+"""Number of tasks that are read at the same time because somebody begins to follow them, so that other requests are answered between."""
+
+
 class TasksChanged(msgspec.Struct, frozen=True, kw_only=True):
     """News of the topic `tasks`: the new and changed tasks as they are now. `anew`: the list is complete; discard all other tasks."""
 
@@ -53,6 +58,7 @@ class TaskFeed:
 
     def __init__(self, client: Client, hub: Hub) -> None:
         self._client, self._hub = client, hub
+        self._first_reads = asyncio.Semaphore(FIRST_READS)
         hub.feed("tasks", self._tasks)
         hub.feed("task", self._task)
 
@@ -98,10 +104,13 @@ class TaskFeed:
     async def _task(self, topic: str) -> None:
         id = topic.partition(" ")[2]
         events = messages = contracts = 0
+        wait = 0.0
         while True:
-            request = WatchTask(task=id, after=events, wait=WAIT, messages=messages, contracts=contracts)
+            request = WatchTask(task=id, after=events, wait=wait, messages=messages, contracts=contracts)
             try:
-                news = await self._client.watch(request)
+                async with contextlib.nullcontext() if wait else self._first_reads:
+                    news = await self._client.watch(request)
+                wait = WAIT
                 has_ended = news.view.phase is Phase.ENDED
                 changed = await final_contracts(self._client, id) if has_ended and not news.more else news.contracts
             except Unanswered:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from somrs.client.client import Client
+from somrs.client.task_managers import READ_TIME
 from somrs.devices.simulator.link.roads import Roadmap, RoadPoint, TrafficState, driving, road_point
 from somrs.protocol.messages.traffic import ReadRoadmap, ReadTraffic, RoadmapPage, RoadmapPlace, TrafficView
 
@@ -48,7 +49,7 @@ class TrafficReader:
                 return _roadmap(view.roadmap, places)
 
     async def _view(self) -> TrafficView:
-        return await self._client.ask(self._address, ReadTraffic(), TrafficView)
+        return await self._client.ask(self._address, ReadTraffic(), TrafficView, timeout=READ_TIME)
 
     async def _places(self) -> tuple[int, Sequence[RoadmapPlace]]:
         """The edition of the roadmap, and all its places."""
@@ -64,7 +65,7 @@ class TrafficReader:
                 places, edition, page = [], page.edition, await self._page(0)
 
     async def _page(self, offset: int) -> RoadmapPage:
-        return await self._client.ask(self._address, ReadRoadmap(after=offset), RoadmapPage)
+        return await self._client.ask(self._address, ReadRoadmap(after=offset), RoadmapPage, timeout=READ_TIME)
 
 
 def _roadmap(number: int, places: Sequence[RoadmapPlace]) -> Roadmap:

@@ -13,7 +13,7 @@ from typing import TypeVar
 import msgspec
 
 from somrs.client.addresses import Addresses
-from somrs.client.task_managers import Answers, Listing, TaskManagers, first_answer
+from somrs.client.task_managers import READ_TIME, Answers, Listing, TaskManagers, first_answer
 from somrs.errors import FormulaError, RemoteError, UsageError
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Fact, Object
@@ -23,7 +23,7 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.neighbours import Neighbours, ReadNeighbours
 from somrs.protocol.messages.people import client_address
-from somrs.runtime.wire import Wire, retry_unanswered
+from somrs.runtime.wire import Unanswered, Wire, retry_unanswered
 
 PAGE = 50
 """Number of tasks requested at once."""
@@ -100,7 +100,10 @@ class Client:
             sender=client_address(author) if author else self._client_name, recipient=address, message_id=id or uuid.uuid4().urn
         )
         message = Message(header=header, body=body)
-        answer = await retry_unanswered(lambda: self._post(message, timeout), patience)
+        try:
+            answer = await retry_unanswered(lambda: self._post(message, timeout), patience)
+        except Unanswered as error:
+            raise Unanswered(f"{error}; `somrs status` shows what answers; try again") from None
         if answer is None:
             raise RemoteError(f"{address} took the {type(body).__name__} without an answer")
         if isinstance(answer.body, expected):
@@ -121,7 +124,7 @@ class Client:
             offset, has_next_page = 0, True
             while has_next_page:
                 question = knowledge.ReadOntology(after=offset, at_version=version)
-                page = await self.ask(self.addresses.repository, question, knowledge.OntologyPage)
+                page = await self.ask(self.addresses.repository, question, knowledge.OntologyPage, timeout=READ_TIME)
                 definitions += page.definitions.all_definitions()
                 changed.add(page.changed_at)
                 offset, has_next_page = page.next, page.more
@@ -137,7 +140,7 @@ class Client:
             name, last_object, has_next_page = "", "", True
             while has_next_page:
                 question = knowledge.ReadMap(after=last_object, at_version=version)
-                page = await self.ask(self.addresses.repository, question, knowledge.MapPage)
+                page = await self.ask(self.addresses.repository, question, knowledge.MapPage, timeout=READ_TIME)
                 objects += page.objects
                 facts += page.facts
                 versions.add(page.version)
@@ -181,7 +184,7 @@ class Client:
         """Up to `request.limit` events of the map and the ontology, read page by page."""
         events: list[knowledge.Event] = []
         while True:
-            page = await self.ask(self.addresses.repository, request, knowledge.Events)
+            page = await self.ask(self.addresses.repository, request, knowledge.Events, timeout=READ_TIME)
             events += page.events
             remaining_count = request.limit - len(page.events)
             if remaining_count <= 0 or not page.more or not page.events:
@@ -194,7 +197,7 @@ class Client:
         events: list[knowledge.Event] = []
         while True:
             question = knowledge.ReadHistory(object=name, limit=limit - len(events), before=before)
-            page = await self.ask(self.addresses.repository, question, knowledge.History)
+            page = await self.ask(self.addresses.repository, question, knowledge.History, timeout=READ_TIME)
             events += page.events
             if len(events) >= limit or not page.more or not page.events:
                 return msgspec.structs.replace(page, events=tuple(events))
@@ -218,7 +221,9 @@ class Client:
 
     async def ask_registry(self, question: Body, expected: type[Answer]) -> Answer:
         """Ask the Registry, or another one of the system if it does not answer: they list the same."""
-        return await first_answer([*self.addresses.registries.values()], lambda address: self.ask(address, question, expected))
+        return await first_answer(
+            [*self.addresses.registries.values()], lambda address: self.ask(address, question, expected, timeout=READ_TIME)
+        )
 
     async def map_neighbours(self) -> Neighbours:
         """The name of the map, and the neighbours whose objects it has."""
@@ -283,11 +288,11 @@ class Client:
         parts: list[task_views.TaskView] = []
         name = await self.task_managers.name_of(request.task, patience)
         address = self.task_managers.addresses[name]
-        news = await self.ask(address, request, task_news.TaskNews, timeout=request.wait + 40, patience=patience)
+        news = await self.ask(address, request, task_news.TaskNews, timeout=_answer_time(request.wait), patience=patience)
         while news.rest is not None:
             parts.append(news.view)
             next_request = msgspec.structs.replace(request, parts=news.rest, wait=0)
-            news = await self.ask(address, next_request, task_news.TaskNews, patience=patience)
+            news = await self.ask(address, next_request, task_news.TaskNews, timeout=READ_TIME, patience=patience)
         views = [*parts, news.view]
         steps, work = (tuple(chain.from_iterable(getattr(view, part) for view in views)) for part in ("steps", "work"))
         view = msgspec.structs.replace(news.view, steps=steps, work=work, task_manager=self.task_managers.label(name))
@@ -296,7 +301,7 @@ class Client:
     async def watch_list(self, request: task_news.WatchTasks, task_manager: str) -> task_news.TasksNews:
         """A page of the changes in the list of tasks of the Task Manager with this name."""
         address = self.task_managers.addresses[task_manager]
-        news = await self.ask(address, request, task_news.TasksNews, timeout=request.wait + 40)
+        news = await self.ask(address, request, task_news.TasksNews, timeout=_answer_time(request.wait))
         return msgspec.structs.replace(news, rows=tuple(self._of_manager(row, task_manager) for row in news.rows))
 
     async def rows(self) -> Listing[task_views.TaskRow]:
@@ -348,7 +353,7 @@ class Client:
         tasks: list[task_views.TaskView] = []
         question = task_news.ReadTasks(running=running, limit=PAGE if limit is None else min(limit, PAGE))
         while limit is None or len(tasks) < limit:
-            page = await self.ask(self.task_managers.addresses[name], question, task_news.Tasks)
+            page = await self.ask(self.task_managers.addresses[name], question, task_news.Tasks, timeout=READ_TIME)
             tasks += (self._of_manager(task, name) for task in page.tasks)
             if not page.more:
                 break
@@ -373,10 +378,15 @@ class Client:
     async def messages(self, task: str, offset: int = 0) -> task_news.Messages:
         """A page of the messages of a running or ended task, after the first `offset`."""
         address = await self.task_managers.address_of(task)
-        return await self.ask(address, task_news.ReadMessages(task=task, after=offset), task_news.Messages)
+        return await self.ask(address, task_news.ReadMessages(task=task, after=offset), task_news.Messages, timeout=READ_TIME)
 
     async def preview(self, request: previews.Preview) -> previews.Previewed:
         return await self.task_managers.ask_any(request, previews.Previewed, timeout=60)
+
+
+def _answer_time(wait: float) -> float:
+    """Seconds within which a request is answered that waits so long for news. One that waits is asked again, and may take its time."""
+    return wait + 40 if wait else READ_TIME
 
 
 def _newest_first(answers: Answers[tuple[Shown, ...]]) -> Listing[Shown]:

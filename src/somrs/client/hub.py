@@ -45,6 +45,10 @@ class NewsSubscription:
         previous_topics, self.topics = self.topics, frozenset(topics)
         self._hub.change_topics(self, previous_topics)
 
+    def own_topics(self) -> frozenset[str]:
+        """The topics that no other subscription follows."""
+        return self._hub.topics_of(self)
+
     async def wait_until_followed(self) -> None:
         """Wait until the topics are followed, so that data read afterwards is not older than the first news."""
         await self._hub.wait_until_followed(self.topics)
@@ -79,6 +83,10 @@ class Hub:
     def topics(self) -> frozenset[str]:
         """The topics that have a subscriber."""
         return frozenset(self._subscriptions)
+
+    def topics_of(self, subscription: NewsSubscription) -> frozenset[str]:
+        """The topics that only this subscription follows."""
+        return frozenset(topic for topic in subscription.topics if len(self._subscriptions.get(topic, ())) == 1)
 
     def feed(self, kind: str, feed: Feed) -> None:
         """Register the feed of the topics that begin with `kind`; it runs for a topic while the topic has a subscriber."""

@@ -27,6 +27,9 @@ from somrs.runtime.wire import Unanswered, retry_unanswered
 T = TypeVar("T")
 Answer = TypeVar("Answer")
 
+READ_TIME = 10.0
+"""Seconds after which a reader is told that a component does not answer now. Nothing else depends on that."""
+
 ANSWER_TIME = 5.0
 """Seconds that one of several Task Managers has to answer before it is said that it does not. Nothing else depends on that."""
 
@@ -121,13 +124,13 @@ class TaskManagers:
         silent: dict[str, None] = {}
 
         async def read_pages(query: ReadRecords) -> list[Records]:
-            answers = await self.ask_all(lambda name: self._ask(self.addresses[name], query, Records))
+            answers = await self.ask_all(lambda name: self._ask(self.addresses[name], query, Records, timeout=READ_TIME))
             silent.update(dict.fromkeys(answers.silent))
             return [of_task_manager(page, self.label(name)) for name, page in answers.by_name.items()]
 
         if not self.several or query.task in self._names:
             name = await self.name_of(query.task or "")
-            return of_task_manager(await self._ask(self.addresses[name], query, Records), self.label(name))
+            return of_task_manager(await self._ask(self.addresses[name], query, Records, timeout=READ_TIME), self.label(name))
         return structs.replace(await join_records(query, read_pages), silent=tuple(silent))
 
     # One task

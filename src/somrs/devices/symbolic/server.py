@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 
+from somrs.devices.open_sockets import OpenSockets
 from somrs.devices.symbolic.lines import (
     LONGEST,
     Answer,
@@ -33,7 +34,7 @@ class WorldServer:
 
     def __init__(self, world: SymbolicWorld, *, host: str = "127.0.0.1", port: int = 0, speed: float | None = 1.0) -> None:
         self.world, self.host, self.port, self.speed = world, host, port, speed
-        self._writers: set[asyncio.StreamWriter] = set()
+        self._sockets = OpenSockets()
 
     async def start(self) -> None:
         """Listen, and set `port` to the actual port."""
@@ -42,20 +43,22 @@ class WorldServer:
 
     async def stop(self) -> None:
         self._listener.close()
-        for writer in self._writers:
-            writer.close()
+        self._sockets.close()
         await self._listener.wait_closed()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._writers.add(writer)
         try:
+            if not self._sockets.add(writer):
+                writer.write(encode_line(Refused(reason=f"this world serves {self._sockets.limit} connections, which is the limit")))
+                return
             while line := await reader.readline():
+                self._sockets.note_heard(writer)
                 writer.write(encode_line(self._answered(line)))
                 await writer.drain()
         except (ConnectionError, ValueError) as error:  # ValueError: a line that is too long
             log.warning("a connection of a device ended: %s", error)
         finally:
-            self._writers.discard(writer)
+            self._sockets.remove(writer)
             writer.close()
 
     def _answered(self, line: bytes) -> Answer:

@@ -15,6 +15,7 @@ from typing import TypeVar
 
 from msgspec import Struct
 
+from somrs.devices.open_sockets import OpenSockets
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, Fault
 from somrs.devices.simulator.link.lines import (
     HEARTBEAT,
@@ -83,7 +84,7 @@ class Server:
         self.simulation, self.host, self.port, self.speed = simulation, host, port, speed
         self._is_shared = is_shared
         self._schedule = Schedule(simulation)
-        self._connections = Connections(simulation)
+        self._connections, self._sockets = Connections(simulation), OpenSockets()
         self._wake = asyncio.Event()
         self._pictures = Pictures(simulation)
 
@@ -198,7 +199,10 @@ class Server:
         connection = Connection(writer)
         self._connections.add(connection)
         try:
+            if not self._sockets.add(writer):
+                raise ConnectionClosing("full", f"this simulator serves {self._sockets.limit} connections, which is the limit")
             self._welcome(connection, await _next_line(reader))
+            self._sockets.note_heard(writer)
             while True:
                 self._hear(connection, await _next_line(reader))
                 if connection.slow:
@@ -209,6 +213,7 @@ class Server:
             pass
         finally:
             self._connections.remove(connection)
+            self._sockets.remove(writer)
             writer.close()
 
     def _welcome(self, connection: Connection, line: bytes) -> None:
