@@ -8,6 +8,7 @@ from somrs.api.map_news import MapNews
 from somrs.client.addresses import Addresses
 from somrs.client.hub import Hub
 from somrs.kernel.component import Effect, Input, Received, Send, SetTimer, Started, TimerFired
+from somrs.kernel.not_understood import refuse_request
 from somrs.kernel.replica import Replica
 from somrs.kernel.service_replica import ServiceReplica, ServiceUpdate
 from somrs.protocol.messages.bodies import Body
@@ -63,6 +64,8 @@ class Listener:
             case Received(Message(body=OrdersSubscribed(begun=started_at))) if started_at != self._scheduler_started_at:
                 self._scheduler_started_at = started_at  # the Scheduler was restarted: earlier news may be lost
                 self._orders_changed(templates=True, orders=True)
+            case Received(message):
+                return [*refuse_request(message, "it is where the API learns what changes; the API itself is elsewhere")]
         return []
 
     def _services_changed(self, update: ServiceUpdate, event: Input) -> None:

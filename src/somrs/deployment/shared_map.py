@@ -10,7 +10,8 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 from somrs.errors import InputError, RemoteError
-from somrs.kernel.component import Effect, Input, Started
+from somrs.kernel.component import Effect, Input, Received, Started
+from somrs.kernel.not_understood import refuse_request
 from somrs.kernel.replica import Replica
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
@@ -42,7 +43,9 @@ class _Copy:
             return self.replica.start(now)
         news = self.replica.handle(event, now)
         self.renewed.set()
-        return news.effects if news is not None else []
+        if news is None:
+            return [*refuse_request(event.message, "devices read a map here")] if isinstance(event, Received) else []
+        return news.effects
 
 
 class SharedMap:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from somrs.kernel.component import Answered, Ask, Effect, Effects, Input, SetTimer, Started, TimerFired
+from somrs.kernel.component import Answered, Ask, Effect, Effects, Input, Received, SetTimer, Started, TimerFired
+from somrs.kernel.not_understood import refuse_request
 from somrs.kernel.replica import Replica
 from somrs.ontology.modes import MOBILE_ROBOT, hold_reason, modes
 from somrs.traffic.notices import CloseWays, HoldTraffic
@@ -67,6 +68,8 @@ class MapFollower:
     def _follow(self, event: Input, now: float) -> Effects:
         news = self.replica.handle(event, now)
         if news is None:
+            if isinstance(event, Received):
+                yield from refuse_request(event.message, "traffic follows a map here")
             return
         yield from news.effects
         if not self.replica.ready:

@@ -20,6 +20,7 @@ from somrs.kernel.component import (
     TimerFired,
     Withdraw,
 )
+from somrs.kernel.not_understood import refuse_request
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Fault
@@ -107,6 +108,8 @@ class PassageProgram:
                     yield self._report()
             case DeliveryFailed(message=Message(body=EnterPassage() | ReportPassage())):
                 yield SetTimer(ReportDue(), now + PAUSE)
+            case Received(message):
+                yield from refuse_request(message, "traffic calls and releases a passage")
 
     def _work_on(self) -> Effects:
         """Have the hardware do what the last call or release says."""

@@ -14,6 +14,7 @@ from msgspec import structs
 from somrs.errors import WireError
 from somrs.kernel.codec import Migration, Schema
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, Effects, Input, Notified, Received, Send, Started, TimerFired
+from somrs.kernel.not_understood import refuse_request
 from somrs.protocol.frp.participant_session import ParticipantSession
 from somrs.protocol.frp.session import NOT_ALLOWED, ParticipantBody
 from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT, UNBEGUN, WORKING
@@ -155,7 +156,8 @@ class ServiceManager:
             yield from self._state_changed(job, message, transition.state_before, now)
 
     def _directory_answered(self, message: Message, now: float) -> Effects:
-        """Handle an answer of the Repository or the Registry."""
+        """Handle an answer of the Repository or the Registry, or what is not for a device."""
+        yield from refuse_request(message, "a device gives terms, carries out services, and says how far it is")
         if self._reports.is_pending(message.header.relates_to):
             trouble = yield from self._reports.answered(message, now)
             if trouble:

@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from msgspec import structs
 
 from somrs.devices.simulator.server.simulated_world import SimulatedWorld
-from somrs.kernel.component import Effect, Input, Started
+from somrs.kernel.component import Effect, Input, Received, Started
+from somrs.kernel.not_understood import refuse_request
 from somrs.kernel.replica import Replica, ReplicaUpdate
 from somrs.ontology.differences import differences
 from somrs.ontology.homes import renamed_change, renamed_fact, renamed_object
@@ -105,6 +106,9 @@ class Followed:
         return ontology
 
 
+PURPOSE = "a simulator follows a map"
+
+
 class Follower:
     """A component that only receives. It follows the objects that have their home on the map of one Repository."""
 
@@ -118,7 +122,7 @@ class Follower:
             return self.replica.start(now)
         news = self.replica.handle(event, now)
         if news is None:
-            return []
+            return [*refuse_request(event.message, PURPOSE)] if isinstance(event, Received) else []
         map_before, self._map = self._map, self.replica.map
         # A reloaded map has no list of changes, so they are computed from the difference.
         changes = differences(map_before, self.replica.map) if news.reloaded else news.changes
