@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from somrs.devices.simulator.link.link import RobotLink
+from somrs.devices.simulator.link.link import OperatorLink, RobotLink
 from somrs.devices.symbolic.lines import Hello, encode_line
 from somrs.devices.symbolic.server import WorldServer
 from somrs.devices.symbolic.world import SymbolicWorld
@@ -24,9 +24,9 @@ def test_robots_find_a_place_among_silent_connections_and_none_among_speaking_on
             async with RobotLink(server.host, server.port, "Robot1") as robot:
                 assert await silent_connections[0][0].read() == b"", "it gave its place up"
                 silent_connections += [await asyncio.open_connection(server.host, server.port) for _ in range(20)]
-                async with RobotLink(server.host, server.port, "Robot2"), RobotLink(server.host, server.port, None):
+                async with RobotLink(server.host, server.port, "Robot2"), OperatorLink(server.host, server.port):
                     with pytest.raises(RemoteError, match="serves 3 connections, which is the limit"):
-                        async with RobotLink(server.host, server.port, None):
+                        async with OperatorLink(server.host, server.port):
                             pass
                     assert (await robot.status()).state
             for _, writer in silent_connections:

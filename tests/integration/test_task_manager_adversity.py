@@ -323,3 +323,51 @@ def test_who_takes_for_ever_to_undo_something_is_given_up_and_the_task_ends() ->
     assert view.outcome is Outcome.CANCELLED
     assert system.world.now - cancel_time < 600
     assert "could not be undone, and it left Jar001 isOn Platform001" in view.explanation
+
+
+STRANGER = "stranger"
+"""The address of somebody else, to which nobody answers."""
+
+
+def interfere(system: VirtualSystem, task: str, body: frp.Stop | frp.End | frp.Execute) -> None:
+    """Somebody else gives the robot of the task an order, as if it were its coordinator."""
+    (member,) = [member for member in system.manager.state.tasks[task].members if member.state is State.EXECUTING]
+    header = Header(
+        sender=STRANGER,
+        recipient=ROBOT1,
+        message_id=message_id("stranger", type(body).__name__),
+        transaction=task,
+        participant=member.id,
+        reply_to=STRANGER,
+        relates_to=member.session.terms_id,
+    )
+    system.world.send(Message(header=header, body=body))
+
+
+@pytest.mark.parametrize(
+    "orders",
+    [
+        (frp.Stop(reason="mine"),),
+        (frp.End(outcome=Outcome.CANCELLED),),
+        (frp.Stop(reason="mine"), frp.End(outcome=Outcome.CANCELLED)),
+    ],
+)
+def test_a_robot_that_somebody_else_has_stopped_is_found_out_with_the_first_question(orders: tuple[frp.Stop | frp.End, ...]) -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 600), Robot("Robot2", 20, 5))
+    task = system.submit(GOAL)
+    run_until_executing(system, task)
+    for order in orders:
+        interfere(system, task, order)
+        system.world.run(3)
+    assert system.world.run(60, lambda: system.view(task).work[0].state is not State.EXECUTING)
+    assert [kind for kind, device in system.protocol_messages(task) if device == "Robot1"].count("Query") == 1
+    assert system.view(task).work[0].state in (State.STOPPED, State.FAILED)
+
+
+def test_a_report_that_went_to_somebody_else_is_asked_for() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 30))
+    task = system.submit(GOAL)
+    run_until_executing(system, task)
+    interfere(system, task, frp.Execute(inputs={}))
+    assert system.world.run(100, lambda: system.view(task).work[0].state is not State.EXECUTING)
+    assert system.view(task).work[0].note == "failed: no heartbeat reached the coordinator, so the work was stopped"

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
-from somrs.protocol.frp.states import WORKING, MessageType
+from somrs.protocol.frp.states import UNREACHED_STATES, WORKING, MessageType
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.execution.participants import UNREACHED_STATES
 from verification.model_check.channels import Channels, ChannelUpdate
 from verification.model_check.coordinator import Coordinator, Coordinators, Phase
 from verification.model_check.futures import Futures

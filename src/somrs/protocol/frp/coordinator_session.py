@@ -105,6 +105,11 @@ class CoordinatorSession(Session, tag="coordinator", kw_only=True):
             raise self._state_error(Accept, states.COORDINATOR_SENDS.get(self.state, {}))
         return self.send(Accept(terms=self.terms_id))
 
+    def last_order(self) -> tuple[Message, ...]:
+        """The order that has not been reported on, unchanged: a participant that has reported repeats its report."""
+        names = {State.EXECUTING: "Execute", State.STOPPING: "Stop", State.COMPENSATING: "Compensate"}
+        return self._repeat(names[self.state]) if self.state in names else ()
+
     def abandon(self) -> bool:
         """Give up a participant that was silent for too long. Return whether the state changed: without a contract, it does not."""
         if self.state not in states.ABANDONED_STATES:
@@ -123,11 +128,14 @@ class CoordinatorSession(Session, tag="coordinator", kw_only=True):
         return False
 
     def _forgotten(self, message: Message) -> bool:
-        """Whether the participant reports that it has no contract, in answer to a Query that was sent after the contract was made."""
+        """Whether the participant reports that it has no contract, in answer to a Query that was sent after the contract was made.
+
+        It may have lost its data; or somebody else has ended the contract, and it never works under it again.
+        """
         query = self.sent_messages.get("Query")
         return (
             isinstance(message.body, Status)
-            and message.body.state is State.NEW
+            and message.body.state in (State.NEW, State.ENDED)
             and self.state in states.CONTRACTED
             and query is not None
             and query.id == message.header.relates_to

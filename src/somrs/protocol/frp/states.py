@@ -210,3 +210,15 @@ In other states such an Execute is like any other. The answer to such a Compensa
 
 RESUMES: dict[State, MessageType] = {EXECUTING: Failed, STOPPING: Stopped, COMPENSATING: Stranded}
 """What a participant reports after a restart or a lost connection in the middle of its work, once its device is in a safe state."""
+
+UNREACHED_STATES: dict[State, tuple[State, ...]] = {EXECUTING: (OFFERED, COMMITTED), COMPENSATING: (COMPLETED, FAILED, STOPPED)}
+"""By the coordinator's state of a participant: the states in a Status which show that the last order has not arrived. It is sent again."""
+
+
+REPORTED_STATES: dict[State, tuple[State, ...]] = {
+    EXECUTING: (COMPLETED, FAILED, STOPPED),
+    STOPPING: (COMPLETED, FAILED, STOPPED),
+    COMPENSATING: (COMPENSATED, STRANDED),
+}
+"""By the coordinator's state of a participant: the states in a Status which show that it has reported. The report is on its way, or it went
+to somebody else who gave an order."""

@@ -10,7 +10,7 @@ from somrs.kernel.component import Effect, Effects, EffectsReturning, Send, SetT
 from somrs.ontology.modes import stands_still
 from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.frp.session import CoordinatorBody, ReceiveResult, participant_id
-from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDING_STATES, WORKING
+from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDING_STATES, REPORTED_STATES, UNREACHED_STATES, WORKING
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
@@ -33,10 +33,6 @@ LATENESS = 10.0
 
 LEAST_TIME = 60.0
 """Minimum seconds before a service is stopped, however short its promised duration is."""
-
-
-UNREACHED_STATES = {State.EXECUTING: (State.OFFERED, State.COMMITTED), State.COMPENSATING: (State.COMPLETED, State.FAILED, State.STOPPED)}
-"""By the coordinator's state of a participant: the states in a Status which show that the last order has not arrived. It is sent again."""
 
 
 class Members(Struct, kw_only=True):
@@ -159,6 +155,19 @@ class Participants:
     def is_unreached(self, member: Member, body: object) -> bool:
         """Whether the message shows that the last order has not arrived."""
         return isinstance(body, frp.Status) and member.last_order is not None and body.state in UNREACHED_STATES.get(member.state, ())
+
+    def has_reported(self, member: Member, body: object) -> bool:
+        """Whether the message shows that the participant has sent a report that has not come."""
+        return isinstance(body, frp.Status) and body.state in REPORTED_STATES.get(member.state, ())
+
+    def ask_for_report(self, member: Member, status: frp.Status, now: float) -> Effects:
+        """Have a participant repeat its report. One that somebody else has stopped repeats it in answer to a Stop."""
+        if member.state is State.EXECUTING and status.state is State.STOPPED:
+            yield from self.halt(member, "it was stopped already", now)
+            return
+        for message in member.session.last_order():
+            self._log_message(now, message)
+            yield Send(self._translation(member).outgoing(message), now + self._silence_time)
 
     def order_again(self, member: Member, now: float) -> Effects:
         """Repeat the last order."""

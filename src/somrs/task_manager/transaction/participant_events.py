@@ -49,6 +49,8 @@ class ParticipantEvents:
             return (yield from self._process_message(member, message, now))
         if self._scope.participants.is_unreached(member, message.body):
             yield from self._order_again(member, now)
+        elif isinstance(message.body, frp.Status) and self._scope.participants.has_reported(member, message.body):
+            yield from self._scope.participants.ask_for_report(member, message.body, now)
         if member.lost_version is not None:
             yield from self._process_late_message(member, message, now)
         return None
@@ -145,9 +147,10 @@ class ParticipantEvents:
             case frp.Fault(text=text) if member.state in (State.FAILED, State.STRANDED):
                 self._log_event(events.ServiceFaulted(service=name, text=text), run, now)
                 return (yield from self._reported(member, None, None, text, now))
-            case frp.Status() if member.state in (State.FAILED, State.STRANDED):
+            case frp.Status(state=status) if member.state in (State.FAILED, State.STRANDED):
                 self._log_event(events.ContractForgotten(service=name), run, now)
-                return (yield from self._reported(member, None, None, "it has forgotten its contract", now))
+                trouble = "somebody else has ended its contract" if status is State.ENDED else "it has forgotten its contract"
+                return (yield from self._reported(member, None, None, trouble, now))
         return None
 
     def _progressed(self, member: Member, run: StepRun | None, progress: frp.Progress, now: float) -> Effects:

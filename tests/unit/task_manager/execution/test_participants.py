@@ -382,6 +382,27 @@ def test_who_was_not_reached_by_what_it_was_told_is_told_again(state: State, sta
     assert (type(member.last_order), member.begins_by) == (type(first_order), 130.0)
 
 
+@pytest.mark.parametrize(
+    ("state", "status", "order"),
+    [
+        (State.EXECUTING, State.COMPLETED, "Execute"),
+        (State.EXECUTING, State.FAILED, "Execute"),
+        (State.EXECUTING, State.STOPPED, "Stop"),
+        (State.STOPPING, State.STOPPED, "Stop"),
+        (State.COMPENSATING, State.STRANDED, "Compensate"),
+        (State.EXECUTING, State.EXECUTING, None),
+        (State.COMPENSATING, State.COMPLETED, None),
+    ],
+)
+def test_who_has_reported_to_somebody_else_is_told_to_repeat_it(state: State, status: State, order: str | None) -> None:
+    transaction = TransactionHarness()
+    member, body = transaction.in_state(state), frp.Status(state=status)
+    assert transaction.participants.has_reported(member, body) is (order is not None)
+    if order is not None:
+        effects, _ = run_effects(transaction.participants.ask_for_report(member, body, 110.0))
+        assert [(type(repeated).__name__, expires_at) for repeated, expires_at in sends(effects)] == [(order, 130.0)]
+
+
 def test_a_stranger_is_sent_home() -> None:
     transaction = TransactionHarness()
     message = transaction.message("Robot9.Work#step1", frp.Completed(situation="Jar1.Clean = TRUE"))
