@@ -30,6 +30,7 @@ from somrs.client.refusals import NotFound, WrongFormat, WrongMethod, error_repo
 from somrs.entish.parse import nearest
 from somrs.errors import InputError, SomrsError
 from somrs.limits import limits
+from somrs.protocol.messages.ranges import check_ranges
 
 log = logging.getLogger(__name__)
 
@@ -153,14 +154,17 @@ async def _read_argument(parameter: Parameter, request: Request) -> list[Any]:
             value = msgspec.json.decode(content, type=parameter.type)
             if unknown := [*unknown_fields(msgspec.json.decode(content), value)]:
                 raise InputError(f"the body: {'; '.join(unknown)}")
+            check_ranges(value)
             return [value]
         text = request.path_params.get(parameter.name) if parameter.place == "path" else request.query_params.get(parameter.name)
         if text is None and not parameter.required:
             return []
         if text is None:
             raise InputError(f"{parameter.name} is missing; add it to the query: ?{parameter.name}=...")
-        return [msgspec.convert(text, type=parameter.type, strict=False)]
-    except (msgspec.ValidationError, msgspec.DecodeError, UnicodeDecodeError) as error:
+        value = msgspec.convert(text, type=parameter.type, strict=False)
+        check_ranges(value, parameter.name)
+        return [value]
+    except (msgspec.ValidationError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         location = "the body" if parameter.place == "body" else parameter.name
         raise InputError(f"{location}: {error}; the API's documentation page describes what is expected") from None
 
@@ -188,7 +192,7 @@ async def _serve_news(socket: WebSocket, hub: Hub) -> None:
                     await socket.send_text(msgspec.json.encode(report).decode())
                 if request.confirm is not None:
                     await socket.send_text(msgspec.json.encode(Confirmed(confirmed=request.confirm)).decode())
-        except msgspec.MsgspecError as error:
+        except (msgspec.MsgspecError, RecursionError) as error:
             await socket.close(1008, f'send the topics to follow, such as {{"follow": ["map"]}}: {error}'[:120])
         except (WebSocketDisconnect, RuntimeError, KeyError):  # the connection ended, or the message is not text
             pass

@@ -17,7 +17,7 @@ map_app = typer.Typer(help="Query and change the map in the Repository.", no_arg
 @map_app.command()
 def query(
     formula: Formula,
-    limit: Annotated[int, typer.Option(help="Maximum number of results.")] = 100,
+    limit: Annotated[int, typer.Option(min=1, max=1_000_000, help="Maximum number of results.")] = 100,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:

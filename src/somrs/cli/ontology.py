@@ -14,8 +14,8 @@ ontology_app = typer.Typer(help="Edit the ontology in the Repository, and show i
 
 Author = Annotated[str, typer.Option(help="The author of the change.")]
 Dry = Annotated[bool, typer.Option("--dry-run", help="Only print the consequences. The exit status is 1 if the change is not possible.")]
-Limit = Annotated[int, typer.Option(help="Maximum number of events.")]
-BeforeOption = Annotated[int | None, typer.Option(help="Only events before this version.")]
+Limit = Annotated[int, typer.Option(min=1, max=1_000_000, help="Maximum number of events.")]
+BeforeOption = Annotated[int | None, typer.Option(min=0, help="Only events before this version.")]
 Version = Annotated[int, typer.Argument(help="The version to undo; `history` and `events` list the versions.")]
 SomeSection = Annotated[str, typer.Argument(metavar="KIND", help="attribute, relation, function, type or service.")]
 DEFAULT_AUTHOR = "user at the command line"

@@ -22,7 +22,7 @@ WorldOption = Annotated[
     WorldKind,
     typer.Option("--world", help="What moves the simulated world: `physics`, or `kinematic`, without forces, for hundreds of robots."),
 ]
-PortOption = Annotated[int, typer.Option("--port", help="The port to listen on; 0 selects a free port.")]
+PortOption = Annotated[int, typer.Option("--port", min=0, max=65535, help="The port to listen on; 0 selects a free port.")]
 AllowedHosts = Annotated[
     list[str],
     typer.Option(

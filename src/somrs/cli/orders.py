@@ -140,7 +140,7 @@ def add_order(
 @orders_app.command(name="runs")
 def show_runs(
     name: OrderName,
-    limit: Annotated[int, typer.Option(min=1, help="Maximum number of runs.")] = 20,
+    limit: Annotated[int, typer.Option(min=1, max=1_000_000, help="Maximum number of runs.")] = 20,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:

@@ -54,7 +54,9 @@ def bus(
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 4222,
-    cluster_port: Annotated[int, typer.Option(help="The port for the other servers of the bus, if there are several.")] = 6222,
+    cluster_port: Annotated[
+        int, typer.Option(min=1, max=65535, help="The port for the other servers of the bus, if there are several.")
+    ] = 6222,
     route: Annotated[
         list[str], typer.Option(envvar="SOMRS_ROUTES", help="HOST:PORT of each server of the bus for the others, its own too.")
     ] = [],  # noqa: B006  # as above

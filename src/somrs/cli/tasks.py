@@ -109,7 +109,7 @@ def look(
 @tasks_app.command()
 def tasks(
     history: Annotated[bool, typer.Option("--history", help="List ended tasks, too.")] = False,
-    limit: Annotated[int, typer.Option(min=1, help="Maximum number of ended tasks.")] = 20,
+    limit: Annotated[int, typer.Option(min=1, max=1_000_000, help="Maximum number of ended tasks.")] = 20,
     since: SinceOption = None,
     outcome: OutcomeWanted = None,
     text: TextOption = None,

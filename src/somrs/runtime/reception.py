@@ -13,7 +13,9 @@ from urllib.parse import unquote, urlsplit
 
 from somrs.errors import InputError, RemoteError, WireError
 from somrs.protocol.messages import frp
+from somrs.protocol.messages.bodies import REQUESTS, FrpBody
 from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.ranges import check_ranges
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import SENDER
 from somrs.runtime.batches import Outcome
@@ -81,6 +83,8 @@ class Reception:
         message: Message | None = None
         try:
             message = self._format.decode(document)
+            if type(message.body) in REQUESTS or isinstance(message.body, FrpBody):
+                check_ranges(message.body)
             if handler is None:
                 path = unquote(urlsplit(message.header.recipient).path)
                 handler = self._parts.get(path)
