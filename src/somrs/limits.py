@@ -42,6 +42,8 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """A larger body has as much more time as this rate takes."""
     send_seconds: Count = 60
     """Time in which a client reads some of its response."""
+    log_bytes: Count = 64 * 2**20
+    """A log file. When it is full, its content goes to a file beside it."""
 
 
 def limits(environment: Mapping[str, str] = os.environ) -> Limits:

@@ -152,16 +152,16 @@ async def run_system(site: Sequence[Path], data: Path, make_system: Callable[[Se
 
 async def _supervise(system: System, report: Callable[[str], None], stopped: asyncio.Task[str]) -> None:
     """Keep the programs of a system running until it is asked to stop. `report` receives what happens, and why it stops."""
-    supervisor = asyncio.create_task(system.keep_running(report))
+    supervisor, rotation = asyncio.create_task(system.keep_running(report)), asyncio.create_task(system.bound_logs())
     try:
         await asyncio.wait([supervisor, stopped], return_when=asyncio.FIRST_COMPLETED)
         if supervisor.done():
             supervisor.result()
         report(f"the system stops: it received {stopped.result()}")
     finally:
-        supervisor.cancel()
-        stopped.cancel()
-        await asyncio.wait([supervisor, stopped])
+        for task in (supervisor, rotation, stopped):
+            task.cancel()
+        await asyncio.gather(supervisor, rotation, stopped, return_exceptions=True)
 
 
 async def services(type: str | None, effect: str | None, attributes: Sequence[str], data: Path, *, json: bool) -> None:

@@ -8,9 +8,11 @@ from typing import Any
 
 import msgspec
 
+from somrs.limits import limits
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.records import TaskRecord
 from somrs.protocol.messages.task_views import MessageView
+from somrs.storage.log_files import LogFile, older_file
 
 TASK_MANAGER = "TaskManager"
 
@@ -94,15 +96,14 @@ def trace_file(data: Path, number: int = 1) -> Path:
 
 
 class Trace:
-    """Writes messages to a trace file, unbuffered, so that other programs can read them at once."""
+    """Writes messages to a trace file. The earlier ones of a long trace are in the file beside it, and the earliest are gone."""
 
     def __init__(self, path: Path) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = path.open("ab", buffering=0)
+        self._file = LogFile(path, limits().log_bytes)
         self.coordinator = ""
 
     def __call__(self, message: Message, now: float) -> None:
-        self._file.write(msgspec.json.encode(_line_of(message, now, self.coordinator)) + b"\n")
+        self._file.write_line(msgspec.json.encode(_line_of(message, now, self.coordinator)))
 
     def close(self) -> None:
         self._file.close()
@@ -113,12 +114,22 @@ class Follower:
 
     def __init__(self, path: Path) -> None:
         self._path, self._offset = path, 0
+        self._file_number: int | None = None
+        """The inode of the file that is being read."""
 
     def new(self) -> Iterator[Line]:
         """The lines that were added since the last call."""
-        if not self._path.exists():
-            return
-        with self._path.open("rb") as file:
+        for path in (older_file(self._path), self._path):
+            if not path.exists():
+                continue
+            number = path.stat().st_ino
+            if path == self._path and number != self._file_number:
+                self._file_number, self._offset = number, 0
+            if number == self._file_number:
+                yield from self._lines(path)
+
+    def _lines(self, path: Path) -> Iterator[Line]:
+        with path.open("rb") as file:
             file.seek(self._offset)
             for raw in file:
                 if not raw.endswith(b"\n"):

@@ -20,6 +20,7 @@ import msgspec
 from somrs.client.addresses import Addresses, registry_path, task_manager_path
 from somrs.deployment.programs import until_stopped
 from somrs.errors import RemoteError, UsageError
+from somrs.limits import limits
 from somrs.runtime.bus import Bus, BusAddress
 from somrs.runtime.bus_gateway import BusParts
 from somrs.runtime.http import Server
@@ -77,7 +78,14 @@ async def run_bus(data: Path, host: str, port: int, cluster_port: int = 0, route
 
 def _settings(folder: Path, host: str, port: int) -> dict[str, object]:
     """The configuration of the NATS server. An acknowledged write is on disk: `sync_interval`."""
-    return {"host": host, "port": port, "log_file": str(folder / LOG), "jetstream": {"store_dir": str(folder), "sync_interval": "always"}}
+    return {
+        "host": host,
+        "port": port,
+        "log_file": str(folder / LOG),
+        "log_size_limit": limits().log_bytes,
+        "log_max_num": 2,
+        "jetstream": {"store_dir": str(folder), "sync_interval": "always"},
+    }
 
 
 def _cluster(host: str, port: int, routes: Sequence[str]) -> dict[str, object]:

@@ -26,9 +26,11 @@ from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_window
 from somrs.deployment.task_managers import task_manager_count
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError, UsageError
+from somrs.limits import limits
 from somrs.ports import Reservation, until_listening
 from somrs.runtime.bus import BusAddress
 from somrs.storage.disk import is_in_use
+from somrs.storage.log_files import empty_if_full
 
 log = logging.getLogger(__name__)
 
@@ -53,6 +55,9 @@ _SETTINGS = {"SOMRS_BUS", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS"}
 
 OWN_BUS = "own"
 """A bus that is started with the system."""
+
+LOG_CHECK = 10.0
+"""Seconds between two looks at the size of the logs."""
 
 STOP_TIME = 5.0
 """Seconds that a program has to end after SIGTERM before it is killed."""
@@ -317,6 +322,14 @@ class System:
         assert self._reservation is not None, "made before the first program is started"
         environment = {name: value for name, value in self._reservation.environment.items() if name not in _SETTINGS}
         return await self._launcher.start(arguments, output, environment)
+
+    async def bound_logs(self) -> None:
+        """Keep the logs of the programs from filling the disk, until cancelled."""
+        most_bytes = limits().log_bytes
+        while True:
+            await asyncio.sleep(LOG_CHECK)
+            for file in (self.data / "logs").glob("*.log"):
+                empty_if_full(file, most_bytes)
 
     async def keep_running(self, report: Callable[[str], None]) -> None:
         """Start programs again when they end, until cancelled; they continue from their journals. `report` receives texts for people."""
