@@ -117,7 +117,7 @@ EXPECTED = {
 
 
 MAX_DEPTH = 100
-"""The maximum depth of nested parentheses."""
+"""The maximum depth of nested parentheses and negations, and the maximum number of operations in one expression."""
 
 
 class ParsedFormula(Struct, frozen=True):
@@ -311,15 +311,23 @@ def read(text: str) -> ParsedFormula:
 
 def _limit_depth(text: str) -> None:
     """Refuse deeply nested formulas, so that recursive functions on formulas stay within Python's stack."""
-    depth = negations = 0
-    for match in re.finditer(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|[()]|[^\W\d][\w-]*', text):
+    depth = negations = operations = 0
+    levels: list[int] = []
+    for match in re.finditer(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|[()+*,-]|[^\W\d][\w-]*', text):
         token = match.group()
+        if token == "(":
+            levels.append(1 + negations)
+            depth += levels[-1]
+        elif token == ")" and levels:
+            depth -= levels.pop()
         negations = negations + 1 if token == "NOT" else 0
-        depth += {"(": 1, ")": -1}.get(token, 0)
-        if depth > MAX_DEPTH:
-            raise FormulaError(text, match.start(), f"more than {MAX_DEPTH} parentheses within each other", "write it flatter")
+        operations = operations + (token in "+-*") if token not in ("AND", "OR", ",") else 0
         if negations > MAX_DEPTH:
             raise FormulaError(text, match.start(), f"more than {MAX_DEPTH} NOTs in a row", "two NOTs cancel each other")
+        if depth + negations > MAX_DEPTH:
+            raise FormulaError(text, match.start(), f"more than {MAX_DEPTH} parentheses within each other", "write it flatter")
+        if operations > MAX_DEPTH:
+            raise FormulaError(text, match.start(), f"more than {MAX_DEPTH} operations in one expression", "write a shorter sum")
 
 
 def _unexpected(text: str, error: UnexpectedInput) -> FormulaError:

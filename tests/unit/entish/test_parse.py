@@ -167,3 +167,31 @@ def test_what_has_no_place_is_shown_at_the_beginning() -> None:
 )
 def test_which_names_are_nearest(name: str, known_names: list[str], hint: str) -> None:
     assert nearest(name, known_names) == hint
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a.L = " + " + ".join(["1"] * 5_000),
+        "a.L = " + " - ".join(["b.L"] * 5_000),
+        "a.L = " + "*".join(["b.L"] * 5_000),
+        "NOT " * 90 + "(" + "NOT " * 90 + "a isOn b" + ")",
+        ("NOT " * 50 + "(") * 90 + "a isOn b" + ")" * 90,
+        "EXISTS ?x (" * 5_000 + "a isOn b" + ")" * 5_000,
+        "f(" * 5_000,
+    ],
+)
+def test_formulas_that_would_need_much_stack_are_refused(text: str) -> None:
+    for read_text in (parse, parse_beginning):
+        with pytest.raises(FormulaError, match="more than 100"):
+            read_text(text)
+
+
+def test_formulas_that_are_long_and_flat_are_read() -> None:
+    for text in (
+        " AND ".join(["NOT a isOn b"] * 2_000),
+        " OR ".join(["a.L + 1 - 2 = b.L * 3"] * 2_000),
+        "a.L = " + " + ".join(["1"] * 100),
+        ("NOT (" * 50) + "a isOn b" + ")" * 50,
+    ):
+        parse(text)
