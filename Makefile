@@ -12,7 +12,7 @@ JOBS ?= auto
 MORE_JOBS ?= $(shell echo $$(((3 * $$(getconf _NPROCESSORS_ONLN) + 1) / 2)))
 AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution clean kill-runs upgrade-runs mutants slow
+.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution clean kill-runs attack upgrade-runs mutants slow
 
 setup: .venv/.ready
 
@@ -101,6 +101,10 @@ benchmarks: setup
 # Kills real processes at every type of message of the protocol; SEED=17 plays one run once more.
 kill-runs: setup
 	@$(BIN)/python -m verification.kill_runs $(if $(BUS),--bus) $(if $(N),--runs $(N)) $(if $(SEED_BASE),--first $(SEED_BASE)) $(if $(SEED),--seed $(SEED))
+
+# What the servers of a running system promise to refuse; SEED=17 draws the same messages once more.
+attack: setup
+	@$(BIN)/python -m verification.attack --fuzz $(or $(N),2000) $(if $(SEED),--seed $(SEED)) --only "$(ONLY)"
 
 # A system of the last release is killed amid tasks and started again with today's code; SEED=17 plays one run once more.
 upgrade-runs: setup

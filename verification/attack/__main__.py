@@ -1,0 +1,107 @@
+"""Attacks a running system, and counts the promises that it keeps.
+
+    python -m verification.attack [--fuzz 2000] [--seed 1] [--only NAME] [--out out/attack]
+
+The last line is `N passed, N failed`. `--seed` repeats the drawn messages of a run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import random
+import shutil
+import sys
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+from rich.console import Console
+
+from somrs.errors import SomrsError
+from verification.attack import browsers, documents, floods
+from verification.attack.fuzz import Fuzz
+from verification.attack.target import Defect, Target, attacked_system
+
+ATTACKS: tuple[Callable[[Target], Awaitable[None]], ...] = (
+    browsers.other_sites_change_nothing,
+    browsers.forms_change_nothing,
+    browsers.pages_stay_in_their_frames,
+    browsers.paths_lead_nowhere,
+    documents.xml_is_small,
+    documents.json_is_flat,
+    documents.formulas_are_read_or_refused,
+    documents.requests_have_one_reading,
+    floods.large_headers_are_not_kept,
+    floods.large_bodies_are_refused,
+    floods.endless_bodies_end,
+    floods.slow_requests_end,
+    floods.websockets_take_no_nonsense,
+    floods.topics_are_bounded,
+    floods.websockets_are_bounded,
+    floods.connections_that_send_nothing_keep_nobody_out,
+    floods.the_simulator_takes_no_nonsense,
+)
+
+BATCH = 100
+"""Drawn messages between two looks at the system."""
+
+
+class Series:
+    """The attacks of a run, and what became of them."""
+
+    def __init__(self, target: Target, console: Console) -> None:
+        self._target, self._console = target, console
+        self.passed = self.failed = 0
+
+    async def attempt(self, name: str, attack: Callable[[], Awaitable[None]]) -> None:
+        """Carry out an attack, and look whether the system is well afterwards."""
+        try:
+            await attack()
+            await self._target.check()
+        except (Defect, SomrsError, OSError) as error:
+            self.failed += 1
+            self._console.print(f"[bold red]failed[/] {name}: ", end="")
+            self._console.print(str(error) or type(error).__name__, markup=False)
+        else:
+            self.passed += 1
+            self._console.print(f"passed {name}")
+
+
+async def attack(out_folder: Path, count: int, seed: int, only: str) -> Series:
+    """Start a system, and attack it."""
+    console = Console(highlight=False, soft_wrap=True)
+    shutil.rmtree(out_folder, ignore_errors=True)
+    async with attacked_system(out_folder / "data") as target:
+        await target.check()
+        series = Series(target, console)
+        for attempt in ATTACKS:
+            name = attempt.__name__.replace("_", " ")
+            if only in name:
+                await series.attempt(name, lambda attempt=attempt: attempt(target))  # type: ignore[misc]
+        if only in "drawn messages":
+            for first in range(0, count, BATCH):
+                fuzz = Fuzz(target, seed + first)
+                await series.attempt(f"drawn messages {first} to {first + BATCH - 1} of seed {seed}", lambda fuzz=fuzz: _draw(fuzz))  # type: ignore[misc]
+        return series
+
+
+async def _draw(fuzz: Fuzz) -> None:
+    for _ in range(BATCH // 2):
+        await fuzz.message()
+        await fuzz.request()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m verification.attack")
+    parser.add_argument("--fuzz", type=int, default=2000, help="the number of drawn messages")
+    parser.add_argument("--seed", type=int, default=random.randrange(10**6), help="what is drawn")
+    parser.add_argument("--only", default="", help="only the attacks whose names contain this")
+    parser.add_argument("--out", type=Path, default=Path("out/attack"))
+    arguments = parser.parse_args()
+    series = asyncio.run(attack(arguments.out, arguments.fuzz, arguments.seed, arguments.only))
+    print(f"{series.passed} passed, {series.failed} failed")
+    sys.exit(1 if series.failed else 0)
+
+
+if __name__ == "__main__":
+    main()
