@@ -16,8 +16,8 @@ from somrs.client.joined_records import join_records, of_task_manager
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.storage import archive
-from somrs.storage.disk import is_locked
 from somrs.storage.journal_file import KIND
+from somrs.storage.locking import is_locked
 
 BUSY_TIME = 1.0
 """Seconds to wait for a journal that another process holds open."""

@@ -62,7 +62,7 @@ class Continuation:
     ) -> Node:
         """Add the component to the runtime, as `Host.add_journaled`. On a bus, first follow the one that leads, as long as there is one."""
         if self._stream is None:
-            return runtime.add_journaled(path, factory, self.journal, carry_out=carry_out, notices=notices)
+            return runtime.add_journaled(path, factory, self.journal, carry_out=carry_out, notices=notices, recovers=True)
         journaled, is_resumed = await self._lead(self._stream, f"{runtime.url}{path}", factory)
         node = runtime.add_continued(path, journaled, self.journal, is_resumed=is_resumed, carry_out=carry_out, notices=notices)
         await runtime.listening()

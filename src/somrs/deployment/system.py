@@ -29,7 +29,7 @@ from somrs.errors import SomrsError, UsageError
 from somrs.limits import limits
 from somrs.ports import Reservation, until_listening
 from somrs.runtime.bus import BusAddress
-from somrs.storage.disk import is_in_use
+from somrs.storage.locking import is_in_use
 from somrs.storage.log_files import empty_if_full
 
 log = logging.getLogger(__name__)

@@ -61,7 +61,7 @@ def add_traffic(runtime: Host, journal: Journal, worker: TrafficWorker, reposito
     def begin(address: str) -> Traffic:
         return Traffic(address, Roadmap(places=(), lanes=()), edition=int(runtime.clock.now()))
 
-    node = runtime.add_journaled(PATH, begin, journal, carry_out=plan)
+    node = runtime.add_journaled(PATH, begin, journal, carry_out=plan, recovers=True)
     node.feed(Notified(RoadmapExpected(False)))  # it may have been so when an earlier program ended
     surveys = _Surveys(node, worker)
 

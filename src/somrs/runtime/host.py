@@ -86,16 +86,17 @@ class Host:
         *,
         carry_out: CarryOut = refuse_work,
         notices: Sequence[object] = (),
+        recovers: bool = False,
     ) -> Node:
         """Add a component with a journal: as the journal has it or, if the journal is new, as `factory` creates it for its address.
 
-        `notices` are passed to the component before its start.
+        `notices` are passed to the component before its start. `recovers`: as of `Node`.
 
         Raises:
             UsageError: the journal cannot be continued.
         """
         journaled, is_resumed = journal.begin(f"{self.url}{path}", factory)
-        return self.add_continued(path, journaled, journal, is_resumed=is_resumed, carry_out=carry_out, notices=notices)
+        return self.add_continued(path, journaled, journal, is_resumed=is_resumed, carry_out=carry_out, notices=notices, recovers=recovers)
 
     def add_continued(
         self,
@@ -106,10 +107,12 @@ class Host:
         is_resumed: bool,
         carry_out: CarryOut = refuse_work,
         notices: Sequence[object] = (),
+        recovers: bool = False,
     ) -> Node:
         """Add a component as its journal has it. `is_resumed`: whether something may have been under way."""
         self.clock.advance_to(journaled.time)
-        node = self._node(f"{self.url}{path}", journaled.component, carry_out, journal=journal, journaled=journaled)
+        address = f"{self.url}{path}"
+        node = self._node(address, journaled.component, carry_out, journal=journal, journaled=journaled, recovers=recovers)
         return self._start(path, node, is_resumed=is_resumed, notices=notices)
 
     def _node(
@@ -120,6 +123,7 @@ class Host:
         *,
         journal: Journal | None = None,
         journaled: JournaledComponent | None = None,
+        recovers: bool = False,
     ) -> Node:
         return Node(
             address,
@@ -131,6 +135,7 @@ class Host:
             journal=journal,
             journaled=journaled,
             watch=self._watch,
+            recovers=recovers,
         )
 
     def _start(self, path: str, node: Node, *, is_resumed: bool, notices: Sequence[object] = ()) -> Node:

@@ -13,7 +13,7 @@ import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Hashable, Sequence
 
-from somrs.errors import RemoteError
+from somrs.errors import RemoteError, UsageError
 from somrs.kernel.component import (
     Answered,
     Ask,
@@ -38,6 +38,7 @@ from somrs.runtime.outbox import OutgoingMessage
 from somrs.runtime.output import Output
 from somrs.runtime.pending_replies import PendingReplies, in_session, is_waited_for
 from somrs.runtime.reception import NotTaken
+from somrs.storage.disk import TRY_PAUSE, WriteFailed
 from somrs.storage.journal import Journal
 from somrs.storage.stream_log import Replaced
 
@@ -79,6 +80,8 @@ class Node:
 
     With `journaled`, each input is in the journal before any of its effects is visible outside. Read-only inputs are not stored, but wait
     for those before them. Without `journaled`, nothing is stored, and nothing waits.
+
+    `recovers`: after a failed write, continue as the journal has it when it can be written again, and meanwhile handle inputs that read.
     """
 
     def __init__(
@@ -93,6 +96,7 @@ class Node:
         journal: Journal | None = None,
         journaled: JournaledComponent | None = None,
         watch: Watch | None = None,
+        recovers: bool = False,
     ) -> None:
         self.address, self.component = address, component
         self._clock, self._send, self._delivered = clock, send, delivered
@@ -101,6 +105,10 @@ class Node:
         self._inputs: deque[Input] = deque()
         self._handling = self._closed = False
         self._broken = ""
+        self._recovers = recovers
+        self._recovery: asyncio.Task[None] | None = None
+        self._is_readable = False  # while nothing can be stored: whether the component is as its journal has it
+        self._notices: Sequence[object] = ()
         self._is_replaced = False
         """Whether another process continues the component; senders have to try again, and reach that one."""
         self.broken = asyncio.Event()
@@ -122,7 +130,7 @@ class Node:
         """
         if self._closed:
             raise NotTaken(f"{self.address} is stopping")
-        if self._broken:
+        if self._broken and not (self._is_readable and self._only_reads(event)):
             raise NotTaken(self._broken)
         self._inputs.append(event)
         if self._handling:
@@ -133,8 +141,11 @@ class Node:
                 self._handle(self._inputs.popleft())
         finally:
             self._handling = False
-            if self._inputs:  # inputs behind one that raised an error
+            if self._inputs:  # behind one that raised an error
                 asyncio.get_running_loop().call_soon(self._continue_inputs)
+
+    def _only_reads(self, event: Input) -> bool:
+        return self._journaled is not None and self._journaled.schema.is_read_only(event)
 
     def _continue_inputs(self) -> None:
         if self._inputs and not self._closed and not self._broken:
@@ -142,7 +153,7 @@ class Node:
 
     def _handle(self, event: Input) -> None:
         now = self._clock.now()
-        if self._journaled is None or self._journal is None or self._journaled.schema.is_read_only(event):
+        if self._journaled is None or self._journal is None or self._only_reads(event):
             for effect in self.component.handle(event, now):
                 self._dispatch(effect, 0)
             return
@@ -181,7 +192,7 @@ class Node:
             except TimeoutError:
                 raise RemoteError(f"no answer to {type(message.body).__name__} within {ANSWER_TIME:.0f} s") from None
             except NotTaken as error:
-                if self._closed or self._is_replaced:
+                if self._closed or self._is_replaced or self._recovers:
                     raise
                 raise RemoteError(str(error)) from None  # a sender that waits for an answer gets the error at once
 
@@ -189,6 +200,7 @@ class Node:
 
     def start(self, *, is_resumed: bool, notices: Sequence[object] = ()) -> None:
         """Start the component, after passing it the `notices`. `is_resumed`: first continue what was under way when the process ended."""
+        self._notices = notices
         if is_resumed and self._journaled is not None:
             self._resume(self._journaled)
         for notice in notices:
@@ -215,19 +227,22 @@ class Node:
     async def close(self) -> None:
         """Stop everything under way. The component gets no more inputs."""
         self._closed = True
-        timers = [*self._timers.values(), *([self._snapshot] if self._snapshot is not None else [])]
-        for timer in timers:
-            timer.cancel()
-        running = [*self._work_tasks.values()]
-        for task in running:
-            task.cancel()
-        await asyncio.gather(*running, return_exceptions=True)
+        if self._recovery is not None:
+            self._recovery.cancel()
+        await self._stop_work()
         if self._journal is not None and self._journaled is not None and not self._broken:
             self._journal.snapshot(self._journaled)
             self.output.position = self._journal.disk.position
         with contextlib.suppress(RemoteError, TimeoutError):  # every waiting request gets the error; there is no other place to report it
             async with asyncio.timeout(DISK_TIME):
                 await self.output.on_disk()
+
+    async def _stop_work(self) -> None:
+        for timer in (*self._timers.values(), *([self._snapshot] if self._snapshot is not None else [])):
+            timer.cancel()
+        for task in (running := [*self._work_tasks.values()]):
+            task.cancel()
+        await asyncio.gather(*running, return_exceptions=True)
 
     async def flush(self, seconds: float) -> None:
         """Wait until the sent messages are delivered, for at most `seconds`."""
@@ -266,6 +281,32 @@ class Node:
         self.broken.set()
         self.output.drop(refusal)
         self._pending_replies.fail_all(refusal)
+        if self._recovers and isinstance(error, WriteFailed) and (self._recovery is None or self._recovery.done()):
+            self._recovery = asyncio.create_task(self._recover())
+
+    async def _recover(self) -> None:
+        """Continue as the journal has it: with what only reads at once, with everything when the journal can be written again."""
+        assert self._journal is not None, "something could not be stored"
+        await self._stop_work()
+        self._timers, self._work_tasks, self._snapshot = {}, {}, None
+        self._inputs.clear()
+        disk = self._journal.disk
+        while self._broken:
+            try:
+                if not self._is_readable:
+                    self._journaled = self._journal.reread()
+                    self.component, self.output.position = self._journaled.component, disk.durable
+                    self._is_readable = True
+                await disk.try_writing()
+            except UsageError as error:
+                log.debug("%s: %s", self.address, error)
+                await asyncio.sleep(TRY_PAUSE)
+            else:
+                disk.resume()
+                self._broken, self._is_readable, self.output.position = "", False, disk.position
+                self.broken.clear()
+        log.warning("%s accepts inputs again: they can be stored", self.address)
+        self.start(is_resumed=True, notices=self._notices)
 
     def _perform(self, effect: Effect, number: int) -> None:
         match effect:
@@ -355,5 +396,5 @@ class Node:
             self._journaled.mark_delivered(outgoing.number)
         try:
             self._feed_late(DeliveryFailed(outgoing.message, reason))
-        except Exception:  # a defect of this component must not hold back messages of others
+        except Exception:  # a defect here must not hold back messages of others
             log.exception("%s: it could not be handled that a message was not delivered", self.address)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import queue
 import sqlite3
 import threading
@@ -19,6 +20,7 @@ from typing import Any, TypeVar
 
 from somrs.errors import UsageError
 from somrs.storage.high_water import HighWaterMark
+from somrs.storage.locking import is_locked
 
 T = TypeVar("T")
 
@@ -30,6 +32,12 @@ Step = str | Callable[[sqlite3.Connection], None]
 
 WRITE_PAUSE = 0.05
 """Seconds in which writes that are stored elsewhere already are collected for one transaction: nobody waits for it."""
+
+TRY_PAUSE = 1.0
+"""Seconds between two attempts to write to a disk that was full."""
+
+LEAST_ROOM = 1_000_000
+"""The bytes for which there has to be room on a disk that was full."""
 
 MOST_JOBS = 2000
 """The maximal number of writes in a transaction, so that the first does not wait for long."""
@@ -52,6 +60,10 @@ class Kind:
     tables: str
     migrations: Mapping[int, Step] = field(default_factory=dict)
     replaces: Mapping[int, Step] = field(default_factory=dict)
+
+
+class WriteFailed(UsageError):
+    """The file cannot be written now: the disk is full, for example. It may be possible again later."""
 
 
 class Disk:
@@ -146,6 +158,27 @@ class Disk:
     def write_and_wait(self, job: Job[T]) -> T:
         """Write at once, in a transaction of its own, and wait: for starts and tools, not for an event loop."""
         return self._enqueue(job, writes=True).result()
+
+    async def try_writing(self) -> None:
+        """Write to the disk and the file, although a write has failed. Raises WriteFailed when that is not possible."""
+        await asyncio.wrap_future(self._enqueue(self._try_writing, writes=True))
+
+    def _try_writing(self, db: sqlite3.Connection) -> None:
+        probe = self.path.with_name(self.path.name + "-probe")
+        try:
+            with probe.open("wb") as file:
+                file.write(bytes(LEAST_ROOM))
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise WriteFailed(f"{self.path}: there is no room for it: {error}; check the free disk space") from None
+        finally:
+            probe.unlink(missing_ok=True)
+        db.execute(f"PRAGMA user_version={self.kind.version}")
+
+    def resume(self) -> None:
+        """Take writes again after a failed one, which is forgotten with those after it. The owner has to be as the file is."""
+        self.failed, self.durable = None, self.position
 
     def read(self, job: Job[T]) -> Future[T]:
         """Request a read; it includes all writes requested before, and with `store_first` those that are durable."""
@@ -313,30 +346,13 @@ class Disk:
         except sqlite3.OperationalError as error:
             if is_locked(error):
                 raise UsageError(f"{self.path}: is in use by {self.kind.rival}; stop it, or use another file") from None
-            raise UsageError(f"{self.path}: cannot be used: {error}; check the free disk space and the file's permissions") from None
+            raise WriteFailed(f"{self.path}: cannot be used: {error}; check the free disk space and the file's permissions") from None
         except sqlite3.Error as error:
             raise UsageError(
                 f"{self.path}: is not {self.kind.owner} file, or is damaged ({error}); use another file, or restore a backup"
             ) from None
         except (ValueError, TypeError, LookupError) as error:  # data that were altered may raise any of these
             raise UsageError(f"{self.path}: holds something that is no {self.kind.content} ({error}); restore a backup") from None
-
-
-def is_locked(error: sqlite3.Error) -> bool:
-    """Whether another process has the file. Errors that do not come from SQLite itself have no name."""
-    return getattr(error, "sqlite_errorname", "") in ("SQLITE_BUSY", "SQLITE_LOCKED")
-
-
-def is_in_use(path: Path) -> bool:
-    """Whether another process has opened the database: it holds the lock as long as it runs. False if there is no such file."""
-    try:
-        with contextlib.closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=0)) as db:
-            db.execute("SELECT count(*) FROM sqlite_schema")
-    except sqlite3.OperationalError as error:
-        return is_locked(error)
-    except sqlite3.DatabaseError:
-        pass  # no database; whoever opens it explains that
-    return False
 
 
 def execute(db: sqlite3.Connection, step: Step) -> None:

@@ -66,6 +66,10 @@ class Archive(Protocol):
         ...
 
 
+def _refuse_new(address: str) -> Stateful:
+    raise UsageError(f"the journal of {address} has lost its state; restore a backup")
+
+
 class Log(Protocol):
     """Where entries are kept besides the file, and before they are written to it: `stream_log.StreamLog`."""
 
@@ -154,6 +158,18 @@ class Journal:
             self._begin_anew(address, journaled)
             self._entry_count = 0
         return journaled, True
+
+    def reread(self) -> JournaledComponent:
+        """Return the component as the file has it, after a write that failed. What was not written is forgotten.
+
+        Raises:
+            UsageError: the file cannot be read or written.
+        """
+        self._queued.clear()
+        self._stored_journal = self.disk.write_and_wait(lambda db: read_stored_journal(db, self._component))
+        journaled, _ = self.begin(self.address, _refuse_new)
+        self.open, self.number = tuple(journaled.component.open), journaled.number
+        return journaled
 
     def _changed(self, stored_journal: StoredJournal, address: str) -> str | None:
         """Return why the journal cannot be continued; None if it can."""

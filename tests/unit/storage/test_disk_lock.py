@@ -6,7 +6,7 @@ import contextlib
 import sqlite3
 from pathlib import Path
 
-from somrs.storage.disk import is_in_use
+from somrs.storage.locking import is_in_use
 
 
 def test_a_database_is_in_use_while_somebody_holds_its_lock(tmp_path: Path) -> None:
