@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from somrs.api.context import Context
 from somrs.client.client import NOBODY
 from somrs.client.operations import operation
+from somrs.deployment.incidents import Incident, read_incidents
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import SomrsError
 from somrs.ontology.types import ABSTRACT
@@ -52,7 +53,7 @@ class PartView(msgspec.Struct, frozen=True, kw_only=True):
 
 class SystemView(msgspec.Struct, frozen=True, kw_only=True):
     """The running system. `site`: the label of its site; `data`: its data folder; `neighbours`: those of its Registry; `map`: the name of
-    its map; `neighbouring_maps`: those of neighbours whose objects are on it."""
+    its map; `neighbouring_maps`: those of neighbours whose objects are on it; `incidents`: the latest programs that ended or hung."""
 
     version: str
     site: str
@@ -64,6 +65,7 @@ class SystemView(msgspec.Struct, frozen=True, kw_only=True):
     neighbours: tuple[NeighbourView, ...] = ()
     map: str = ""
     neighbouring_maps: tuple[MapNeighbourView, ...] = ()
+    incidents: tuple[Incident, ...] = ()
 
 
 class SystemService:
@@ -119,6 +121,7 @@ class SystemService:
             neighbours=await self._neighbours(),
             map=map.name,
             neighbouring_maps=tuple(neighbouring_maps),
+            incidents=await asyncio.to_thread(read_incidents, context.data),
         )
 
     async def _neighbours(self) -> tuple[NeighbourView, ...]:

@@ -18,6 +18,7 @@ from somrs.client.addresses import Addresses
 from somrs.client.client import Client
 from somrs.client.state_labels import map_neighbour_is_away, map_neighbour_text, neighbour_text
 from somrs.deployment.bus import running_components
+from somrs.deployment.incidents import Incident
 from somrs.errors import RemoteError
 from somrs.protocol.messages.directory import NeighbourView
 from somrs.protocol.messages.neighbours import MapNeighbourView
@@ -31,6 +32,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     processes: Sequence[RunningComponent] = ()
     neighbours: Sequence[NeighbourView] = ()
     neighbouring_maps: Sequence[MapNeighbourView] = ()
+    incidents: Sequence[Incident] = ()
 
 
 async def status(addresses: Addresses, data: Path, *, json: bool) -> None:
@@ -44,13 +46,17 @@ async def status(addresses: Addresses, data: Path, *, json: bool) -> None:
         terminal.console().print(_render_processes(status.processes) if addresses.bus is not None else _render_parts(status.parts))
         _print_neighbours(status.neighbours)
         _print_neighbouring_maps(status.neighbouring_maps)
+        for incident in status.incidents:
+            print(f"{terminal.moment(incident.at)} {incident.text}")
 
 
 async def _read(addresses: Addresses, data: Path) -> Status:
     if addresses.bus is None:
         async with open_api_service(addresses, data) as service:
             system = await service.system.read()
-        return Status(parts=system.parts, neighbours=system.neighbours, neighbouring_maps=system.neighbouring_maps)
+        return Status(
+            parts=system.parts, neighbours=system.neighbours, neighbouring_maps=system.neighbouring_maps, incidents=system.incidents
+        )
     processes = await running_components(addresses.bus)
     if processes:
         with contextlib.suppress(RemoteError):  # the table says what does not run

@@ -25,6 +25,7 @@ import msgspec
 
 from somrs.client.addresses import Addresses
 from somrs.deployment.private_files import keep_files_private
+from somrs.deployment.watchdog import Heartbeat
 from somrs.errors import RemoteError, UsageError
 from somrs.runtime.host import Host
 from somrs.worker import fork_ahead
@@ -104,7 +105,9 @@ async def until_stopped(name: str = "", address: str = "", problems: tuple[str, 
     parent = os.getppid()
     if name:
         say_ready(name, address, problems)
+    heartbeat = Heartbeat()
     while not stopped.done() and os.getppid() == parent:
+        heartbeat.beat()
         await asyncio.wait([stopped], timeout=PARENT_CHECK)
     if not stopped.done():
         stopped.cancel()

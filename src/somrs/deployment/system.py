@@ -8,7 +8,6 @@ import logging
 import shutil
 import signal
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
@@ -19,11 +18,14 @@ from somrs.client.client import Client
 from somrs.deployment.bus import bus_address, check_reachable, discard_site, list_site, site_name
 from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.devices_of_map import DevicePrograms, Selection, devices, is_symbolic, of_one_world, unsimulated
+from somrs.deployment.incidents import add_incident
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.ports_of_programs import Part, Ports, ports_before
 from somrs.deployment.private_files import make_private
-from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_windows
+from somrs.deployment.program import Program
+from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, has_windows
 from somrs.deployment.task_managers import task_manager_count
+from somrs.deployment.watchdog import BEAT_VARIABLE
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError, UsageError
 from somrs.limits import limits
@@ -33,9 +35,6 @@ from somrs.storage.locking import is_in_use
 from somrs.storage.log_files import empty_if_full
 
 log = logging.getLogger(__name__)
-
-PATIENCE = 90.0
-"""Seconds after which a warning says that a program is not ready yet. A cold first start on a slow machine takes long."""
 
 SITE_FILE = "site.json"
 """File in the data folder: the site files from which its map was made."""
@@ -56,23 +55,11 @@ _SETTINGS = {"SOMRS_BUS", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS"}
 OWN_BUS = "own"
 """A bus that is started with the system."""
 
+LOOK_PAUSE = 2.0
+"""Seconds between two looks whether a program hangs."""
+
 LOG_CHECK = 10.0
 """Seconds between two looks at the size of the logs."""
-
-STOP_TIME = 5.0
-"""Seconds that a program has to end after SIGTERM before it is killed."""
-
-
-@dataclass(slots=True)
-class Program:
-    """One process of the system."""
-
-    name: str
-    arguments: list[str]
-    process: Process
-    log: Path
-    address: str = ""
-    restarts: int = 0
 
 
 def site_of(data: Path) -> list[Path] | None:
@@ -314,14 +301,16 @@ class System:
         output.parent.mkdir(exist_ok=True)
         line = ["run", command, *arguments, *(() if command == GATEWAY else ("--data", str(self.data))), "--host", self.host]
         output.unlink(missing_ok=True)
-        program = self.programs[name] = Program(name, line, await self._process(line, output), output)
-        await _ready(program)
+        beat_file = output.with_suffix(".beat")
+        program = self.programs[name] = Program(name, line, await self._process(line, output, beat_file), output, beat_file)
+        await program.ready()
         return program
 
-    async def _process(self, arguments: list[str], output: Path) -> Process:
+    async def _process(self, arguments: list[str], output: Path, beat_file: Path) -> Process:
         assert self._reservation is not None, "made before the first program is started"
         environment = {name: value for name, value in self._reservation.environment.items() if name not in _SETTINGS}
-        return await self._launcher.start(arguments, output, environment)
+        beat_file.unlink(missing_ok=True)
+        return await self._launcher.start(arguments, output, environment | {BEAT_VARIABLE: str(beat_file)})
 
     async def bound_logs(self) -> None:
         """Keep the logs of the programs from filling the disk, until cancelled."""
@@ -332,7 +321,28 @@ class System:
                 empty_if_full(file, most_bytes)
 
     async def keep_running(self, report: Callable[[str], None]) -> None:
-        """Start programs again when they end, until cancelled; they continue from their journals. `report` receives texts for people."""
+        """Start programs again when they end or hang, until cancelled; they continue from their journals. `report` receives texts for
+        people."""
+
+        def note(text: str) -> None:
+            report(text)
+            add_incident(self.data, text)
+
+        looking = asyncio.create_task(self._end_what_hangs(note))
+        try:
+            await self._start_what_ended(note)
+        finally:
+            looking.cancel()
+
+    async def _end_what_hangs(self, report: Callable[[str], None]) -> None:
+        while True:
+            await asyncio.sleep(LOOK_PAUSE)
+            for program in self.programs.values():
+                if program.process.returncode is None and (reason := program.hang_text()) is not None:
+                    report(f"{program.name} hangs: {reason}; ending it, so that it is started again")
+                    program.process.kill()
+
+    async def _start_what_ended(self, report: Callable[[str], None]) -> None:
         while True:
             ends = [asyncio.create_task(program.process.wait()) for program in self.programs.values()]
             try:
@@ -342,7 +352,7 @@ class System:
                     waiting.cancel()
             # In the order of their first start: several may have ended at once, and devices need the Repository.
             for program in [program for program in self.programs.values() if program.process.returncode is not None]:
-                report(f"{program.name} ended ({_describe_exit(program.process.returncode)}; see {program.log}); starting it again")
+                report(f"{program.name} ended ({program.exit_text}; see {program.log}); starting it again")
                 await asyncio.sleep(min(FIRST_PAUSE * 2**program.restarts, MOST_PAUSE))
                 try:
                     await self.restart(program.name)
@@ -355,9 +365,8 @@ class System:
         """Start a program again after its end, and wait until it is ready. Raises UsageError or RemoteError when that fails."""
         program = self.programs[name]
         await program.process.wait()
-        program.restarts += 1
-        program.process = await self._process(program.arguments, program.log)
-        await _ready(program)
+        program.replace_process(await self._process(program.arguments, program.log, program.beat_file))
+        await program.ready()
 
     async def stop(self) -> None:
         """Stop all programs: devices first, so that they can leave in order."""
@@ -369,44 +378,9 @@ class System:
             for program in still_running:
                 with contextlib.suppress(ProcessLookupError):  # it has just ended
                     program.process.send_signal(signal.SIGTERM)
-            await asyncio.gather(*(_end(program) for program in still_running))
+            await asyncio.gather(*(program.end() for program in still_running))
         await self._launcher.stop()
         if self._reservation is not None:
             self._reservation.close()
         if self._listed:
             (self.data / SYSTEM_FILE).unlink(missing_ok=True)
-
-
-async def _ready(program: Program) -> None:
-    """Wait until a program is ready. A slow start is not an error. Raises UsageError when the program ends first."""
-    log_size = program.log.stat().st_size
-    reading = asyncio.ensure_future(program.process.stdout.readline())
-    try:
-        while not (await asyncio.wait([reading], timeout=PATIENCE))[0]:
-            log.warning("%s is not ready yet; its log is %s", program.name, program.log)
-    finally:
-        reading.cancel()
-    if not (ready_line := reading.result()):
-        await program.process.wait()
-        with program.log.open("rb") as output:
-            output.seek(log_size)
-            error_text = output.read().decode(errors="replace").strip()
-        raise UsageError(error_text or f"{program.name} ended at once; see {program.log}")
-    ready = msgspec.json.decode(ready_line, type=Ready)
-    program.address = ready.address
-    for problem in ready.problems:
-        log.warning("%s; it is tried again", problem)
-
-
-def _describe_exit(code: int | None) -> str:
-    """Describe how a process ended, for people."""
-    return f"signal {signal.Signals(-code).name}" if code is not None and code < 0 else f"exit code {code}"
-
-
-async def _end(program: Program) -> None:
-    try:
-        async with asyncio.timeout(STOP_TIME):
-            await program.process.wait()
-    except TimeoutError:
-        program.process.kill()
-        await program.process.wait()

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from somrs.deployment import system
+from somrs.deployment import program as programs
 from somrs.deployment.launcher import Process
-from somrs.deployment.system import Program
+from somrs.deployment.program import Program
 from somrs.errors import UsageError
 
 
 def program(folder: Path) -> Program:
     log = folder / "repository.log"
     log.write_text("of the run before\n", encoding="utf-8")
-    return Program("repository", [], Process(1, asyncio.StreamReader()), log)
+    return Program("repository", [], Process(1, asyncio.StreamReader()), log, folder / "repository.beat")
 
 
 def test_a_program_that_takes_long_is_waited_for_and_that_is_said(
@@ -24,14 +24,14 @@ def test_a_program_that_takes_long_is_waited_for_and_that_is_said(
 ) -> None:
     async def run() -> None:
         slow = program(tmp_path)
-        waiting = asyncio.create_task(system._ready(slow))
+        waiting = asyncio.create_task(slow.ready())
         while len(caplog.messages) < 2:
             await asyncio.sleep(0)
         slow.process.stdout.feed_data(b'{"ready": "repository", "at": "http://127.0.0.1:8000"}\n')
         await waiting
         assert slow.address == "http://127.0.0.1:8000"
 
-    monkeypatch.setattr(system, "PATIENCE", 0.001)
+    monkeypatch.setattr(programs, "PATIENCE", 0.001)
     asyncio.run(run())
     assert {*caplog.messages} == {f"repository is not ready yet; its log is {tmp_path / 'repository.log'}"}
 
@@ -40,7 +40,7 @@ def test_a_program_that_takes_long_is_waited_for_and_that_is_said(
 def test_a_program_that_ends_before_it_is_ready_says_why(tmp_path: Path, output: str, expected_text: str) -> None:
     async def run() -> None:
         ends = program(tmp_path)
-        waiting = asyncio.create_task(system._ready(ends))
+        waiting = asyncio.create_task(ends.ready())
         await asyncio.sleep(0)
         with ends.log.open("a", encoding="utf-8") as log:
             log.write(output)

@@ -1,0 +1,82 @@
+"""One program of a system, as who started it sees it: its process, its log, and whether it hangs."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import signal
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+
+from somrs.deployment.launcher import Process
+from somrs.deployment.programs import Ready
+from somrs.deployment.watchdog import LoopWatch, read_activity, read_beat
+from somrs.errors import UsageError
+
+log = logging.getLogger(__name__)
+
+PATIENCE = 90.0
+"""Seconds after which a warning says that a program is not ready yet. A cold first start on a slow machine takes long."""
+
+STOP_TIME = 5.0
+"""Seconds that a program has to end after SIGTERM before it is killed."""
+
+
+@dataclass(slots=True)
+class Program:
+    """One process of the system. `beat_file`: where it counts the turns of its event loop."""
+
+    name: str
+    arguments: list[str]
+    process: Process
+    log: Path
+    beat_file: Path
+    address: str = ""
+    restarts: int = 0
+    watch: LoopWatch = field(default_factory=LoopWatch)
+
+    def replace_process(self, process: Process) -> None:
+        """Go on with a new process after the end of the one before."""
+        self.restarts += 1
+        self.process, self.watch = process, LoopWatch()
+
+    def hang_text(self) -> str | None:
+        """Why the program hangs, for people; None if it does not. Called at regular times."""
+        return self.watch.look(read_beat(self.beat_file), read_activity(self.process.pid))
+
+    @property
+    def exit_text(self) -> str:
+        """How the process ended, for people."""
+        code = self.process.returncode
+        return f"signal {signal.Signals(-code).name}" if code is not None and code < 0 else f"exit code {code}"
+
+    async def ready(self) -> None:
+        """Wait until the program is ready. A slow start is not an error. Raises UsageError when the program ends first."""
+        log_size = self.log.stat().st_size
+        reading = asyncio.ensure_future(self.process.stdout.readline())
+        try:
+            while not (await asyncio.wait([reading], timeout=PATIENCE))[0]:
+                log.warning("%s is not ready yet; its log is %s", self.name, self.log)
+        finally:
+            reading.cancel()
+        if not (ready_line := reading.result()):
+            await self.process.wait()
+            with self.log.open("rb") as output:
+                output.seek(log_size)
+                error_text = output.read().decode(errors="replace").strip()
+            raise UsageError(error_text or f"{self.name} ended at once; see {self.log}")
+        ready = msgspec.json.decode(ready_line, type=Ready)
+        self.address = ready.address
+        for problem in ready.problems:
+            log.warning("%s; it is tried again", problem)
+
+    async def end(self) -> None:
+        """Wait for the end of the program, and kill it when that takes long."""
+        try:
+            async with asyncio.timeout(STOP_TIME):
+                await self.process.wait()
+        except TimeoutError:
+            self.process.kill()
+            await self.process.wait()
