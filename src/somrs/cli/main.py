@@ -200,6 +200,26 @@ def services(
 
 
 @app.command()
+def backup(
+    file: Annotated[Path, typer.Argument(help="The file to write, such as somrs-2026-11-28.tar.gz.")], data: Data = DEFAULT_FOLDER
+) -> None:
+    """Back up the data folder: tasks, maps and their history. The system may run."""
+    from somrs.deployment.backup import back_up
+
+    awaited(back_up(data, file))
+    print(f"{file}: the backup of {data}. To use it: somrs restore {file} --data FOLDER")
+
+
+@app.command()
+def restore(file: Annotated[Path, typer.Argument(help="A backup.")], data: Data = DEFAULT_FOLDER) -> None:
+    """Make a data folder from a backup."""
+    from somrs.deployment.backup import restore as run
+
+    manifest = guarded(lambda: run(file, data))
+    print(f"{data}: {len(manifest.files)} files of {manifest.program}. Next: somrs up --data {data}")
+
+
+@app.command()
 def status(data: Data = DEFAULT_FOLDER, bus: BusOption = None, name: SiteName = None, json: Json = False) -> None:
     """Show which components run. On a bus: on which host, who leads, and how far behind the standbys are."""
     from somrs.cli.status import status as run

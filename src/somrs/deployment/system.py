@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from somrs.client.addresses import SYSTEM_FILE, Addresses
 from somrs.client.client import Client
+from somrs.deployment.backup import serve_request
 from somrs.deployment.bus import bus_address, check_reachable, discard_site, list_site, site_name
 from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.devices_of_map import DevicePrograms, Selection, devices, is_symbolic, of_one_world, unsimulated
@@ -337,6 +338,7 @@ class System:
     async def _end_what_hangs(self, report: Callable[[str], None]) -> None:
         while True:
             await asyncio.sleep(LOOK_PAUSE)
+            await serve_request(self.data, [*self.programs.values()])
             for program in self.programs.values():
                 if program.process.returncode is None and (reason := program.hang_text()) is not None:
                     report(f"{program.name} hangs: {reason}; ending it, so that it is started again")

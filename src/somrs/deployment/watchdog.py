@@ -48,19 +48,25 @@ def read_beat(path: Path) -> int | None:
 
 
 class Activity(NamedTuple):
-    """The state of a process's main thread, as the letter in `/proc`, and the processor time that it has used, in seconds."""
+    """The state of a thread, as the letter in `/proc`, and the processor time that it has used, in seconds."""
 
     state: str
     cpu: float
 
 
-def read_activity(pid: int) -> Activity | None:
-    """What the main thread of a process does; None if that cannot be seen."""
+def read_activity(pid: int, thread: str = "") -> Activity | None:
+    """What a thread of a process does, by default the main one; None if that cannot be seen."""
     try:
-        fields = Path(f"/proc/{pid}/task/{pid}/stat").read_text().rpartition(")")[2].split()
+        fields = Path(f"/proc/{pid}/task/{thread or pid}/stat").read_text().rpartition(")")[2].split()
         return Activity(fields[0], (int(fields[11]) + int(fields[12])) / _TICKS)
     except (OSError, ValueError, IndexError):
         return None
+
+
+def is_stopped(pid: int) -> bool:
+    """Whether all threads of a process stand still after SIGSTOP. Also if that cannot be seen."""
+    states = (activity.state for task in Path(f"/proc/{pid}/task").glob("*") if (activity := read_activity(pid, task.name)) is not None)
+    return all(state == "T" for state in states)
 
 
 class LoopWatch:
