@@ -55,8 +55,8 @@ RANGES: Mapping[str, Range] = {
 }
 """Ranges by the name of the field or parameter; all others have `ANY`."""
 
-LONGEST_TEXT = 65_536
-"""Characters of one text, such as a formula."""
+LONGEST_TEXT = 256 * 1024
+"""Characters of one text, such as a formula: no more than a message has bytes."""
 
 FILES = frozenset((("ImportOntology", "text"),))
 """Texts that are whole files. Only the size of the request limits them."""
