@@ -187,6 +187,7 @@ def _unpack(backup: Path, folder: Path) -> Manifest:
                 raise tarfile.TarError(f"{entry.name} is not what was stored")
             file = folder / entry.name
             file.parent.mkdir(parents=True, exist_ok=True)
+            file.touch(mode=0o600)
             file.write_bytes(content)
             missing.discard(entry.name)
     if missing:
