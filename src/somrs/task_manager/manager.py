@@ -38,7 +38,7 @@ from somrs.task_manager.requests import AssignmentAnswered, ForPlan, ReportAnswe
 from somrs.task_manager.state import TaskManagerState, UnsettledReport
 from somrs.task_manager.submissions import Submissions, submitted_id
 from somrs.task_manager.subscriptions import Replies, TaskSubscriptions
-from somrs.task_manager.task_queries import TaskQueries
+from somrs.task_manager.task_queries import TaskQueries, only_reads
 from somrs.task_manager.timers import (
     Answer,
     AnswerDue,
@@ -112,6 +112,8 @@ class TaskManager:
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """Handle an input and return its effects."""
+        if isinstance(event, Received) and only_reads(event):
+            return [*self._serve(event.message, now)]
         return [*self._effects(event, now)]
 
     def _effects(self, event: Input, now: float) -> Effects:
@@ -421,6 +423,7 @@ SCHEMA = Schema(
     answers=Answer,
     notices=WorldTimePassed | StartedBefore,
     restore=TaskManager.restored,
+    is_read_only=only_reads,
     migrations=MIGRATIONS,
 )
 """The types in the journal of a Task Manager."""

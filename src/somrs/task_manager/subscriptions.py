@@ -58,7 +58,7 @@ class TaskSubscriptions:
 
     def wait(self, request: Message, query: WatchTask | WatchTasks, now: float) -> Replies:
         """Reply as soon as there is news, or when the time is over."""
-        if self.has_news(query):
+        if self.has_news(query) or query.wait <= 0:
             yield request, self._news(query)
             return
         id = request.header.message_id

@@ -7,16 +7,27 @@ from __future__ import annotations
 
 from itertools import islice
 
-from somrs.kernel.component import Ask, Effect, Effects, Send
+from somrs.kernel.component import Ask, Effect, Effects, Input, Received, Send
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.envelope import Message, reply
+from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.paging import fit_page
 from somrs.protocol.messages.records import PARTS, ReadRecords, Records
-from somrs.protocol.messages.task_news import Messages, ReadMessages, ReadTasks, Tasks
+from somrs.protocol.messages.task_news import Messages, ReadMessages, ReadTasks, Tasks, WatchTask, WatchTasks
 from somrs.task_manager.state import TaskManagerState
 from somrs.task_manager.timers import Answer, RecordsWanted
 from somrs.task_manager.transaction.views import message_view, view_in_parts
+
+
+def only_reads(event: Input) -> bool:
+    """Whether an input is a query that changes nothing, is answered at once and on its connection: it may be lost with the process."""
+    match event:
+        case Received(Message(header=header, body=ReadTasks())):
+            return header.reply_to == ANONYMOUS
+        case Received(Message(header=header, body=WatchTask(wait=wait) | WatchTasks(wait=wait))):
+            return header.reply_to == ANONYMOUS and wait <= 0
+        case _:
+            return False
 
 
 class TaskQueries:

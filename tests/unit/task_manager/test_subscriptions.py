@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.kernel.component import SetTimer
@@ -77,15 +78,23 @@ def test_since_when_tasks_are_known_is_kept() -> None:
     assert rows(subscriptions, 0) == TasksNews(rows=(), version=0, begun=5.0)
 
 
-@pytest.mark.parametrize(
-    ("wait", "fire_time"), [(5.0, 105.0), (0.0, 100.0), (-1.0, 100.0), (60.0, 160.0), (61.0, 160.0), (math.inf, 160.0), (math.nan, 160.0)]
-)
+@pytest.mark.parametrize(("wait", "fire_time"), [(5.0, 105.0), (60.0, 160.0), (61.0, 160.0), (math.inf, 160.0), (math.nan, 160.0)])
 @pytest.mark.parametrize("query_type", [WatchTask, WatchTasks])
 def test_a_client_waits_as_long_as_it_wants_and_a_minute_at_most(query_type: type, wait: float, fire_time: float) -> None:
     state, subscriptions = make_subscriptions(task())
     body = WatchTask(task="a", wait=wait) if query_type is WatchTask else WatchTasks(wait=wait)
     assert [*subscriptions.wait(request(body), body, 100.0)] == [SetTimer(NewsDue("request"), fire_time)]
     assert [(id, watcher.request, watcher.query) for id, watcher in state.watchers.items()] == [("request", request(body), body)]
+
+
+@pytest.mark.parametrize("wait", [0.0, -1.0])
+@pytest.mark.parametrize("body", [WatchTask(task="a"), WatchTasks()])
+def test_who_does_not_want_to_wait_is_answered_at_once(body: WatchTask | WatchTasks, wait: float) -> None:
+    state, subscriptions = make_subscriptions(task())
+    query = structs.replace(body, wait=wait)
+    (answer,) = answers(subscriptions.wait(request(query), query, 100.0))
+    assert isinstance(answer, TaskNews | TasksNews)
+    assert state.watchers == {}
 
 
 def test_when_the_time_is_over_a_client_hears_that_there_is_nothing_and_waits_no_more() -> None:
