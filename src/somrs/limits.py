@@ -40,6 +40,12 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Tasks that all WebSockets of the API follow together."""
     bytes_per_second: Count = 10_000
     """A larger body has as much more time as this rate takes."""
+    devices: Count = 5000
+    """Devices whose services a Registry lists."""
+    subscribers: Count = 1000
+    """Those that a Repository, a Registry or a Scheduler sends its news to, and those that wait for news of tasks at a Task Manager."""
+    tasks: Count = 10_000
+    """Tasks that have not ended, at a Task Manager."""
     send_seconds: Count = 60
     """Time in which a client reads some of its response."""
     log_bytes: Count = 64 * 2**20

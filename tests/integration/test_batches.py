@@ -25,9 +25,11 @@ from somrs.storage.journal import Journal
 from tests.integration.test_node_durability import Brake, run_with_timeout, wait_until
 
 
-def text_message(text: str, recipient: str, number: int = 0, reply_to: str = "http://nobody") -> Message:
+def text_message(text: str, recipient: str, number: int = 0, reply_to: str = "http://127.0.0.1:1/nobody") -> Message:
     return Message(
-        header=Header(sender="http://nobody", recipient=recipient, message_id=message_id(text, recipient, number), reply_to=reply_to),
+        header=Header(
+            sender="http://127.0.0.1:1/nobody", recipient=recipient, message_id=message_id(text, recipient, number), reply_to=reply_to
+        ),
         body=CancelTask(task=text),
     )
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from rich.console import Console
 
 from somrs.errors import SomrsError
-from verification.attack import browsers, documents, floods
+from verification.attack import addresses, browsers, documents, floods
 from verification.attack.fuzz import Fuzz
 from verification.attack.target import Defect, Target, attacked_system
 
@@ -31,6 +31,9 @@ ATTACKS: tuple[Callable[[Target], Awaitable[None]], ...] = (
     documents.json_is_flat,
     documents.formulas_are_read_or_refused,
     documents.requests_have_one_reading,
+    addresses.nobody_else_is_sent_anything,
+    addresses.requests_for_others_are_refused,
+    addresses.numbers_have_ranges,
     floods.large_headers_are_not_kept,
     floods.large_bodies_are_refused,
     floods.endless_bodies_end,
@@ -40,6 +43,7 @@ ATTACKS: tuple[Callable[[Target], Awaitable[None]], ...] = (
     floods.websockets_are_bounded,
     floods.connections_that_send_nothing_keep_nobody_out,
     floods.the_simulator_takes_no_nonsense,
+    addresses.subscribers_are_bounded,
 )
 
 BATCH = 100

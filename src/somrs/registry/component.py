@@ -18,10 +18,12 @@ from typing import Any, Self
 
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, InputError, UsageError
+from somrs.kernel.admission import check_room
 from somrs.kernel.codec import Migration, Schema
 from somrs.kernel.component import DeliveryFailed, Effect, Effects, Input, Notified, Received, Send, SetTimer, Started
 from somrs.kernel.replica import Replica
 from somrs.kernel.subscription import Subscription
+from somrs.limits import Limits
 from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
@@ -104,6 +106,13 @@ class Registry:
     @property
     def _announcements(self) -> Announcements:
         return Announcements(self.state, self._listing())
+
+    def check_admitted(self, message: Message, bounds: Limits) -> None:
+        match message.body:
+            case Publish(provider=provider):
+                check_room("devices", bounds, self.state.providers, provider)
+            case SubscribeServices():
+                check_room("subscribers", bounds, self.state.subscribers, message.header.sender)
 
     def _effects(self, event: Input, now: float) -> Effects:
         state = self.state

@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Self
 
 from somrs.errors import InputError
+from somrs.kernel.admission import check_room
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import (
     Answered,
@@ -28,6 +29,7 @@ from somrs.kernel.component import (
     Started,
     TimerFired,
 )
+from somrs.limits import Limits
 from somrs.ontology.conformance import Violation
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, normalised_id, reply
@@ -123,6 +125,10 @@ class Repository:
     def open(self) -> list[str]:
         """Always empty: a Repository completes each request at once."""
         return []
+
+    def check_admitted(self, message: Message, bounds: Limits) -> None:
+        if isinstance(message.body, SubscribeMap):
+            check_room("subscribers", bounds, self.contents.subscriptions, message.header.sender)
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """The effects of an input."""

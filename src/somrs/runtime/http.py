@@ -126,15 +126,16 @@ class Server:
             return Response(status_code=400)
         except RemoteError as error:
             return _response(unavailable(error))
-        return await self._take_batch(document) if is_batch else _response(await self._reception.outcome(document, handler))
+        peer: str = scope["client"][0] if scope["client"] else ""
+        return await self._take_batch(document, peer) if is_batch else _response(await self._reception.outcome(document, handler, peer))
 
-    async def _take_batch(self, batch: bytes) -> Response:
+    async def _take_batch(self, batch: bytes, peer: str) -> Response:
         """Handle the messages of a batch in order, each at the component to which it is addressed."""
         try:
             documents = batches.documents_of(batch)
         except ValueError as error:
             return PlainTextResponse(f"this is not a batch of messages: {error}\n", 400)
-        outcomes = await self._reception.outcomes(documents)
+        outcomes = await self._reception.outcomes(documents, peer)
         return Response(batches.answer(outcomes), media_type=batches.MEDIA_TYPE)
 
     async def _handle_get(self, request: Request) -> Response:

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Hashable, Sequence
 
 from somrs.errors import RemoteError, UsageError
+from somrs.kernel.admission import Admitting
 from somrs.kernel.component import (
     Answered,
     Ask,
@@ -32,6 +33,7 @@ from somrs.kernel.component import (
     Withdraw,
 )
 from somrs.kernel.durability import DELIVERY_TIME, JournaledComponent
+from somrs.limits import limits
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.runtime.clock import Clock
 from somrs.runtime.outbox import OutgoingMessage
@@ -100,7 +102,7 @@ class Node:
     ) -> None:
         self.address, self.component = address, component
         self._clock, self._send, self._delivered = clock, send, delivered
-        self._carry_out, self._watch = carry_out, watch
+        self._carry_out, self._watch, self._bounds = carry_out, watch, limits()
         self._journal, self._journaled = journal, journaled
         self._inputs: deque[Input] = deque()
         self._handling = self._closed = False
@@ -175,7 +177,12 @@ class Node:
             self._snapshot = asyncio.get_running_loop().call_later(QUIET, self._take_snapshot)
 
     async def receive(self, message: Message) -> Message | None:
-        """Handle a message from the network. Return the answer, when the sender waits for it on the same connection."""
+        """Handle a message from the network. Return the answer, when the sender waits for it on the same connection.
+
+        Raises UsageError for a request that would be one too many.
+        """
+        if isinstance(self.component, Admitting):
+            self.component.check_admitted(message, self._bounds)
         self._show_watcher(message)
         if message.header.reply_to != ANONYMOUS:
             self.feed(Received(message))

@@ -19,6 +19,7 @@ from somrs.protocol.messages.ranges import check_ranges
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import SENDER
 from somrs.runtime.batches import Outcome
+from somrs.runtime.reply_hosts import ReplyHosts
 
 log = logging.getLogger(__name__)
 
@@ -54,7 +55,7 @@ class Reception:
     """
 
     def __init__(self, format: Format, parts: Mapping[str, Handler]) -> None:
-        self._format, self._parts = format, parts
+        self._format, self._parts, self._reply_hosts = format, parts, ReplyHosts()
         self._open: set[asyncio.Task[object]] = set()
         self.is_stopping = False
 
@@ -74,17 +75,35 @@ class Reception:
         if self.is_stopping:
             raise NotTaken(_STOPPING)
 
-    async def outcomes(self, documents: Iterable[bytes]) -> list[Outcome]:
-        """Handle messages in order, each at the component to which it is addressed."""
-        return await asyncio.gather(*map(self.outcome, documents))
+    async def outcomes(self, documents: Iterable[bytes], peer: str | None = None) -> list[Outcome]:
+        """Handle messages in order, each at the component to which it is addressed. `peer`: see `outcome`."""
+        messages = [await self._read(document, peer) for document in documents]
+        return await asyncio.gather(*map(self._handle, messages))
 
-    async def outcome(self, document: bytes, handler: Handler | None = None) -> Outcome:
-        """Return the outcome of a message at the handler; without a handler, at the component to which it is addressed."""
+    async def outcome(self, document: bytes, handler: Handler | None = None, peer: str | None = None) -> Outcome:
+        """Return the outcome of a message at the handler; without a handler, at the component to which it is addressed.
+
+        `peer`: the IP address from which it comes; None in a binding whose members are known.
+        """
+        return await self._handle(await self._read(document, peer), handler)
+
+    async def _read(self, document: bytes, peer: str | None) -> Message | Outcome:
+        """The message in a document; or the outcome, if it is not one that is handled."""
         message: Message | None = None
         try:
             message = self._format.decode(document)
             if type(message.body) in REQUESTS or isinstance(message.body, FrpBody):
                 check_ranges(message.body)
+            if peer is not None:
+                await self._reply_hosts.check(message, peer)
+        except Exception as error:  # noqa: BLE001  # `_refusal` logs a defect
+            return self._refusal(error, message)
+        return message
+
+    async def _handle(self, message: Message | Outcome, handler: Handler | None = None) -> Outcome:
+        if not isinstance(message, Message):
+            return message
+        try:
             if handler is None:
                 path = unquote(urlsplit(message.header.recipient).path)
                 handler = self._parts.get(path)
@@ -92,17 +111,23 @@ class Reception:
                     return 404, self.not_found_text(path).encode()
             answer = await self.unless_stopped(handler(message))
             return self._answer(answer) if answer is not None else (202, b"")
-        except WireError as error:
-            return self._fault(error, message)
-        except InputError as error:
-            return self._fault(WireError(SENDER, str(error)), message)
-        except NotTaken as error:
-            return unavailable(error)
-        except RemoteError as error:
-            return self._fault(WireError(soap.RECEIVER, str(error)), message)
-        except Exception:  # a defect here must not end the server, nor show the sender its stack trace
-            log.exception("a %s could not be handled", type(message.body).__name__ if message else "message")
-            return self._fault(WireError(soap.RECEIVER, "an internal error occurred; see the log of this program"), message)
+        except Exception as error:  # noqa: BLE001  # `_refusal` logs a defect
+            return self._refusal(error, message)
+
+    def _refusal(self, error: Exception, message: Message | None) -> Outcome:
+        """The outcome of a message for which this error was raised."""
+        match error:
+            case WireError():
+                return self._fault(error, message)
+            case InputError():
+                return self._fault(WireError(SENDER, str(error)), message)
+            case NotTaken():
+                return unavailable(error)
+            case RemoteError():
+                return self._fault(WireError(soap.RECEIVER, str(error)), message)
+        # A defect here must not end the server, nor show the sender its stack trace.
+        log.error("a %s could not be handled", type(message.body).__name__ if message else "message", exc_info=error)
+        return self._fault(WireError(soap.RECEIVER, "an internal error occurred; see the log of this program"), message)
 
     def not_found_text(self, path: str) -> str:
         return f"there is no component at {path}; available: {', '.join(self._parts)}\n"

@@ -12,6 +12,7 @@ from msgspec import structs
 
 from somrs.client.refusals import error_report
 from somrs.errors import SomrsError, UsageError
+from somrs.kernel.admission import check_room
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import (
     DeliveryFailed,
@@ -27,6 +28,7 @@ from somrs.kernel.component import (
     TimerFired,
 )
 from somrs.kernel.replica import Replica
+from somrs.limits import Limits
 from somrs.protocol.messages import orders
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
@@ -86,6 +88,10 @@ class Scheduler:
     def open(self) -> list[str]:
         """Nothing: the Task Manager holds the running tasks, and orders have no end."""
         return []
+
+    def check_admitted(self, message: Message, bounds: Limits) -> None:
+        if isinstance(message.body, orders.SubscribeOrders):
+            check_room("subscribers", bounds, self.state.subscribers, message.header.sender)
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """Process an input, and return the effects."""

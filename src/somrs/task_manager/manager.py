@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from somrs.kernel.admission import check_room
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import (
     Answered,
@@ -23,6 +24,7 @@ from somrs.kernel.component import (
 )
 from somrs.kernel.replica import ReplicaUpdate
 from somrs.kernel.service_replica import ServiceUpdate
+from somrs.limits import Limits
 from somrs.ontology.modes import freed_devices
 from somrs.ontology.objects import objects_of
 from somrs.protocol.messages import directory, frp, previews, records, reservations, submission, task_news
@@ -109,6 +111,13 @@ class TaskManager:
     def open(self) -> list[str]:
         """The ids of the tasks that have not ended."""
         return [*self.state.running]
+
+    def check_admitted(self, message: Message, bounds: Limits) -> None:
+        match message.body:
+            case submission.Submit() | submission.SubmitOnce() if submitted_id(message) not in self.state.tasks:
+                check_room("tasks", bounds, self.state.running)
+            case task_news.WatchTask() | task_news.WatchTasks():
+                check_room("subscribers", bounds, self.state.subscriptions.watchers, message.header.message_id)
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """Handle an input and return its effects."""
