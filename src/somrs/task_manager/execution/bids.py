@@ -17,6 +17,7 @@ from somrs.ontology.map import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import Ontology
+from somrs.ontology.work_budget import ExcessiveWork
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import Terms
@@ -129,5 +130,12 @@ def relevant_situation(step: Step, situation: Formula | None, map: Map, ontology
     if situation is None:
         return None
     inputs = {name for term in step.inputs.values() for name in names(term)}
-    parts = [part for part in conjuncts(situation) if names(part) and names(part)[0] in inputs and formula_holds(part, map, ontology)]
+    parts = [part for part in conjuncts(situation) if names(part) and names(part)[0] in inputs and _still_holds(part, map, ontology)]
     return conjunction(*parts) if parts else None
+
+
+def _still_holds(part: Formula, map: Map, ontology: Ontology) -> bool:
+    try:
+        return formula_holds(part, map, ontology)
+    except ExcessiveWork:  # what a service reports is not worth more work
+        return False

@@ -136,3 +136,9 @@ def test_a_precondition_that_cannot_hold_is_an_error(precondition: str, reason: 
 def test_of_a_situation_that_is_told_which_concerns_the_step_and_is_still_so(situation: str | None, expected_text: str | None) -> None:
     relevant_part = relevant_situation(STEP, parse(situation) if situation is not None else None, MAP, laboratory())
     assert (str(relevant_part) if relevant_part is not None else None) == expected_text
+
+
+def test_what_takes_too_much_work_to_find_out_is_no_part_of_a_situation() -> None:
+    pairs = " AND ".join(f"?A{number}.PositionX <= ?B{number}.PositionX" for number in range(9))
+    heavy = "".join(f"FORALL ?A{number} (EXISTS ?B{number} (" for number in range(9)) + f"{pairs} AND Jar001.PositionX >= 0" + "))" * 9
+    assert relevant_situation(STEP, parse(heavy), MAP, laboratory()) is None
