@@ -21,6 +21,7 @@ from somrs.ontology.types import Ontology
 from somrs.space.dimensions import dimensions_of
 from somrs.space.distances import STEP, distances_from, distances_from_segment, points_along
 from somrs.space.fitting import TOLERANCE, is_in_the_way, overlaps
+from somrs.space.lanes import MapLane, lanes_of
 from somrs.space.reachability import Ground
 from somrs.space.solids import Point, Role, Solid, area_of, solid_of
 from somrs.space.way_back import lanes_without_way_back
@@ -146,7 +147,7 @@ class _Site:
             if not (extent <= _LARGEST_SITE and math.hypot(*point) <= _FARTHEST):
                 text = f"it reaches {_length(math.hypot(*point) + extent)} from the map's origin"
                 yield Finding(subject=name, rule="not-metres", message=f"{text}; move the origin near, or correct its position or size")
-        lengths = [math.dist(start.point, end.point) for _, start, end in self._lanes()]
+        lengths = [lane.length for lane in self._lanes()]
         if len(lengths) > 3 and statistics.median(lengths) < _SHORTEST_LANE:
             text = f"half of the lanes are shorter than {_length(_SHORTEST_LANE)}: the coordinates cannot be metres; convert them"
             yield Finding(subject=root, rule="not-metres", message=text)
@@ -227,36 +228,31 @@ class _Site:
 
     # Lanes
 
-    def _lanes(self) -> Iterator[tuple[str, _Spot, _Spot]]:
-        """The lanes between two waypoints with positions, on one storey."""
-        starts, ends = ({f.arguments[0]: f.arguments[1] for f in self.map.facts(relation)} for relation in ("startsAt", "endsAt"))
-        spots = {name: _spot(self.map.objects[name]) for name in {*starts.values(), *ends.values()}}
-        for lane in starts.keys() & ends.keys():
-            start, end = spots[starts[lane]], spots[ends[lane]]
-            if start is not None and end is not None and abs(start.z - end.z) <= _LEVEL_DISTANCE:
-                yield lane, start, end
+    def _lanes(self) -> Iterator[MapLane]:
+        """The lanes on one storey."""
+        return (lane for lane in lanes_of(self.map, self.ontology) if abs(lane.start.level - lane.end.level) <= _LEVEL_DISTANCE)
 
     def blocked_lanes(self) -> Iterator[Finding]:
         """Lanes that lead through something, or so near to it that no robot of their graph gets through."""
         centres, extents = np.array([(s.x, s.y) for s in self.standing]).reshape(-1, 2), np.array([s.extent for s in self.standing])
         radii = self._radii()
-        for lane, start, end in sorted(self._lanes()):
-            radius = radii.get(self._graph(lane), 0.0)
-            points = points_along(start.point, end.point)
-            near = np.nonzero(distances_from_segment(centres[:, 0], centres[:, 1], start.point, end.point) < extents + radius)[0]
+        for lane in self._lanes():
+            start, end = (lane.start.x, lane.start.y), (lane.end.x, lane.end.y)
+            radius, points = radii.get(lane.graph, 0.0), points_along(start, end)
+            near = np.nonzero(distances_from_segment(centres[:, 0], centres[:, 1], start, end) < extents + radius)[0]
             distances = {
                 solid.name: float(distances_from(solid, points).min())
                 for solid in (self.standing[index] for index in near.tolist())
-                if solid.z < start.z + ROBOT_HEIGHT and solid.top > start.z + 2 * TOLERANCE
+                if solid.z < lane.start.level + ROBOT_HEIGHT and solid.top > lane.start.level + 2 * TOLERANCE
             }
-            ends = f"from {start.name} to {end.name}"
+            ends = f"from {lane.start.name} to {lane.end.name}"
             if blocking := [name for name, distance in distances.items() if distance < -TOLERANCE]:
                 message = f"{ends}, it leads through {_some(blocking)}; move a waypoint or what stands there"
-                yield Finding(subject=lane, rule="lane-blocked", message=message)
+                yield Finding(subject=lane.name, rule="lane-blocked", message=message)
             elif distances and (distance := min(distances.values())) < radius - _NARROW:
                 nearest = min(distances, key=lambda name: distances[name])
                 text = f"{ends}, {nearest} is {_length(max(distance, 0.0))} from it, and the robots of its graph need {_length(radius)}"
-                yield Finding(subject=lane, rule="lane-narrow", message=f"{text}; move a waypoint or what stands there")
+                yield Finding(subject=lane.name, rule="lane-narrow", message=f"{text}; move a waypoint or what stands there")
 
     def without_way_back(self) -> Iterator[Finding]:
         """One-way lanes behind which robots would be caught."""

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
-from somrs.ontology.values import value_of
+from somrs.space.lanes import MapLane, Waypoint, lanes_for, lanes_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,47 +24,22 @@ class OneWayLane:
     behind: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Lane:
-    name: str
-    start: str
-    end: str
-    graph: str | None
-    bidirectional: bool
-
-
 def lanes_without_way_back(map: Map, ontology: Ontology) -> list[OneWayLane]:
     """The lanes that lead out of the largest part of a network within which a robot gets from everywhere to everywhere.
 
     The lanes of a graph, with those of no graph, are a network of their own. A lift connects all waypoints in its cabin.
     """
-    lanes = [*_lanes(map, ontology)]
+    lanes = lanes_of(map, ontology)
     graphs = sorted({lane.graph for lane in lanes if lane.graph is not None})
-    networks = [[lane for lane in lanes if lane.graph in (graph, None)] for graph in graphs] or [lanes]
+    networks = [lanes_for(graph, lanes) for graph in graphs] or [lanes]
     caught = {lane.lane: lane for network in networks for lane in _leading_out(network)}
     return [caught[name] for name in sorted(caught)]
 
 
-def _lanes(map: Map, ontology: Ontology) -> Iterator[_Lane]:
-    cabins = {
-        fact.arguments[0]: fact.arguments[1]
-        for fact in map.facts("isIn")
-        if ontology.is_subtype(map.objects[fact.arguments[1]].type, "Lift")
-    }
-    starts, ends = (
-        {fact.arguments[0]: cabins.get(fact.arguments[1], fact.arguments[1]) for fact in map.facts(relation)}
-        for relation in ("startsAt", "endsAt")
-    )
-    for name in starts.keys() & ends.keys():
-        graph = value_of(name, "NavigationGraph", map, ontology)
-        bidirectional = value_of(name, "Bidirectional", map, ontology) is True
-        yield _Lane(name, starts[name], ends[name], None if graph is None else str(graph), bidirectional)
-
-
-def _leading_out(lanes: Sequence[_Lane]) -> Iterator[OneWayLane]:
+def _leading_out(lanes: Sequence[MapLane]) -> Iterator[OneWayLane]:
     if not lanes:
         return
-    names = sorted({end for lane in lanes for end in (lane.start, lane.end)})
+    names = sorted({_node(end) for lane in lanes for end in (lane.start, lane.end)})
     numbers = {name: number for number, name in enumerate(names)}
     network = _network(lanes, numbers)
     _, regions = connected_components(network, connection="strong")
@@ -72,15 +47,20 @@ def _leading_out(lanes: Sequence[_Lane]) -> Iterator[OneWayLane]:
     for island in range(int(islands.max()) + 1):
         home = _largest(network, regions, np.nonzero(islands == island)[0])
         for lane in lanes:
-            start, end = numbers[lane.start], numbers[lane.end]
+            start, end = numbers[_node(lane.start)], numbers[_node(lane.end)]
             if regions[start] == home != regions[end]:
                 behind = breadth_first_order(network, end, return_predecessors=False)
-                yield OneWayLane(lane=lane.name, start=lane.start, behind=tuple(names[number] for number in behind.tolist()))
+                yield OneWayLane(lane=lane.name, start=_node(lane.start), behind=tuple(names[number] for number in behind.tolist()))
 
 
-def _network(lanes: Sequence[_Lane], numbers: Mapping[str, int]) -> Any:
-    ways = [(numbers[lane.start], numbers[lane.end]) for lane in lanes]
-    ways += [(numbers[lane.end], numbers[lane.start]) for lane in lanes if lane.bidirectional]
+def _node(waypoint: Waypoint) -> str:
+    """The lift in whose cabin the waypoint is, which connects all that are there; or else the waypoint."""
+    return waypoint.lift or waypoint.name
+
+
+def _network(lanes: Sequence[MapLane], numbers: Mapping[str, int]) -> Any:
+    ways = [(numbers[_node(lane.start)], numbers[_node(lane.end)]) for lane in lanes]
+    ways += [(numbers[_node(lane.end)], numbers[_node(lane.start)]) for lane in lanes if lane.bidirectional]
     rows, columns = zip(*ways, strict=True)
     return csr_array((np.ones(len(ways), dtype=np.int32), (rows, columns)), shape=(len(numbers), len(numbers)))
 
