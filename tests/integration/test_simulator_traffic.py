@@ -174,7 +174,7 @@ def test_robots_drive_on_around_what_was_built_while_a_roadmap_is_made(world: Wo
     run.simulation.add(box("Shelf8", "Cupboard", (2.5, 1, 0), (0.4, 0.4, 0.8)))
     run.run_for(1)
     ((layout, use),) = begun  # one at a time
-    use(lay_out(layout.building, layout.radii))
+    use(lay_out(layout.building, layout.kinds))
     run.run_for(1)
     assert run.simulation.robots["Robot1"].road.office.roadmap is not roadmap
     layout, use = begun[1]

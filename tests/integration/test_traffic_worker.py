@@ -19,7 +19,7 @@ from somrs.protocol.messages.traffic import EnterTraffic, RequestTrip
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import Layout, lay_out
 from somrs.traffic.planner import TrafficPlanner
-from somrs.traffic.roadmap import Roadmap
+from somrs.traffic.roadmap import Roadmap, RobotKind
 from somrs.traffic.state import PlanQuestion, PlanTraffic, TrafficPlan
 from somrs.traffic.survey import Survey, Surveyor
 from tests.support.hang import HANG_TIME
@@ -27,7 +27,7 @@ from tests.support.simulated_tower import HEIGHT, tower
 from tests.support.simulator_room import ONTOLOGY
 
 BUILDING = tower((2, 2, 0))
-LAYOUT = Layout(map=BUILDING, ontology=ONTOLOGY, levels=(0.0, HEIGHT), radii=(0.27,))
+LAYOUT = Layout(map=BUILDING, ontology=ONTOLOGY, levels=(0.0, HEIGHT), kinds=(RobotKind(0.27),))
 
 
 def problem(roadmap: Roadmap) -> PlanTraffic:
@@ -48,7 +48,7 @@ def test_the_work_is_the_same_in_the_process() -> None:
         survey = Survey(map=BUILDING, ontology=ONTOLOGY)
         with TrafficWorker() as worker:
             roadmap = await worker.lay_out(LAYOUT)
-            assert roadmap == lay_out(LAYOUT.building, LAYOUT.radii)
+            assert roadmap == lay_out(LAYOUT.building, LAYOUT.kinds)
             assert await worker.survey(survey) == Surveyor().survey(survey)
             planned = TrafficPlanner(roadmap, Random()).plan(problem(roadmap))
             assert planned.ways["Robot1"][0] != planned.ways["Robot1"][-1]

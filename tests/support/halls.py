@@ -20,7 +20,7 @@ from somrs.traffic.berths import SPEED
 from somrs.traffic.component import SCHEMA, Traffic
 from somrs.traffic.layout import MARGIN, OpenBuilding, lay_out
 from somrs.traffic.planner import TrafficPlanner
-from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
+from somrs.traffic.roadmap import NumberedRoadmap, Roadmap, RobotKind
 from somrs.traffic.state import PlanTraffic
 from tests.support.simulator_room import box
 from verification.traffic_runs.vehicle import Robot, Vehicle
@@ -74,7 +74,7 @@ class Journey:
 @lru_cache
 def _laid_out(hall: Hall) -> tuple[OpenBuilding, Roadmap]:
     building = OpenBuilding(hall.map, upper(), [0.0])
-    return building, lay_out(building, [RADIUS])
+    return building, lay_out(building, [RobotKind(RADIUS)])
 
 
 class Crowd:

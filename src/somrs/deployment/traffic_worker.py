@@ -130,7 +130,7 @@ class _Work:
 
     def _answer(self, question: _Survey | _Plan | _LayOut) -> _Surveyed | _Planned | _LaidOut:
         if isinstance(question, _LayOut):
-            return _LaidOut(lay_out(question.layout.building, question.layout.radii))
+            return _LaidOut(lay_out(question.layout.building, question.layout.kinds))
         if isinstance(question, _Survey):
             surveyed = self._surveyor.survey(question.survey)
             is_known, self._surveyed = surveyed.roadmap is self._surveyed, surveyed.roadmap

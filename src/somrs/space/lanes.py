@@ -8,10 +8,12 @@ from collections.abc import Iterable, Iterator
 from msgspec import Struct
 
 from somrs.ontology.map import Map
+from somrs.ontology.objects import Change, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology, Value
 from somrs.ontology.values import value_of
 
 LANE_RELATIONS = ("startsAt", "endsAt")
+FORWARD, BACKWARD = "Forward", "Backward"
 
 
 class Waypoint(Struct, frozen=True, kw_only=True):
@@ -46,12 +48,12 @@ class MapLane(Struct, frozen=True, kw_only=True):
         return math.dist((self.start.x, self.start.y), (self.end.x, self.end.y))
 
 
-def lanes_of(map: Map, ontology: Ontology) -> list[MapLane]:
+def lanes_of(map: Map, ontology: Ontology) -> tuple[MapLane, ...]:
     """The lanes between two waypoints with positions, by name."""
     lifts = {fact.arguments[0]: fact.arguments[1] for fact in map.facts("isIn") if _is_lift(fact.arguments[1], map, ontology)}
     starts, ends = ({fact.arguments[0]: fact.arguments[1] for fact in map.facts(relation)} for relation in LANE_RELATIONS)
     waypoints = {name: _waypoint(name, lifts.get(name), map, ontology) for name in {*starts.values(), *ends.values()}}
-    return [*_lanes(starts, ends, waypoints, map, ontology)]
+    return (*_lanes(starts, ends, waypoints, map, ontology),)
 
 
 def _lanes(
@@ -72,6 +74,17 @@ def _lanes(
             travel=_text(value_of(name, "Travel", map, ontology)),
             mutex=_text(value_of(name, "Mutex", map, ontology)),
         )
+
+
+def concerns_lanes(change: Change, map: Map, ontology: Ontology) -> bool:
+    """Whether a change concerns the lanes. `map`: one that has the object that it concerns."""
+    match change:
+        case FactAdded(fact) | FactRemoved(fact):
+            return fact.relation in LANE_RELATIONS
+        case ObjectAdded(Object(name=name)) | ObjectRemoved(name) | ValueSet(name):
+            object = map.objects.get(name)
+            return object is not None and any(ontology.is_subtype(object.type, type) for type in ("Lane", "Waypoint"))
+    return False
 
 
 def graph_of(graph: str | None, lanes: Iterable[MapLane]) -> str | None:

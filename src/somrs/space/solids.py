@@ -113,6 +113,8 @@ class Solid:
     charge: float = 100.0
     """Charge of its battery at the start, percent."""
     gripper: bool = False
+    graph: str | None = None
+    """The navigation graph whose lanes a robot uses."""
     pitch: float = 0.0
     """Downward inclination of its front, rad."""
     view: float = math.tau
@@ -267,6 +269,7 @@ def _make(object: Object, ontology: Ontology, role: Role) -> Solid | None:
         speed=number("Speed", 0.8),
         charge=number("Charge", 100.0),
         gripper=gripper,
+        graph=None if value("NavigationGraph") is None else str(value("NavigationGraph")),
         pitch=number("RotationY"),
         view=number("FieldOfView", math.tau),
         sight=SIGHT if gripper else number("OperationRange", SIGHT),  # a manipulator's OperationRange is that of its arm

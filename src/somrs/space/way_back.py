@@ -31,7 +31,7 @@ def lanes_without_way_back(map: Map, ontology: Ontology) -> list[OneWayLane]:
     """
     lanes = lanes_of(map, ontology)
     graphs = sorted({lane.graph for lane in lanes if lane.graph is not None})
-    networks = [lanes_for(graph, lanes) for graph in graphs] or [lanes]
+    networks = [lanes_for(graph, lanes) for graph in graphs] or [[*lanes]]
     caught = {lane.lane: lane for network in networks for lane in _leading_out(network)}
     return [caught[name] for name in sorted(caught)]
 

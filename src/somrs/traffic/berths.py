@@ -50,10 +50,11 @@ class Berths:
         return entry.berth.name
 
     def are_joined(self, place: int, towards: int) -> bool:
-        """Whether a lane leads from one place or berth to another. A robot may be on one that is closed by now."""
+        """Whether a lane leads from one place or berth to another, or back: a robot turns round where something is in its way. A robot may
+        be on one that is closed by now."""
         first = self.roadmap.graph.size
         if max(place, towards) < first:
-            return towards in self.roadmap.graph.successors[place]
+            return self.roadmap.graph.is_lane(place, towards) or self.roadmap.graph.is_lane(towards, place)
         berth, end = max(place, towards), min(place, towards)
         entry = self.slots[berth - first]
         return entry is not None and any(start == end for start, _ in entry.lanes)
@@ -137,8 +138,8 @@ class Berths:
                 raise UsageError(f"{berth.name} is {distance:.2f} m away from {place.name}: the spacing of {spacing:.2f} m is the most")
             if place.level != places[0].level:
                 raise UsageError(f"{berth.name}: {place.name} is on another level than {places[0].name}")
-            if place.radius != places[0].radius:
-                raise UsageError(f"{berth.name}: {place.name} is for robots of another size than {places[0].name}")
+            if place.kind != places[0].kind:
+                raise UsageError(f"{berth.name}: {place.name} is for robots of another size, or on other lanes, than {places[0].name}")
         lanes = tuple((number, max(distance / SPEED, SHORTEST)) for number, distance in zip(numbers, distances, strict=True))
         return UsedBerth(robot=robot, berth=berth, level=places[0].level, lanes=lanes)
 

@@ -210,7 +210,7 @@ class Traffic:
 
     def _read(self, body: Body) -> Body:
         if isinstance(body, ReadRoadmap):
-            return roadmap_page(self.state, self._berths.roadmap.graph, self._drives.passages, body.after)
+            return roadmap_page(self.state, self._berths.roadmap, self._drives.passages, body.after)
         return traffic_view(self.state, self._schedule, self._berths, self._drives)
 
     def _answer(self, request: Message, body: Body) -> Send:

@@ -1,8 +1,9 @@
-"""The ways out of zones, such as the cabins of lifts: while traffic is held, no robot is to stand there."""
+"""Where robots go that are not to stay where their way ends: out of zones, such as the cabins of lifts, while traffic is held; and on from
+waypoints at which robots are not to stop, when they have nothing to do."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from heapq import heappop, heappush
 
 from somrs.traffic.berths import Berths
@@ -20,15 +21,25 @@ class Exits:
 
         None if the way of the robot does not end in a zone, or if no way leads out.
         """
+        return self._nearest(robot, self._is_inside)
+
+    def rest(self, robot: str) -> int | None:
+        """The nearest place on from where robots are not to stop, on the same floor, and if possible one that no other robot holds.
+
+        None if the way of the robot ends elsewhere, or if no way leads on.
+        """
+        return self._nearest(robot, self._is_passed)
+
+    def _nearest(self, robot: str, is_left: Callable[[int], bool]) -> int | None:
         start = self._schedule.last(robot)
-        if not self._is_inside(start):
+        if not is_left(start):
             return None
-        exits = [*self._outside(start)]
+        exits = [*self._outside(start, is_left)]
         free_exits = (place for place in exits if self._schedule.holder(place, besides=robot) is None)
         return next(free_exits, exits[0] if exits else None)
 
-    def _outside(self, start: int) -> Iterator[int]:
-        """The places next to the zone, the nearest first."""
+    def _outside(self, start: int, is_left: Callable[[int], bool]) -> Iterator[int]:
+        """The first places that are not to be left, the nearest first."""
         graph, level = self._berths.graph, self._level(start)
         waiting, reached = [(0.0, start)], set[int]()
         while waiting:
@@ -36,7 +47,7 @@ class Exits:
             if place in reached:
                 continue
             reached.add(place)
-            if not self._is_inside(place):
+            if not is_left(place):
                 yield place
                 continue
             for following in graph.successors[place]:
@@ -50,6 +61,11 @@ class Exits:
             return places[number].zone is not None
         entry = self._berths.slots[number - size]
         return entry is not None and all(places[neighbour].zone is not None for neighbour, _ in entry.lanes)
+
+    def _is_passed(self, number: int) -> bool:
+        """Whether robots are not to stop at a place."""
+        places = self._berths.roadmap.roadmap.places
+        return number < len(places) and places[number].passthrough
 
     def _level(self, number: int) -> float:
         places, size = self._berths.roadmap.roadmap.places, self._berths.roadmap.graph.size

@@ -1,4 +1,4 @@
-"""Roadmaps from the free space of a building.
+"""Roadmaps from the free space of a building, and from its lanes (`lane_layout.py`).
 
 The places lie on a lattice of equal triangles, as far apart as the spacing: six ways lead on from each, and no two places of the lattice
 exclude each other. Where walls and furniture leave no room for the lattice, places are added until every free point sees one.
@@ -15,21 +15,24 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, structs
 from scipy import ndimage
 from scipy.sparse import coo_array, csr_array, eye_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.spatial import cKDTree
 
 from somrs.ontology.map import Map
 from somrs.ontology.objects import ValueSet
 from somrs.ontology.types import Ontology
 from somrs.space.free_space import FreeSpace
+from somrs.space.lanes import MapLane, graph_of, lanes_for
 from somrs.space.shafts import SAME_FLOOR, Shaft, shafts_of
 from somrs.space.solids import Point, Role, Solid, solid_of
 from somrs.space.squares import Squares, box_around
 from somrs.traffic.bays import find_bays
 from somrs.traffic.coverage import UNSEEN, Coverage, Crossings, Points
-from somrs.traffic.roadmap import Lane, Place, Roadmap, spacing_for
+from somrs.traffic.lane_layout import OPPOSITE, AreClear, LaneLayout, Rule
+from somrs.traffic.roadmap import Lane, Place, Roadmap, RobotKind, spacing_for
 
 SAME_SIZE = 1.25
 """By what factor the radii of robots that share places differ at most."""
@@ -52,14 +55,16 @@ HOPS = 4
 
 
 class OpenBuilding:
-    """The space of a building with all doors open: of the floors at these heights, and of those to which lifts lead from there."""
+    """The space of a building with all doors open: of the floors at these heights, and of those to which lifts lead from there. `lanes`:
+    those on which robots drive."""
 
-    def __init__(self, map: Map, ontology: Ontology, levels: Iterable[float]) -> None:
+    def __init__(self, map: Map, ontology: Ontology, levels: Iterable[float], lanes: Sequence[MapLane] = ()) -> None:
         solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
         self.shafts = [shaft for shaft in shafts_of(map, ontology) if shaft.landings]
         in_lifts = {door.name for shaft in self.shafts for landing in shaft.landings for door in landing.doors}
         self.doors = {solid.name: solid for solid in solids if solid.role is Role.DOOR and solid.name not in in_lifts}
         """Without those of lifts."""
+        self.lanes = lanes
         self.passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
         opened = map.changed([ValueSet(solid.name, "Open", True) for solid in solids if solid.role is Role.DOOR])
         self.spaces = {level: FreeSpace(opened, ontology, level=level) for level in connected_levels(levels, self.shafts)}
@@ -67,22 +72,25 @@ class OpenBuilding:
 
 
 class Layout(Struct, frozen=True, kw_only=True):
-    """A roadmap is to be made of the floors at these heights, and of those to which lifts lead from there, for robots of these radii."""
+    """A roadmap is to be made of the floors at these heights, and of those to which lifts lead from there, with these lanes, for robots of
+    these kinds."""
 
     map: Map
     ontology: Ontology
     levels: tuple[float, ...]
-    radii: tuple[float, ...]
+    kinds: tuple[RobotKind, ...]
+    lanes: tuple[MapLane, ...] = ()
 
     @property
     def building(self) -> OpenBuilding:
-        return OpenBuilding(self.map, self.ontology, self.levels)
+        return OpenBuilding(self.map, self.ontology, self.levels, self.lanes)
 
 
-def lay_out(building: OpenBuilding, radii: Iterable[float]) -> Roadmap:
-    """The roadmap for robots of these radii, in metres. Robots of about the same size share places; larger ones have places and lanes of
-    their own."""
-    parts = [_lay_out(building, radius, f"{layer}." if layer else "") for layer, radius in enumerate(sizes(radii))]
+def lay_out(building: OpenBuilding, kinds: Iterable[RobotKind]) -> Roadmap:
+    """The roadmap for robots of these kinds. Those of about the same size that use the same lanes share places; others have places and
+    lanes of their own."""
+    own_places = kinds_with_places(kinds, building.lanes)
+    parts = [_lay_out(building, kind, f"{number}." if number else "") for number, kind in enumerate(own_places)]
     places = (place for part in parts for place in part.places)
     doors = (replace(door, open=True) for door in building.doors.values() if door.automatic)
     return Roadmap(
@@ -90,7 +98,18 @@ def lay_out(building: OpenBuilding, radii: Iterable[float]) -> Roadmap:
         lanes=tuple(lane for part in parts for lane in part.lanes),
         lifts=tuple(shaft.name for shaft in building.shafts),
         doors=tuple(doors),
+        graphs=tuple(sorted({lane.graph for lane in building.lanes if lane.graph is not None})),
     )
+
+
+def kinds_with_places(kinds: Iterable[RobotKind], lanes: Sequence[MapLane]) -> list[RobotKind]:
+    """The kinds for which there are places of their own, so that there are some for each robot of these kinds: those that use no lanes,
+    and the smallest, first."""
+    radii: dict[str | None, list[float]] = {}
+    for kind in kinds:
+        radii.setdefault(graph_of(kind.graph, lanes), []).append(kind.radius)
+    graphs = sorted(radii, key=lambda graph: (graph is not None, graph or ""))
+    return [RobotKind(radius, graph) for graph in graphs for radius in sizes(radii[graph])]
 
 
 def sizes(radii: Iterable[float]) -> list[float]:
@@ -102,8 +121,9 @@ def sizes(radii: Iterable[float]) -> list[float]:
     return classes[::-1]
 
 
-def _lay_out(building: OpenBuilding, radius: float, prefix: str) -> Roadmap:
-    """The part of the roadmap for robots of at most this radius."""
+def _lay_out(building: OpenBuilding, kind: RobotKind, prefix: str) -> Roadmap:
+    """The part of the roadmap for one kind of robots."""
+    radius, map_lanes = kind.radius, lanes_for(kind.graph, building.lanes)
     places: list[Place] = []
     lanes: list[Lane] = []
     stops: dict[str, list[Place]] = {}
@@ -111,16 +131,27 @@ def _lay_out(building: OpenBuilding, radius: float, prefix: str) -> Roadmap:
         passages = [(solid.x, solid.y) for solid in building.passages if abs(solid.z - level) < SAME_FLOOR]
         cabins = [shaft for shaft in building.shafts if shaft.landing(level) is not None]
         storey = _Storey(space, radius + MARGIN, spacing_for(radius))
-        points, pairs = storey.lay_out([*((shaft.cabin.x, shaft.cabin.y) for shaft in cabins), *passages])
-        zones = [_zone((x, y), level, radius, cabins) for x, y in points.tolist()]
+        on_storey = [lane for lane in map_lanes if all(abs(end.level - level) < SAME_FLOOR for end in (lane.start, lane.end))]
+        network = LaneLayout(on_storey, storey.spacing, storey.snap, storey.are_clear)
+        points, pairs = storey.lay_out([*((shaft.cabin.x, shaft.cabin.y) for shaft in cabins), *passages], network)
         on_level = [
-            Place(name=f"P{prefix}{number}/{index}", x=x, y=y, level=level, radius=radius, spacing=storey.spacing, zone=zone)
-            for index, ((x, y), zone) in enumerate(zip(points.tolist(), zones, strict=True))
+            Place(
+                name=f"P{prefix}{number}/{index}",
+                x=x,
+                y=y,
+                level=level,
+                radius=radius,
+                spacing=storey.spacing,
+                zone=_zone((x, y), level, radius, cabins),
+                graph=kind.graph,
+                mutexes=tuple(sorted(network.mutexes.get(index, ()))),
+                passthrough=index in network.passthrough,
+            )
+            for index, (x, y) in enumerate(points.tolist())
         ]
         places += on_level
-        for first, second in pairs:
-            seconds = max(math.dist(points[first], points[second]) / SPEED, 0.05)
-            lanes += _both_ways(on_level[first], on_level[second], seconds)
+        for (first, second), rule in network.ways(points, pairs).items():
+            lanes.append(_lane(on_level[first], on_level[second], rule))
         for shaft in cabins:
             inner = [place for place in on_level if place.zone == shaft.name and _can_ride(place, radius, shaft)]
             if inner:
@@ -128,8 +159,32 @@ def _lay_out(building: OpenBuilding, radius: float, prefix: str) -> Roadmap:
                 stops.setdefault(shaft.name, []).append(min(inner, key=lambda place: math.dist((place.x, place.y), middle)))
     for shaft in building.shafts:
         for start, end in combinations(stops.get(shaft.name, ()), 2):
-            lanes += _both_ways(start, end, ride_seconds(shaft.cabin, start.level, end.level))
-    return Roadmap(places=tuple(places), lanes=tuple(lanes))
+            seconds = ride_seconds(shaft.cabin, start.level, end.level)
+            lanes += (Lane(start=first.name, end=second.name, seconds=seconds) for first, second in ((start, end), (end, start)))
+    return with_ways_back(Roadmap(places=tuple(places), lanes=tuple(lanes)))
+
+
+def with_ways_back(roadmap: Roadmap) -> Roadmap:
+    """The roadmap, with lanes back where one-way lanes lead to places from which a robot could not return."""
+    numbers = {place.name: number for number, place in enumerate(roadmap.places)}
+    ends = np.array([(numbers[lane.start], numbers[lane.end]) for lane in roadmap.lanes], dtype=int).reshape(-1, 2)
+    size = len(roadmap.places)
+    network = csr_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), (size, size))
+    count, regions = connected_components(network, connection="strong")
+    _, islands = connected_components(network, directed=False)
+    leading_out = np.flatnonzero(regions[ends[:, 0]] != regions[ends[:, 1]])
+    if not len(leading_out):
+        return roadmap
+    sizes = np.bincount(regions, minlength=count)
+    homes = {int(island): int(np.argmax(sizes * (np.bincount(regions[islands == island], minlength=count) > 0))) for island in {*islands}}
+    is_caught = np.zeros(size, dtype=bool)
+    for island in {int(islands[start]) for start in ends[leading_out, 0]}:
+        entry = int(np.flatnonzero(regions == homes[island])[0])
+        is_caught[breadth_first_order(network, entry, return_predecessors=False)] = True
+        is_caught[regions == homes[island]] = False
+    chosen = (roadmap.lanes[number] for number in leading_out.tolist() if is_caught[ends[number, 1]])
+    backwards = (structs.replace(lane, start=lane.end, end=lane.start, travel=OPPOSITE.get(lane.travel or "")) for lane in chosen)
+    return structs.replace(roadmap, lanes=(*roadmap.lanes, *backwards))
 
 
 def ride_seconds(cabin: Solid, start: float, end: float) -> float:
@@ -159,9 +214,10 @@ def _can_ride(place: Place, radius: float, shaft: Shaft) -> bool:
     return shaft.contains(point) and shaft.room_to_doors(point, place.level) > radius + DOOR_ROOM
 
 
-def _both_ways(start: Place, end: Place, seconds: float) -> Iterator[Lane]:
-    yield Lane(start=start.name, end=end.name, seconds=seconds)
-    yield Lane(start=end.name, end=start.name, seconds=seconds)
+def _lane(start: Place, end: Place, rule: Rule | None) -> Lane:
+    limit, travel = (rule.speed_limit, rule.travel) if rule is not None else (None, None)
+    seconds = max(math.dist((start.x, start.y), (end.x, end.y)) / min(SPEED, limit or SPEED), 0.05)
+    return Lane(start=start.name, end=end.name, seconds=seconds, speed_limit=limit, travel=travel)
 
 
 class _Storey:
@@ -177,9 +233,27 @@ class _Storey:
         self.spacing = max(spacing, min(math.sqrt(area / PLACES * 2 / math.sqrt(3)), WIDEST))
         self._coverage = Coverage(free_space, self._free, radius, self.spacing - self._grid.size)
 
-    def lay_out(self, middles: Sequence[Point]) -> tuple[Points, list[tuple[int, int]]]:
-        """The points, and the pairs of them that a straight lane joins. `middles`: those of cabins and passages."""
-        points = self._spread([*filter(self._is_free, middles), *self._lattice()])
+    @property
+    def are_clear(self) -> AreClear:
+        return self._coverage.are_clear
+
+    def snap(self, point: Point) -> Point | None:
+        """The point, or the nearest one within the spacing where the robot has room; None if there is none."""
+        if self._is_free(point):
+            return point
+        rows, columns = np.nonzero(self._free)
+        centres = self._grid.centres(np.stack([rows, columns], axis=1))
+        distances = np.hypot(centres[:, 0] - point[0], centres[:, 1] - point[1])
+        if not len(distances) or distances.min() > self.spacing:
+            return None
+        x, y = centres[distances.argmin()].tolist()
+        return x, y
+
+    def lay_out(self, middles: Sequence[Point], network: LaneLayout) -> tuple[Points, list[tuple[int, int]]]:
+        """The points, those of the lanes first, and the pairs of them that a straight lane joins. `middles`: those of cabins and
+        passages."""
+        beside = [*middles, *network.sidings()] if network.points else [*middles]
+        points = self._spread(network.points, [*filter(self._is_free, beside), *self._lattice()])
         points = self._filled(points)
         crossings = self._coverage.crossings()
         while len(joints := self._joints(points, crossings)):
@@ -202,11 +276,13 @@ class _Storey:
         cell = self._grid.cell(point)
         return cell is not None and bool(self._free[cell]) and self._free_space.free(point, self._radius)
 
-    def _spread(self, points: Sequence[Point]) -> Points:
-        """The points without those that are nearer to an earlier one than half of the spacing."""
-        kept: list[Point] = []
+    def _spread(self, fixed: Sequence[Point], points: Sequence[Point]) -> Points:
+        """The fixed points, and the others without those that are nearer to an earlier one than half of the spacing."""
+        kept = [*fixed]
         least = self.spacing / 2
         squares = Squares[Point](least)
+        for point in fixed:
+            squares.add(point, box_around(point, 0.0))
         for point in points:
             if all(abs(point[0] - x) + abs(point[1] - y) >= least for x, y in squares.near(box_around(point, least))):
                 kept.append(point)

@@ -96,7 +96,7 @@ class Obstructions:
 
     def _steps_to_edge(self, places: Collection[int]) -> dict[int, float]:
         """For each of some places: how many lanes lead to one that is none of them; infinite if none do."""
-        successors = self._roadmap.graph.successors
+        successors, predecessors = self._roadmap.graph.successors, self._roadmap.graph.predecessors
         steps, edge = dict.fromkeys(places, math.inf), deque[int]()
         for place in places:
             if any(end not in steps for end in successors[place]):
@@ -104,7 +104,7 @@ class Obstructions:
                 edge.append(place)
         while edge:
             place = edge.popleft()
-            for inner in successors[place]:  # lanes of free space lead both ways
+            for inner in predecessors[place]:
                 if steps.get(inner) == math.inf:
                     steps[inner] = steps[place] + 1
                     edge.append(inner)
@@ -112,9 +112,10 @@ class Obstructions:
 
     def _lanes_at(self, places: Iterable[int]) -> Iterator[Lane]:
         """The lanes from and to places."""
+        graph = self._roadmap.graph
         for place in places:
-            for neighbour in self._roadmap.graph.successors[place]:
-                yield from ((place, neighbour), (neighbour, place))
+            yield from ((place, end) for end in graph.successors[place])
+            yield from ((start, place) for start in graph.predecessors[place])
 
     def closing(
         self,
@@ -171,7 +172,7 @@ class Obstructions:
         """The lanes by which a robot comes into a lift, or rides in it."""
         places = self._roadmap.roadmap.places
         for end in self._roadmap.zones.get(lift, ()):
-            for start in self._roadmap.graph.successors[end]:  # lanes of lifts lead both ways
+            for start in self._roadmap.graph.predecessors[end]:
                 if places[start].zone != lift or places[start].level != places[end].level:
                     yield start, end
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import combinations
+from typing import NamedTuple
 
 from msgspec import Struct
 
@@ -21,10 +22,19 @@ ROUNDING = 1e-9
 """The share by which computed distances may differ."""
 
 
+class RobotKind(NamedTuple):
+    """Robots up to a `radius`, in metres, that use the lanes of a navigation graph; without one, they drive where there is room. A radius
+    of 0 is for robots of any size."""
+
+    radius: float = 0.0
+    graph: str | None = None
+
+
 class Place(Struct, frozen=True, kw_only=True):
     """A place, with its coordinates on the map in metres. `level`: the height of its floor. `zone`: the lift or area of which
-    it is a part, in which only one robot may be at a time, on whatever floor. `radius`: of the largest robots for which it is; 0 if the
-    roadmap is for robots of one size. `spacing`: no lane from there is longer, in metres; without one, that of the roadmap counts."""
+    it is a part, in which only one robot may be at a time, on whatever floor; so for each of its `mutexes`. `radius`, `graph`: for which
+    robots it is. `spacing`: no lane from there is longer, in metres; without one, that of the roadmap counts. `passthrough`: robots do not
+    stay there when they have nothing to do."""
 
     name: str
     x: float
@@ -33,6 +43,14 @@ class Place(Struct, frozen=True, kw_only=True):
     zone: str | None = None
     radius: float = 0.0
     spacing: float | None = None
+    graph: str | None = None
+    mutexes: tuple[str, ...] = ()
+    passthrough: bool = False
+
+    @property
+    def kind(self) -> RobotKind:
+        """The robots for which it is."""
+        return RobotKind(self.radius, self.graph)
 
 
 def spacing_for(radius: float) -> float:
@@ -50,23 +68,28 @@ def least_distance(spacing: float, near_spacing: float) -> float:
 
 
 class Lane(Struct, frozen=True, kw_only=True):
-    """A lane, in one direction. `seconds`: how long a robot takes for it."""
+    """A lane, in one direction. `seconds`: how long a robot takes for it. `speed_limit`: in metres per second. `travel`: Forward or
+    Backward, if a robot may not choose."""
 
     start: str
     end: str
     seconds: float
+    speed_limit: float | None = None
+    travel: str | None = None
 
 
 class Roadmap(Struct, frozen=True, kw_only=True):
     """Places and lanes. Robots at two places touch each other if these are nearer to each other than `spacing`, in metres, and on one
     floor. A lane between two floors is a ride in a lift. Places for robots of a certain size have a spacing of their own. `lifts`, which
-    are zones, and `doors`, which are automatic, have programs: nobody is sent through them while these take no part."""
+    are zones, and `doors`, which are automatic, have programs: nobody is sent through them while these take no part. `graphs`: the
+    navigation graphs of which the building has lanes."""
 
     places: tuple[Place, ...]
     lanes: tuple[Lane, ...]
     spacing: float = 0.0
     lifts: tuple[str, ...] = ()
     doors: tuple[Solid, ...] = ()
+    graphs: tuple[str, ...] = ()
 
     def check(self) -> None:
         """Raises UsageError for a roadmap that cannot be used."""
@@ -105,17 +128,27 @@ class NumberedRoadmap:
         self.roadmap = roadmap
         self.names = tuple(place.name for place in roadmap.places)
         self.numbers = {name: number for number, name in enumerate(self.names)}
+        self.rules: dict[tuple[int, int], Lane] = {}
+        """The lanes on which there are rules for driving, by their ends."""
+        for lane in roadmap.lanes:
+            if lane.speed_limit is not None or lane.travel is not None:
+                self.rules[self.numbers[lane.start], self.numbers[lane.end]] = lane
         lanes = ((self.numbers[lane.start], self.numbers[lane.end], lane.seconds) for lane in roadmap.lanes)
-        self.radii = tuple(sorted({place.radius for place in roadmap.places}))
+        self.kinds = sorted({place.kind for place in roadmap.places}, key=lambda kind: kind.radius)
+        """Those for which there are places, the smallest robots first."""
         self._spacings = [roadmap.spacing if place.spacing is None else place.spacing for place in roadmap.places]
         self.widest = max(self._spacings, default=roadmap.spacing)
         """The largest spacing, m."""
         self._squares = Squares[int](self.widest or 1.0)
         self.zones: dict[str, list[int]] = {}
         """The places of each zone."""
+        self._mutexes: dict[str, list[int]] = {}
+        """The places of each mutex."""
         for number, place in enumerate(roadmap.places):
             if place.zone is not None:
                 self.zones.setdefault(place.zone, []).append(number)
+            for mutex in place.mutexes:
+                self._mutexes.setdefault(mutex, []).append(number)
         self.graph = Graph(len(self.names), lanes, self._conflicts())
 
     def number(self, place: str) -> int:
@@ -124,9 +157,11 @@ class NumberedRoadmap:
             raise UsageError(f"there is no place {place} on the roadmap")
         return self.numbers[place]
 
-    def radius_for(self, radius: float) -> float:
-        """The radius of the places that a robot of this radius uses."""
-        return next((known for known in self.radii if known >= radius), self.radii[-1] if self.radii else 0.0)
+    def kind_for(self, kind: RobotKind) -> RobotKind:
+        """The kind whose places a robot of this kind uses: of those with the same lanes, the smallest ones that are large enough."""
+        graph = kind.graph if kind.graph in self.roadmap.graphs else None
+        candidates = [known for known in self.kinds if known.graph == graph] or self.kinds
+        return next((known for known in candidates if known.radius >= kind.radius), candidates[-1] if candidates else RobotKind())
 
     def spacing(self, number: int) -> float:
         """The spacing of a place, m: no lane from there is longer."""
@@ -138,8 +173,8 @@ class NumberedRoadmap:
         return (number for number in near if self.roadmap.places[number].level == level)
 
     def _conflicts(self) -> Iterator[tuple[int, int]]:
-        """The pairs of places of one level that are too near to each other, and those of one zone."""
-        for members in self.zones.values():
+        """The pairs of places of one level that are too near to each other, and those of one zone or mutex."""
+        for members in (*self.zones.values(), *self._mutexes.values()):
             yield from combinations(members, 2)
         for number, place in enumerate(self.roadmap.places):
             for earlier in self.near((place.x, place.y), place.level):

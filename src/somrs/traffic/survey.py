@@ -13,13 +13,14 @@ from somrs.ontology.types import Ontology
 from somrs.space.clearance import Disc
 from somrs.space.dimensions import dimensions_of
 from somrs.space.free_space import FreeSpace
+from somrs.space.lanes import lanes_of
 from somrs.space.shafts import Shaft, shafts_of
 from somrs.space.solids import Role, Solid, solid_of
 from somrs.space.zones import zones_of
-from somrs.traffic.layout import OpenBuilding, connected_levels, lay_out, sizes
+from somrs.traffic.layout import OpenBuilding, connected_levels, kinds_with_places, lay_out
 from somrs.traffic.notices import CloseWays
 from somrs.traffic.obstructions import Obstructions, discs_along
-from somrs.traffic.roadmap import Roadmap, numbered
+from somrs.traffic.roadmap import Roadmap, RobotKind, numbered
 from somrs.traffic.state import Position
 
 NEAR_FLOOR = 0.3
@@ -79,14 +80,15 @@ class Surveyor:
         return Surveyed(roadmap=self._roadmap, closing=closing)
 
     def _lay_out(self, survey: Survey, robots: Sequence[Solid], building: Sequence[Solid], shafts: Sequence[Shaft]) -> None:
-        radii = sizes(dimensions_of(robot).radius for robot in robots)
+        kinds = {RobotKind(dimensions_of(robot).radius, robot.graph) for robot in robots}
+        lanes = lanes_of(survey.map, survey.ontology)
         levels = connected_levels((robot.z for robot in robots), shafts)
         opened = tuple(replace(solid, open=True) if solid.role is Role.DOOR else solid for solid in building)
-        layout = (opened, shafts, radii, levels) if robots else None
+        layout = (opened, shafts, kinds_with_places(kinds, lanes), lanes, levels) if robots else None
         if layout != self._layout:
             self._layout, self._spaces_of = layout, None
             empty = Roadmap(places=(), lanes=())
-            self._use(lay_out(OpenBuilding(survey.map, survey.ontology, levels), radii) if layout is not None else empty)
+            self._use(lay_out(OpenBuilding(survey.map, survey.ontology, levels, lanes), kinds) if layout is not None else empty)
 
 
 def _standing(survey: Survey, solids: Sequence[Solid], level: float) -> Iterator[Disc]:

@@ -9,7 +9,7 @@ from somrs.protocol.messages.traffic import RoadmapLane, RoadmapPage, RoadmapPla
 from somrs.traffic.berths import Berths
 from somrs.traffic.drives import Drives
 from somrs.traffic.passages import Passages
-from somrs.traffic.planning.graph import Graph
+from somrs.traffic.roadmap import NumberedRoadmap
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import RobotRecord, TrafficState
 
@@ -54,9 +54,9 @@ def _waits_for(name: str, record: RobotRecord, schedule: Schedule) -> tuple[str,
     return (holder,) if holder is not None else ()
 
 
-def roadmap_page(state: TrafficState, graph: Graph, passages: Passages, offset: int) -> RoadmapPage:
-    """The places of the roadmap from this number on, as many as fit on a page. `graph`: that of the whole roadmap."""
-    places, offset = state.roadmap.places, max(offset, 0)
+def roadmap_page(state: TrafficState, roadmap: NumberedRoadmap, passages: Passages, offset: int) -> RoadmapPage:
+    """The places of the roadmap from this number on, as many as fit on a page."""
+    places, offset, graph, rules = state.roadmap.places, max(offset, 0), roadmap.graph, roadmap.rules
     closed_places, closed_lanes = state.all_closed.all_places, state.all_closed.all_lanes
     items = (
         RoadmapPlace(
@@ -65,11 +65,15 @@ def roadmap_page(state: TrafficState, graph: Graph, passages: Passages, offset: 
             y=place.y,
             level=place.level,
             radius=place.radius,
+            graph=place.graph,
+            passthrough=place.passthrough,
             zone=place.zone,
             lanes=tuple(
                 RoadmapLane(
                     end=places[end].name,
                     seconds=graph.length(number, end),
+                    speed_limit=rules[number, end].speed_limit if (number, end) in rules else None,
+                    travel=rules[number, end].travel if (number, end) in rules else None,
                     closed=(number, end) in closed_lanes,
                     passages=passages.entered(number, end),
                 )

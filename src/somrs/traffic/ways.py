@@ -25,7 +25,7 @@ from somrs.traffic.layout import MARGIN
 from somrs.traffic.obstructions import Obstructions, least_room
 from somrs.traffic.planning.graph import FAR, Lane
 from somrs.traffic.planning.recent import recall
-from somrs.traffic.roadmap import NumberedRoadmap
+from somrs.traffic.roadmap import NumberedRoadmap, RobotKind
 
 DOOR_WAIT = 3.0
 """What a robot is taken to wait until an automatic door is open, s."""
@@ -61,13 +61,13 @@ class Stands:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Goal:
-    """Where a robot wants to go on a floor: to one of some stands. `radius`: of the robot, m.
+    """Where a robot of a kind wants to go on a floor: to one of some stands.
 
     `places` (n) are those from which it drives straight to a stand, whose number is in `stands_seen` (n).
     """
 
     level: float
-    radius: float
+    kind: RobotKind
     stands: Stands
     places: NDArray[np.int64]
     stands_seen: NDArray[np.int64]
@@ -108,6 +108,10 @@ class Ways:
         self._metres = np.hypot(*(self._points[self._starts] - self._points[self._ends]).T) * ~is_ride
         self._seconds = np.array([LIFT_WAIT + roadmap.graph.length(*lane) for lane in lanes]) * is_ride
         """What rides take; 0 for lanes on one floor."""
+        self._speed_limits = np.full(len(lanes), FAR)
+        """In metres per second; infinite without one."""
+        for (start, end), rules in roadmap.rules.items():
+            self._speed_limits[self._lane_numbers[start, end]] = rules.speed_limit or FAR
         self._obstructions = obstructions = Obstructions(roadmap)
         self._closed_lanes: dict[tuple[Solid, ...], list[int]] = {}
         """By all no-go zones: the lanes that they close."""
@@ -122,21 +126,22 @@ class Ways:
                 self._doors_on.setdefault(lane, []).append(name)
         self._waits = self._waits_for_doors(doors)
         """What robots wait on each lane for automatic doors to open, s."""
-        self._layers: dict[tuple[float, float], tuple[NDArray[np.int64], cKDTree]] = {}
-        """By level and radius of places: their numbers and points."""
+        self._layers: dict[tuple[float, RobotKind], tuple[NDArray[np.int64], cKDTree]] = {}
+        """By level and kind of robots: the numbers of the places for them, and their points."""
         self._goals: dict[Hashable, Goal] = {}
         self._fields: dict[Hashable, _Field] = {}
         self._ways: dict[Hashable, Way | None] = {}
         """By all on which they depend."""
         self._views: dict[Hashable, NDArray[np.int64]] = {}
-        """By level, radius and point: the places that a robot sees from there."""
+        """By level, kind of robot, and point: the places that a robot sees from there."""
 
     def _all_lanes(self, places: Iterable[int], lanes: Iterable[Lane]) -> list[int]:
         """The numbers of lanes, and of those that lead to and from places."""
         touched = {*places}
-        around = ((place, end) for place in touched for end in self._roadmap.graph.successors[place])
-        both_ways = (lane for start, end in around for lane in ((start, end), (end, start)) if lane in self._lane_numbers)
-        return [self._lane_numbers[lane] for lane in {*lanes, *both_ways}]
+        graph = self._roadmap.graph
+        away = ((place, end) for place in touched for end in graph.successors[place])
+        towards = ((start, place) for place in touched for start in graph.predecessors[place])
+        return [self._lane_numbers[lane] for lane in {*lanes, *away, *towards}]
 
     def _waits_for_doors(self, doors: Mapping[str, Solid]) -> NDArray[np.float64]:
         """What robots wait on each lane for automatic doors to open, s: on those on which they come to a door."""
@@ -158,28 +163,28 @@ class Ways:
 
     # Goals
 
-    def goal(self, key: Hashable, level: float, radius: float, find_stands: Callable[[FreeSpace], Stands]) -> Goal | None:
+    def goal(self, key: Hashable, level: float, kind: RobotKind, find_stands: Callable[[FreeSpace], Stands]) -> Goal | None:
         """The goal of a robot on a floor; None if there is no such floor. It is kept: the same key stands for the same goal."""
         space = self.space(level)
         if space is None:
             return None
-        whole_key = key, round(level, 1), radius
-        return recall(self._goals, whole_key, lambda: self._find_goal(space, round(level, 1), radius, find_stands(space)), MOST_FIELDS)
+        whole_key = key, round(level, 1), kind
+        return recall(self._goals, whole_key, lambda: self._find_goal(space, round(level, 1), kind, find_stands(space)), MOST_FIELDS)
 
-    def _find_goal(self, space: FreeSpace, level: float, radius: float, stands: Stands) -> Goal:
-        numbers, tree = self._layer(level, radius)
-        visible_places = tree.query_ball_point(stands.points, self._sight(level, radius)) if len(numbers) and len(stands.points) else []
+    def _find_goal(self, space: FreeSpace, level: float, kind: RobotKind, stands: Stands) -> Goal:
+        numbers, tree = self._layer(level, kind)
+        visible_places = tree.query_ball_point(stands.points, self._sight(level, kind)) if len(numbers) and len(stands.points) else []
         pairs = np.array([(place, stand) for stand, places in enumerate(visible_places) for place in places], dtype=int).reshape(-1, 2)
         places, stand_numbers = numbers[pairs[:, 0]], pairs[:, 1]
-        clear = _see(space, radius, self._points[places], stands.points[stand_numbers])
-        return Goal(level, radius, stands, places[clear], stand_numbers[clear])
+        clear = _see(space, kind.radius, self._points[places], stands.points[stand_numbers])
+        return Goal(level, kind, stands, places[clear], stand_numbers[clear])
 
-    def _layer(self, level: float, radius: float) -> tuple[NDArray[np.int64], cKDTree]:
-        """The numbers of the places on a floor for robots of a radius, and their points."""
-        key = level, self._roadmap.radius_for(radius)
+    def _layer(self, level: float, kind: RobotKind) -> tuple[NDArray[np.int64], cKDTree]:
+        """The numbers of the places on a floor for robots of a kind, and their points."""
+        key = level, self._roadmap.kind_for(kind)
         if key not in self._layers:
             places = enumerate(self._roadmap.roadmap.places)
-            numbers = np.array([number for number, place in places if (place.level, place.radius) == key], dtype=int)
+            numbers = np.array([number for number, place in places if (place.level, place.kind) == key], dtype=int)
             self._layers[key] = numbers, cKDTree(self._points[numbers])
         return self._layers[key]
 
@@ -200,11 +205,11 @@ class Ways:
             return None
         point = np.array(start, dtype=float)
         field = self._field(goal, closed, speed)
-        visible_places = self._visible_places(level, goal.radius, start)
+        visible_places = self._visible_places(level, goal.kind, start)
         places = visible_places[field.costs[visible_places] < FAR]
         stand_numbers = self._visible_stands(goal, start) if level == goal.level else np.zeros(0, dtype=int)
         ends = np.concatenate([self._points[places], goal.stands.points[stand_numbers]])
-        clear = ~self._are_closed(level, np.broadcast_to(point, ends.shape), ends, closed, goal.radius, around=start)
+        clear = ~self._are_closed(level, np.broadcast_to(point, ends.shape), ends, closed, goal.kind.radius, around=start)
         costs = np.concatenate([field.costs[places], goal.stands.costs[stand_numbers]]) + np.hypot(*(ends - point).T)
         costs[~clear] = FAR
         if not len(costs) or costs.min() == FAR:
@@ -214,27 +219,27 @@ class Ways:
             return self._finish(goal, int(stand_numbers[best - len(places)]), float(costs[best]), [], [(level, start)])
         return self._follow(field, goal, int(places[best]), float(costs[best]), level, start)
 
-    def _visible_places(self, level: float, radius: float, start: Point) -> NDArray[np.int64]:
+    def _visible_places(self, level: float, kind: RobotKind, start: Point) -> NDArray[np.int64]:
         """The places to which a robot can drive in a straight line from a point, with all doors open. Robots that stand are often asked."""
 
         def find() -> NDArray[np.int64]:
-            numbers, tree = self._layer(level, radius)
-            near_places = numbers[tree.query_ball_point(start, self._sight(level, radius))] if len(numbers) else numbers
+            numbers, tree = self._layer(level, kind)
+            near_places = numbers[tree.query_ball_point(start, self._sight(level, kind))] if len(numbers) else numbers
             ends = self._points[near_places]
-            return near_places[_see(self._spaces[level], radius, np.broadcast_to(np.array(start), ends.shape), ends)]
+            return near_places[_see(self._spaces[level], kind.radius, np.broadcast_to(np.array(start), ends.shape), ends)]
 
-        return recall(self._views, (level, radius, start), find, MOST_VIEWS)
+        return recall(self._views, (level, kind, start), find, MOST_VIEWS)
 
     def _visible_stands(self, goal: Goal, start: Point) -> NDArray[np.int64]:
         """The numbers of the stands to which a robot can drive in a straight line from a point, with all doors open."""
         point, stands = np.array(start, dtype=float), goal.stands.points
-        near_stands = np.flatnonzero(np.hypot(*(stands - point).T) <= self._sight(goal.level, goal.radius))
+        near_stands = np.flatnonzero(np.hypot(*(stands - point).T) <= self._sight(goal.level, goal.kind))
         ends = stands[near_stands]
-        return near_stands[_see(self._spaces[goal.level], goal.radius, np.broadcast_to(point, ends.shape), ends)]
+        return near_stands[_see(self._spaces[goal.level], goal.kind.radius, np.broadcast_to(point, ends.shape), ends)]
 
-    def _sight(self, level: float, radius: float) -> float:
+    def _sight(self, level: float, kind: RobotKind) -> float:
         """How far robots on a floor look for places, m."""
-        numbers, _ = self._layer(level, radius)
+        numbers, _ = self._layer(level, kind)
         return self._roadmap.spacing(int(numbers[0])) if len(numbers) else 0.0
 
     def _follow(self, field: _Field, goal: Goal, place: int, cost: float, level: float, start: Point) -> Way:
@@ -253,7 +258,7 @@ class Ways:
         points = [*ends, (goal.level, (x, y))]
         doors = {door for lane in lanes for door in self._doors_on.get(lane, ())}
         for (level, start), (_, end) in (points[:2], points[-2:]):
-            doors |= self._doors_between(level, start, end, goal.radius)
+            doors |= self._doors_between(level, start, end, goal.kind.radius)
         rides = (lane for lane in lanes if self._seconds[lane])
         lifts = {self._roadmap.roadmap.places[self._starts[lane]].zone or "" for lane in rides}
         length = max(cost - float(goal.stands.costs[stand]), 0.0)
@@ -280,12 +285,12 @@ class Ways:
         """Dijkstra's algorithm, backwards from a place that all stands are joined to."""
         size = len(self._points)
         starts, ends = self._points[goal.places], goal.stands.points[goal.stands_seen]
-        is_open = ~self._are_closed(goal.level, starts, ends, closed, goal.radius)
+        is_open = ~self._are_closed(goal.level, starts, ends, closed, goal.kind.radius)
         costs = np.hypot(*(starts - ends).T) + goal.stands.costs[goal.stands_seen]
         order = np.flatnonzero(is_open)[np.argsort(costs[is_open], kind="stable")]
         joined_places, first_rows = np.unique(goal.places[order], return_index=True)
         order = order[first_rows]  # the best stand of each place
-        open_lanes = self._open_lanes(closed, goal.radius)
+        open_lanes = self._open_lanes(closed, goal.kind)
         weights = self._metres[open_lanes] * self._slowness(closed, speed)[open_lanes]
         weights += (self._seconds + self._waits)[open_lanes] * speed
         rows = np.concatenate([self._ends[open_lanes], np.full(len(joined_places), size)])
@@ -295,20 +300,20 @@ class Ways:
         stands = dict(zip(joined_places.tolist(), goal.stands_seen[order].tolist(), strict=True))
         return _Field(distances[:size], following[:size], stands)
 
-    def _open_lanes(self, closed: Closed, radius: float) -> NDArray[np.bool_]:
+    def _open_lanes(self, closed: Closed, kind: RobotKind) -> NDArray[np.bool_]:
         is_open = np.ones(len(self._starts), dtype=bool)
         for name in (*closed.doors, *closed.lifts):
             is_open[self._lanes_of.get(name, [])] = False
         is_open[self._closed_by(closed.forbidden)] = False
         for level, disc in closed.standing:
-            near_lanes = self._near_lanes(level, disc, radius)
+            near_lanes = self._near_lanes(level, disc, kind)
             starts, ends = self._points[self._starts[near_lanes]], self._points[self._ends[near_lanes]]
-            is_open[near_lanes[_reach(disc, starts, ends, radius)]] = False
+            is_open[near_lanes[_reach(disc, starts, ends, kind.radius)]] = False
         return is_open
 
     def _slowness(self, closed: Closed, speed: float) -> NDArray[np.float64]:
-        """How many times longer each lane takes because of slow zones."""
-        slowness: NDArray[np.float64] = np.ones(len(self._starts))
+        """How many times longer each lane takes because of its speed limit, and of slow zones."""
+        slowness: NDArray[np.float64] = np.maximum(speed / self._speed_limits, 1.0)
         for area, limit in closed.slow:
             lanes = self._slow_lanes_in(area)
             slowness[lanes] = np.maximum(slowness[lanes], speed / limit)
@@ -333,9 +338,10 @@ class Ways:
         numbers: list[int] = np.flatnonzero(is_in_area).tolist()
         return numbers
 
-    def _near_lanes(self, level: float, disc: Disc, radius: float) -> NDArray[np.int64]:
-        numbers, tree = self._layer(round(level, 1), radius)
-        near_places = numbers[tree.query_ball_point((disc.x, disc.y), disc.radius + radius + self._roadmap.widest)] if len(numbers) else ()
+    def _near_lanes(self, level: float, disc: Disc, kind: RobotKind) -> NDArray[np.int64]:
+        numbers, tree = self._layer(round(level, 1), kind)
+        reach = disc.radius + kind.radius + self._roadmap.widest
+        near_places = numbers[tree.query_ball_point((disc.x, disc.y), reach)] if len(numbers) else ()
         lanes = [self._lane_numbers[int(start), end] for start in near_places for end in self._roadmap.graph.successors[start]]
         both_ways = {*lanes, *(self._lane_numbers.get((int(self._ends[lane]), int(self._starts[lane])), lane) for lane in lanes)}
         return np.array(sorted(both_ways), dtype=int)

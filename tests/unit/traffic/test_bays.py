@@ -11,7 +11,7 @@ from somrs.ontology.map import Map
 from somrs.protocol.messages.traffic import TripResult
 from somrs.traffic.layout import MARGIN, OpenBuilding, lay_out
 from somrs.traffic.planning.pairs import search_pair
-from somrs.traffic.roadmap import GAP, NumberedRoadmap, Roadmap
+from somrs.traffic.roadmap import GAP, NumberedRoadmap, Roadmap, RobotKind
 from tests.support.simulator_room import box
 from tests.unit.traffic.test_one_in_the_way import Trips
 
@@ -34,7 +34,7 @@ def corridor(width: float, niche: tuple[float, float, float] | None) -> Roadmap:
     walls += [((middle, width + (depth + 3.0) / 2), (niche_width, 3.0 - depth))] if niche else []
     solids = [box(f"Wall{number}", "Wall", (*point, 0), (*size, 2.5)) for number, (point, size) in enumerate(walls)]
     map = Map([box("Floor", "Floor", (LENGTH / 2, 2.0, -0.1), (LENGTH + 1, 8.0, 0.1)), *solids])
-    return lay_out(OpenBuilding(map, upper(), [0.0]), [RADIUS])
+    return lay_out(OpenBuilding(map, upper(), [0.0]), [RobotKind(RADIUS)])
 
 
 def nearest(roadmap: Roadmap, x: float) -> str:

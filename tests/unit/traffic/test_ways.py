@@ -16,7 +16,7 @@ from somrs.ontology.types import Value
 from somrs.space.clearance import Disc
 from somrs.space.solids import Point, Solid
 from somrs.traffic.layout import MARGIN, OpenBuilding, lay_out
-from somrs.traffic.roadmap import NumberedRoadmap, spacing_for
+from somrs.traffic.roadmap import NumberedRoadmap, RobotKind, spacing_for
 from somrs.traffic.ways import Closed, Goal, Stands, Way, Ways
 from tests.support.examples import examples
 
@@ -35,7 +35,7 @@ def floor(width: float, depth: float) -> Object:
 
 def ways_of(*objects: Object) -> Ways:
     building = OpenBuilding(Map(objects), ONTOLOGY, (0.0,))
-    return Ways(NumberedRoadmap(lay_out(building, (RADIUS,))), building.spaces, building.doors)
+    return Ways(NumberedRoadmap(lay_out(building, (RobotKind(RADIUS),))), building.spaces, building.doors)
 
 
 def two_rooms(*more: Object) -> Ways:
@@ -47,7 +47,7 @@ def two_rooms(*more: Object) -> Ways:
 
 def goal(ways: Ways, *points: Point, costs: tuple[float, ...] = ()) -> Goal:
     found = ways.goal(
-        (points, costs), 0.0, RADIUS, lambda _: Stands(np.array(points, dtype=float), np.array(costs or (0.0,) * len(points)))
+        (points, costs), 0.0, RobotKind(RADIUS), lambda _: Stands(np.array(points, dtype=float), np.array(costs or (0.0,) * len(points)))
     )
     assert found is not None
     return found
@@ -118,7 +118,7 @@ def test_of_several_stands_the_one_is_chosen_that_costs_least_with_the_way_to_it
 def test_there_is_no_way_to_a_point_where_no_robot_can_be() -> None:
     ways = two_rooms(box("Table1", "Table", 7, 2, 1, 1))
     assert way(ways, (1, 1), (30, 30)) is None
-    assert ways.goal("", 5.0, RADIUS, lambda _: Stands(np.zeros((0, 2)), np.zeros(0))) is None, "there is no such floor"
+    assert ways.goal("", 5.0, RobotKind(RADIUS), lambda _: Stands(np.zeros((0, 2)), np.zeros(0))) is None, "there is no such floor"
     assert ways.way((1, 1), 5.0, goal(ways, (3, 1)), Closed(), 0.8) is None
 
 

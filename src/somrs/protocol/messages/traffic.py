@@ -262,19 +262,24 @@ class ReadRoadmap(MessageBody, frozen=True, kw_only=True, tag=True):
 
 class RoadmapLane(Struct, frozen=True, kw_only=True):
     """A lane to the place `end`. `seconds`: how long a robot is taken to need. `closed`: nobody is sent there now. `passages`: the lift,
-    and the automatic doors, that have to be open: the robot waits for PassageOpen before it departs."""
+    and the automatic doors, that have to be open: the robot waits for PassageOpen before it departs. `speed_limit`: the highest speed
+    there, in metres per second. `travel`: Forward or Backward, if the robot may not choose how it drives."""
 
     end: str
     seconds: float
     closed: bool = False
     passages: tuple[str, ...] = ()
+    speed_limit: float | None = None
+    travel: str | None = None
 
 
 class RoadmapPlace(Struct, frozen=True, kw_only=True):
     """A place, with its coordinates on the map in metres, and the lanes that begin there.
 
     `level`: the height of its floor. `radius`: of the largest robots for which it is. `zone`: the lift, or other area for one robot at a
-    time, of which it is a part. A lane to a place on another level is a ride in that lift. `closed`: nobody is sent there now.
+    time, of which it is a part. A lane to a place on another level is a ride in that lift. `closed`: nobody is sent there now. `graph`: of
+    the robots for which it is, those that keep to the lanes of this navigation graph; without one, those that drive where there is room.
+    `passthrough`: robots with nothing to do go on from there.
     """
 
     name: str
@@ -285,6 +290,8 @@ class RoadmapPlace(Struct, frozen=True, kw_only=True):
     zone: str | None = None
     lanes: tuple[RoadmapLane, ...] = ()
     closed: bool = False
+    graph: str | None = None
+    passthrough: bool = False
 
 
 class RoadmapPage(MessageBody, frozen=True, kw_only=True, tag=True):

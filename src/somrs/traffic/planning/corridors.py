@@ -21,10 +21,12 @@ def find_corridors(successors: Sequence[Sequence[int]], exclusions: Sequence[Seq
     """By place: the number of the corridor in which it is, or at whose mouth; `NOWHERE` if it is in none.
 
     `successors`: the places to which lanes lead from each place; `exclusions`: those at which no robot may be while one is at this place.
+    On one-way lanes, nobody meets another one.
     """
     size = len(successors)
-    bays = _find_bays(successors)
-    narrow = [place in bays or _is_narrow(place, successors, exclusions, bays) for place in range(size)]
+    neighbours, both_ways = _neighbours(successors)
+    bays = _find_bays(neighbours)
+    narrow = [bool(both_ways[place]) and (place in bays or _is_narrow(place, neighbours, exclusions, bays)) for place in range(size)]
     numbers = [NOWHERE] * size
     count = 0
     for start in range(size):
@@ -32,7 +34,7 @@ def find_corridors(successors: Sequence[Sequence[int]], exclusions: Sequence[Seq
             continue
         chain, numbers[start] = [start], count
         for place in chain:
-            for neighbour in successors[place]:
+            for neighbour in both_ways[place]:
                 if narrow[neighbour] and numbers[neighbour] == NOWHERE:
                     numbers[neighbour] = count
                     chain.append(neighbour)
@@ -48,23 +50,36 @@ def find_corridors(successors: Sequence[Sequence[int]], exclusions: Sequence[Seq
     return [max(corridor, NOWHERE) for corridor in corridors]
 
 
-def _find_bays(successors: Sequence[Sequence[int]]) -> set[int]:
+def _neighbours(successors: Sequence[Sequence[int]]) -> tuple[list[list[int]], list[list[int]]]:
+    """By place: those from or to which a lane leads; and those of them from and to which one does."""
+    neighbours = [[*ends] for ends in successors]
+    both_ways: list[list[int]] = [[] for _ in successors]
+    for start, ends in enumerate(successors):
+        for end in ends:
+            if start in successors[end]:
+                both_ways[start].append(end)
+            else:
+                neighbours[end].append(start)
+    return neighbours, both_ways
+
+
+def _find_bays(neighbours: Sequence[Sequence[int]]) -> set[int]:
     """The places of dead ends that are no deeper than a bay."""
     bays: set[int] = set()
     for _ in range(DEEPEST):
-        bays |= {place for place, ends in enumerate(successors) if sum(end not in bays for end in ends) == 1}
+        bays |= {place for place, ends in enumerate(neighbours) if sum(end not in bays for end in ends) == 1}
     return bays
 
 
-def _is_narrow(place: int, successors: Sequence[Sequence[int]], exclusions: Sequence[Sequence[int]], bays: Collection[int]) -> bool:
+def _is_narrow(place: int, neighbours: Sequence[Sequence[int]], exclusions: Sequence[Sequence[int]], bays: Collection[int]) -> bool:
     """Whether at most two robots have room around a robot at this place, besides one in a bay: before and behind it."""
-    neighbours: list[int] = []
-    for neighbour in successors[place]:
+    around: list[int] = []
+    for neighbour in neighbours[place]:
         if neighbour in bays:
             continue
         excluded = exclusions[neighbour]
-        if place not in excluded and not any(chosen in excluded for chosen in neighbours):
-            neighbours.append(neighbour)
-            if len(neighbours) > 2:
+        if place not in excluded and not any(chosen in excluded for chosen in around):
+            around.append(neighbour)
+            if len(around) > 2:
                 return False
     return True

@@ -94,6 +94,19 @@ class Graph:
         """The length of a lane."""
         return self._lengths[start][end]
 
+    def is_lane(self, start: int, end: int) -> bool:
+        """Whether a lane leads from one place to the other."""
+        return end in self._lengths[start]
+
+    @cached_property
+    def predecessors(self) -> Sequence[Sequence[int]]:
+        """By place: those from which a lane leads there that any robot may take."""
+        starts: list[list[int]] = [[] for _ in range(self.size)]
+        for start, ends in enumerate(self.successors):
+            for end in ends:
+                starts[end].append(start)
+        return starts
+
     def without(self, places: Iterable[int]) -> Graph:
         """This graph without the lanes to these places, and to those that they exclude."""
         return self.without_lanes_to({excluded for place in places for excluded in (place, *self.exclusions[place])})

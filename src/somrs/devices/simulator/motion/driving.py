@@ -14,9 +14,11 @@ from somrs.devices.simulator.world.scene import Scene
 from somrs.ontology.modes import why_closed
 from somrs.protocol.messages.traffic import Berth, TripEnded, TripResult
 from somrs.space.clearance import Disc
+from somrs.space.lanes import BACKWARD
 from somrs.space.lines import point_distance
 from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import Point
+from somrs.traffic.roadmap import Lane
 
 PATIENCE = 45.0
 """Time after which a robot gives up that cannot come nearer because another one works at its goal, s."""
@@ -288,16 +290,28 @@ def _drive_lane(robot: Robot, start: Point, end: Point) -> Routine:
         distance, is_final = math.hypot(dx, dy), not ahead
         if distance < (0.01 if is_final else PASSED):
             return
-        direction = (dx / distance, dy / distance)
-        error = wrap(math.atan2(dy, dx) - yaw)
+        direction, (lane, next_lane) = (dx / distance, dy / distance), robot.road.rules
+        error = wrap(math.atan2(dy, dx) + _turned(lane) - yaw)
         if is_final and distance < 0.04:
             error = 0.0  # so near to the goal, the direction is mostly noise
-        allowed = robot.solid.speed * max(0.0, math.cos(error)) ** 4 if abs(error) < 1.0 else 0.0
-        exit_speed = 0.02 if is_final else _corner_speed(robot, start, end, ahead[0])
+        allowed = _top_speed(robot, lane) * max(0.0, math.cos(error)) ** 4 if abs(error) < 1.0 else 0.0
+        turn = _turned(next_lane) - _turned(lane)
+        exit_speed = 0.02 if is_final else min(_corner_speed(robot, start, end, ahead[0], turn), _top_speed(robot, next_lane))
         allowed = min(allowed, math.sqrt(exit_speed * exit_speed + 2 * COMFORTABLE * max(0.0, distance - 0.01)))
         allowed = min(allowed, distance / robot.period)  # not past the place within this period
         robot.move(direction, allowed, _turning(error))
         yield
+
+
+def _top_speed(robot: Robot, lane: Lane | None) -> float:
+    """The highest speed of a robot on a lane, m/s."""
+    limit = lane.speed_limit if lane is not None else None
+    return robot.solid.speed if limit is None else min(robot.solid.speed, limit)
+
+
+def _turned(lane: Lane | None) -> float:
+    """By how much the heading of a robot differs from the direction in which it drives on a lane, rad."""
+    return math.pi if lane is not None and lane.travel == BACKWARD else 0.0
 
 
 def turn_to(robot: Robot, yaw: float) -> Routine:
@@ -316,8 +330,8 @@ def _turning(error: float) -> float:
     return math.copysign(min(4.0 * abs(error), math.sqrt(2 * 3.0 * abs(error))), error)
 
 
-def _corner_speed(robot: Robot, previous_point: Point, corner: Point, next_point: Point) -> float:
-    """The largest speed at a corner of the path, m/s."""
-    heading = math.atan2(corner[1] - previous_point[1], corner[0] - previous_point[0])
+def _corner_speed(robot: Robot, previous_point: Point, corner: Point, next_point: Point, turn: float) -> float:
+    """The largest speed at a corner of the path, m/s. `turn`: by how much the robot turns there besides, rad."""
+    heading = math.atan2(corner[1] - previous_point[1], corner[0] - previous_point[0]) - turn
     bend = wrap(math.atan2(next_point[1] - corner[1], next_point[0] - corner[0]) - heading)
     return max(0.08, robot.solid.speed * max(0.0, math.cos(bend)) ** 2)

@@ -15,7 +15,7 @@ from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.traffic import Berth, Granted, Mobility, TrafficEntered, TripEnded
 from somrs.space.solids import Point
 from somrs.traffic.participant import Participant
-from somrs.traffic.roadmap import NumberedRoadmap, Place
+from somrs.traffic.roadmap import Lane, NumberedRoadmap, Place, RobotKind
 from somrs.traffic.surroundings import TOLERANCE
 
 LEASE = 10.0
@@ -59,13 +59,13 @@ class Office(Protocol):
 
 
 class RoadUser:
-    """A robot's part in traffic. `radius`: of the robot, m; `level`: the height of its floor, m."""
+    """A robot's part in traffic. `level`: the height of its floor, m."""
 
-    def __init__(self, robot: str, radius: float, level: float, office: Office) -> None:
+    def __init__(self, robot: str, kind: RobotKind, level: float, office: Office) -> None:
         self.robot, self.office = robot, office
         self.level = level
         """The height of its floor, as the roadmap has it, m."""
-        self.radius = radius
+        self.kind = kind
         self._participant: Participant | None = None
         self._berths: dict[str, Berth] = {}
         self._count = 0
@@ -166,17 +166,17 @@ class RoadUser:
         if not places:
             return None
         self._count += 1
-        berth = Berth(name=f"{self.robot}/{self._count}", x=point[0], y=point[1], radius=self.radius, places=places)
+        berth = Berth(name=f"{self.robot}/{self._count}", x=point[0], y=point[1], radius=self.kind.radius, places=places)
         self._remember(berth)
         return berth
 
     def _near_places(self, point: Point) -> list[tuple[float, str]]:
-        """The places for the robot's size to which a lane from a point may lead: their distances from it, and names; nearest first."""
-        roadmap, radius = self.office.roadmap, self.office.roadmap.radius_for(self.radius)
+        """The places for robots of this kind to which a lane from a point may lead: their distances from it, and names; nearest first."""
+        roadmap, kind = self.office.roadmap, self.office.roadmap.kind_for(self.kind)
         return sorted(
             (distance, place.name)
             for number in roadmap.near(point, self.level)
-            if (place := roadmap.roadmap.places[number]).radius == radius
+            if (place := roadmap.roadmap.places[number]).kind == kind
             and (distance := math.dist((place.x, place.y), point)) <= roadmap.spacing(number) + TOLERANCE
         )
 
@@ -254,6 +254,19 @@ class RoadUser:
     def next_level(self) -> float:
         """The height of the floor of the next place, m."""
         return self._level_of(self._next) if self._next is not None else self.level
+
+    @property
+    def rules(self) -> tuple[Lane | None, Lane | None]:
+        """The lanes on which it is and on which it may drive next, as far as there are rules for driving on them."""
+        participant = self._participant
+        if participant is None or participant.towards is None:
+            return None, None
+        following = next(iter(participant.way), None)
+        return self._rules(participant.place, participant.towards), self._rules(participant.towards, following)
+
+    def _rules(self, start: str, end: str | None) -> Lane | None:
+        numbers = self.office.roadmap.numbers
+        return self.office.roadmap.rules.get((numbers[start], numbers[end])) if start in numbers and end in numbers else None
 
     @property
     def is_on_its_way(self) -> bool:

@@ -23,6 +23,7 @@ from somrs.space.free_space import FreeSpace
 from somrs.space.solids import Point, Solid
 from somrs.space.squares import Squares, box_around
 from somrs.space.zones import Zones
+from somrs.traffic.roadmap import RobotKind
 
 ACCELERATION = 0.8
 """Acceleration of the base, m/s²."""
@@ -95,6 +96,11 @@ class Robot:
     def free_space(self) -> FreeSpace:
         """Plans its paths on its floor."""
         return self._free_space_at(self.level)
+
+    @property
+    def kind(self) -> RobotKind:
+        """For which places of the roadmap it is."""
+        return RobotKind(self.size.radius, self.solid.graph)
 
     @property
     def period(self) -> float:

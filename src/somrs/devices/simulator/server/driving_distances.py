@@ -283,7 +283,7 @@ class _LegPlanner:
             chosen = free_bases[0] if all(map(len, free_bases)) else np.zeros((0, 2))
             return Stands(chosen, np.zeros(len(chosen)))
 
-        return self._ways.goal((owner, *ways, robot.size), level, robot.size.radius, find_stands)
+        return self._ways.goal((owner, *ways, robot.size), level, robot.kind, find_stands)
 
     def _reaching(self, spots: Sequence[Sequence[float]], top: float, level: float, container: str | None = None) -> Goal | None:
         """Where on a floor the robot would reach one of some spots at a height, on a support or in a container."""
@@ -295,7 +295,7 @@ class _LegPlanner:
             return Stands(bases, costs)
 
         key = points.tobytes(), top, container, robot.size
-        return self._ways.goal(key, level, robot.size.radius, find_stands)
+        return self._ways.goal(key, level, robot.kind, find_stands)
 
     def _start(self) -> tuple[Point, float]:
         """Where the robot will be, and the height of that floor."""

@@ -22,12 +22,13 @@ from somrs.protocol.messages.traffic import LeaveTraffic, Mobility
 from somrs.space.clearance import Disc
 from somrs.space.dimensions import dimensions_of
 from somrs.space.free_space import FreeSpace
+from somrs.space.lanes import MapLane
 from somrs.space.solids import Solid
 from somrs.space.zones import Zones
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import Layout, OpenBuilding, lay_out
 from somrs.traffic.obstructions import discs_along
-from somrs.traffic.roadmap import Roadmap
+from somrs.traffic.roadmap import Roadmap, RobotKind
 from somrs.traffic.state import Position
 from somrs.traffic.ways import Ways
 
@@ -67,6 +68,7 @@ class SimulatedTraffic:
         self._look_time = self._join_time = 0.0
         self._rested = 0.0
         """Seconds in which nothing moved: no periods passed in which leases were renewed, so they do not count for traffic."""
+        self._lanes: tuple[MapLane, ...] = ()
         self._standing: dict[float, list[Disc]] = {}
         self._hold = ""
         self._out_of_order: tuple[str, ...] = ()
@@ -130,13 +132,13 @@ class SimulatedTraffic:
 
     def user(self, solid: Solid) -> RoadUser:
         """The part in traffic of a robot that is added. It enters with the next `advance`."""
-        user = RoadUser(solid.name, dimensions_of(solid).radius, round(solid.z, 1), self.office)
+        user = RoadUser(solid.name, RobotKind(dimensions_of(solid).radius, solid.graph), round(solid.z, 1), self.office)
         self.office.join(user)
         return user
 
     def join(self, robot: Robot) -> None:
         """A robot was added. The roadmap may have no room for it."""
-        self.outdated |= not self.office.serves(robot.size.radius, _level(robot))
+        self.outdated |= not self.office.serves(robot.kind, _level(robot))
         self._join()
 
     def leave(self, robot: str) -> None:
@@ -153,12 +155,12 @@ class SimulatedTraffic:
         """Make the roadmap, and let all robots enter."""
         layout = self._layout(map, ontology)
         building = layout.building
-        self._use(building, lay_out(building, layout.radii))
+        self._use(building, lay_out(building, layout.kinds))
 
     def _layout(self, map: Map, ontology: Ontology) -> Layout:
-        solids = [robot.solid for robot in self._robots.values()]
-        radii = tuple(dimensions_of(solid).radius for solid in solids)
-        return Layout(map=map, ontology=ontology, levels=tuple(solid.z for solid in solids), radii=radii)
+        robots = self._robots.values()
+        levels, kinds = tuple(robot.solid.z for robot in robots), tuple(robot.kind for robot in robots)
+        return Layout(map=map, ontology=ontology, levels=levels, kinds=kinds, lanes=self._lanes)
 
     def _renew(self, map: Map, ontology: Ontology) -> None:
         """Make the roadmap anew, or have it made. Until it is there, the robots drive on the old one, and around what was built."""
@@ -223,6 +225,11 @@ class SimulatedTraffic:
         """Let robots keep out of these no-go zones, and drive slowly in these slow zones."""
         self.changed |= zones != self._robots.zones
         self._robots.zones = zones
+
+    def set_lanes(self, lanes: tuple[MapLane, ...]) -> None:
+        """Let robots keep to these lanes."""
+        self.outdated |= lanes != self._lanes
+        self._lanes = lanes
 
     def advance(self, map: Map, ontology: Ontology) -> None:
         """Let time pass."""

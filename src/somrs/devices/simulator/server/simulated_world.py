@@ -29,6 +29,7 @@ from somrs.ontology.naming import Renaming
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.qualified_names import home_of
 from somrs.ontology.types import PAUSED, PAUSED_FOR, Ontology
+from somrs.space.lanes import concerns_lanes, lanes_of
 from somrs.space.solids import Role, solid_of
 from somrs.space.zones import zones_of
 
@@ -70,8 +71,10 @@ class SimulatedWorld:
     def change(self, map: Map, changes: Iterable[Change], renamed: list[Renaming], merged: Mapping[str, str]) -> None:
         """Follow changes that lead to this map. `renamed`, in order; `merged`: objects that turned out to be others."""
         assert self.simulation is not None, "it is built before it changes"
-        map_before, self.map = self.map, map
+        map_before, self.map, changes = self.map, map, [*changes]
         self._follow(self.simulation, changes, [*renamed], merged, map_before)
+        if any(concerns_lanes(change, map if isinstance(change, ObjectAdded) else map_before, self.ontology) for change in changes):
+            self.simulation.set_lanes(lanes_of(map, self.ontology))
         self._follow_modes(self.simulation)
 
     def _follow(
@@ -100,6 +103,8 @@ class SimulatedWorld:
                     simulation.renew(door)
                 case ValueSet(name, path) if path in (PAUSED, PAUSED_FOR) and (device := self.map.objects.get(name)) is not None:
                     simulation.set_paused(name, _is_paused(device))
+                case ValueSet(name, "NavigationGraph"):
+                    simulation.set_graph(name, None if change.value is None else str(change.value))
                 case ValueSet(name, "Supporting") if (support := self.map.objects.get(name)) is not None:
                     simulation.set_carrying(support)
 

@@ -34,6 +34,7 @@ from somrs.ontology.map import Map
 from somrs.ontology.objects import FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.space.free_space import FreeSpace
+from somrs.space.lanes import MapLane, lanes_of
 from somrs.space.shafts import LIFT_RELATIONS, shafts_of
 from somrs.space.solids import Role, Solid, role_of, solid_of
 from somrs.space.storeys import span_of
@@ -70,6 +71,7 @@ class Simulation:
         for solid in [*self.scene.world.solids.values()]:
             self._add_linked(solid)
         self.set_zones(zones_of(map, ontology))
+        self.set_lanes(lanes_of(map, ontology))
         self._traffic.lay_out(self._map, self._ontology)
 
     @property
@@ -338,6 +340,16 @@ class Simulation:
     def set_zones(self, zones: Zones) -> None:
         """Let robots keep out of these no-go zones, and drive slowly in these slow zones."""
         self._traffic.set_zones(zones)
+
+    def set_lanes(self, lanes: tuple[MapLane, ...]) -> None:
+        """Let robots keep to these lanes."""
+        self._traffic.set_lanes(lanes)
+
+    def set_graph(self, robot: str, graph: str | None) -> None:
+        """Let a robot use the lanes of another navigation graph; other objects are ignored."""
+        if robot in self.robots:
+            self.robots[robot].solid = self.scene.world.solids[robot] = replace(self.scene.world.solids[robot], graph=graph)
+            self._traffic.outdated = True
 
     def close_passages(self, names: tuple[str, ...]) -> None:
         """Let no robot use these doors and lifts, which are out of order, and only these."""

@@ -22,7 +22,7 @@ from somrs.traffic.notices import ClosedLane, CloseWays, HoldTraffic
 from somrs.traffic.obstructions import Obstructions
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.planning.graph import FAR
-from somrs.traffic.roadmap import numbered
+from somrs.traffic.roadmap import RobotKind, numbered
 from somrs.traffic.state import PlanTraffic
 
 ADDRESS = "traffic"
@@ -68,10 +68,11 @@ class TrafficOffice:
         """Whether a plan is to be made."""
         return bool(self._problems)
 
-    def serves(self, radius: float, level: float) -> bool:
-        """Whether the roadmap is for robots of this radius, on the floor of this height."""
-        radius_of_places = self.roadmap.radius_for(radius)
-        return level in self._obstructions.levels and radius_of_places / SAME_SIZE <= radius <= radius_of_places
+    def serves(self, kind: RobotKind, level: float) -> bool:
+        """Whether the roadmap is for robots of this kind, on the floor of this height."""
+        served, graphs = self.roadmap.kind_for(kind), self.roadmap.roadmap.graphs
+        has_lanes = served.graph == (kind.graph if kind.graph in graphs else None)
+        return has_lanes and level in self._obstructions.levels and served.radius / SAME_SIZE <= kind.radius <= served.radius
 
     def join(self, user: RoadUser) -> None:
         """Deliver the messages to a robot."""
@@ -135,12 +136,12 @@ class TrafficOffice:
         graph, places, held = self.component.graph, self.roadmap.roadmap.places, self.component.place(robot)
         if held is None:
             return None
-        radius = self.roadmap.radius_for(self._users[robot].radius)
+        kind = self.roadmap.kind_for(self._users[robot].kind)
 
         def is_clear(number: int) -> bool:
             return number < len(places) and abs(places[number].level - level) < SAME_FLOOR and places[number].zone is None
 
-        on_level = [number for number, place in enumerate(places) if place.radius == radius and is_clear(number)]
+        on_level = [number for number, place in enumerate(places) if place.kind == kind and is_clear(number)]
         for number in sorted(on_level, key=lambda number: math.dist((places[number].x, places[number].y), goal))[:NEAREST]:
             if graph.distances(number)[held] < FAR:
                 end, steps = held, 0
