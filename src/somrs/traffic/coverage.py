@@ -48,6 +48,13 @@ class Coverage:
     def __post_init__(self) -> None:
         self.seen = np.where(self.free, np.int32(UNSEEN), np.int32(OCCUPIED))
 
+    def renumbered(self, numbers: NDArray[np.int64]) -> Coverage:
+        """This coverage with other numbers of the places; UNSEEN for those that are left out."""
+        renumbered = Coverage(self.space, self.free, self.radius, self.reach)
+        if len(numbers):
+            renumbered.seen = np.where(self.seen >= 0, numbers[self.seen], self.seen).astype(np.int32)
+        return renumbered
+
     def note(self, point: Sequence[float] | Points, number: int) -> None:
         """Mark the cells from which a place at this point is seen, if they see no earlier one."""
         size, point = self.space.grid.size, np.asarray(point, dtype=float)
@@ -62,32 +69,31 @@ class Coverage:
             return
         room = float(self.space.clearances([point])[0]) - self.radius
         visible = near & (distance * size <= room)  # all that is so near is free
-        if (near & ~visible).any():
-            lowest = self._lowest(middle_row, middle_column, rows, columns)
+        if len(cells := np.argwhere(near & ~visible)):
+            lowest = self._lowest(middle_row, middle_column, cells + np.array([first_row, first_column]))
             least, error = self.radius - SLACK, ERROR * size
-            visible |= near & (lowest >= least + error)
-            doubtful = np.argwhere(near & ~visible & (lowest >= least - error))
-            centres = self.space.grid.centres(doubtful + np.array([first_row, first_column]))
-            certain = doubtful[self.are_clear(np.broadcast_to(point, centres.shape), centres)]
-            visible[certain[:, 0], certain[:, 1]] = True
+            is_clear, doubtful = lowest >= least + error, np.flatnonzero(np.abs(lowest - least) < error)
+            centres = self.space.grid.centres(cells[doubtful] + np.array([first_row, first_column]))
+            is_clear[doubtful] = self.are_clear(np.broadcast_to(point, centres.shape), centres)
+            visible[cells[is_clear, 0], cells[is_clear, 1]] = True
         window[visible] = number
 
-    def _lowest(self, middle_row: float, middle_column: float, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float32]:
-        """The lowest clearance of the cells nearest to the samples of the lines from a point to these cells, roughly."""
+    def _lowest(self, middle_row: float, middle_column: float, cells: NDArray[np.int64]) -> NDArray[np.float32]:
+        """The lowest clearance of the cells nearest to the samples of the lines from a point to these cells (n, 2), roughly."""
         clearance = self.space.field
-        lowest = clearance[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].copy()
+        lowest = clearance[cells[:, 0], cells[:, 1]]
         for share in np.linspace(0, 1, SAMPLES + 1)[:-1]:
-            on_rows = np.rint(middle_row * (1 - share) + rows * share).astype(np.intp)
-            on_columns = np.rint(middle_column * (1 - share) + columns * share).astype(np.intp)
-            np.minimum(lowest, clearance[on_rows[:, None], on_columns[None, :]], out=lowest)
+            on_rows = np.rint(middle_row * (1 - share) + cells[:, 0] * share).astype(np.intp)
+            on_columns = np.rint(middle_column * (1 - share) + cells[:, 1] * share).astype(np.intp)
+            np.minimum(lowest, clearance[on_rows, on_columns], out=lowest)
         return lowest
 
     def are_clear(self, starts: Points, ends: Points) -> Mask:
         """Whether a robot can drive in a straight line, for each pair of points (n, 2)."""
-        clear = np.ones(len(starts), dtype=bool)
-        for share in np.linspace(0, 1, SAMPLES + 1):
-            clear &= self.space.clearances(starts * (1 - share) + ends * share) >= self.radius - SLACK
-        return clear
+        shares = np.linspace(0, 1, SAMPLES + 1)[:, None, None]
+        points = np.asarray(starts) * (1 - shares) + np.asarray(ends) * shares
+        clearances = self.space.clearances(points.reshape(-1, 2)).reshape(SAMPLES + 1, -1)
+        return np.asarray(clearances.min(axis=0) >= self.radius - SLACK)
 
     def unseen(self) -> NDArray[np.int64]:
         """The free cells (n, 2) that see no place, those with the most clearance first."""

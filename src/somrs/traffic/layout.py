@@ -1,25 +1,16 @@
-"""Roadmaps from the free space of a building, and from its lanes (`lane_layout.py`).
-
-The places lie on a lattice of equal triangles, as far apart as the spacing: six ways lead on from each, and no two places of the lattice
-exclude each other. Where walls and furniture leave no room for the lattice, places are added until every free point sees one.
-
-If all lanes are at most as long as the spacing s, two robots that hold places which do not exclude each other, and drive on the lanes
-between their own, stay at least s·√3/2 apart: the farthest that a lane comes towards a place at distance s from both its ends.
-"""
+"""Roadmaps of a building, from its free space (`storey_layout.py`) and its lanes (`lane_layout.py`)."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 from msgspec import Struct, structs
-from scipy import ndimage
-from scipy.sparse import coo_array, csr_array, eye_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
-from scipy.spatial import cKDTree
 
 from somrs.ontology.map import Map
 from somrs.ontology.objects import ValueSet
@@ -28,11 +19,9 @@ from somrs.space.free_space import FreeSpace
 from somrs.space.lanes import MapLane, graph_of, lanes_for
 from somrs.space.shafts import SAME_FLOOR, Shaft, shafts_of
 from somrs.space.solids import Point, Role, Solid, solid_of
-from somrs.space.squares import Squares, box_around
-from somrs.traffic.bays import find_bays
-from somrs.traffic.coverage import UNSEEN, Coverage, Crossings, Points
-from somrs.traffic.lane_layout import OPPOSITE, AreClear, LaneLayout, Rule
+from somrs.traffic.lane_layout import OPPOSITE, LaneLayout, Rule
 from somrs.traffic.roadmap import Lane, Place, Roadmap, RobotKind, spacing_for
+from somrs.traffic.storey_layout import StoreyLayout
 
 SAME_SIZE = 1.25
 """By what factor the radii of robots that share places differ at most."""
@@ -44,14 +33,6 @@ DOORS = 6.0
 """The time that a lift takes to shut its doors and open them again, in seconds."""
 SPEED = 0.8
 """The speed that the time for a lane is computed with, in metres per second."""
-PLACES = 4000
-"""About how many places a floor has at most; on larger floors they are farther apart."""
-WIDEST = 2.0
-"""The largest spacing of places, in metres."""
-SMALLEST = 0.3
-"""Free areas smaller than this are left out, in square metres."""
-HOPS = 4
-"""Places that are next to each other on the ground are at most so many lanes apart; a power of two."""
 
 
 class OpenBuilding:
@@ -86,11 +67,11 @@ class Layout(Struct, frozen=True, kw_only=True):
         return OpenBuilding(self.map, self.ontology, self.levels, self.lanes)
 
 
-def lay_out(building: OpenBuilding, kinds: Iterable[RobotKind]) -> Roadmap:
+def lay_out(building: OpenBuilding, kinds: Collection[RobotKind]) -> Roadmap:
     """The roadmap for robots of these kinds. Those of about the same size that use the same lanes share places; others have places and
     lanes of their own."""
-    own_places = kinds_with_places(kinds, building.lanes)
-    parts = [_lay_out(building, kind, f"{number}." if number else "") for number, kind in enumerate(own_places)]
+    own_places, storeys = kinds_with_places(kinds, building.lanes), _Storeys(building)
+    parts = [_lay_out(building, kind, f"{number}." if number else "", storeys) for number, kind in enumerate(own_places)]
     places = (place for part in parts for place in part.places)
     doors = (replace(door, open=True) for door in building.doors.values() if door.automatic)
     return Roadmap(
@@ -102,14 +83,12 @@ def lay_out(building: OpenBuilding, kinds: Iterable[RobotKind]) -> Roadmap:
     )
 
 
-def kinds_with_places(kinds: Iterable[RobotKind], lanes: Sequence[MapLane]) -> list[RobotKind]:
+def kinds_with_places(kinds: Collection[RobotKind], lanes: Sequence[MapLane]) -> list[RobotKind]:
     """The kinds for which there are places of their own, so that there are some for each robot of these kinds: those that use no lanes,
     and the smallest, first."""
-    radii: dict[str | None, list[float]] = {}
-    for kind in kinds:
-        radii.setdefault(graph_of(kind.graph, lanes), []).append(kind.radius)
-    graphs = sorted(radii, key=lambda graph: (graph is not None, graph or ""))
-    return [RobotKind(radius, graph) for graph in graphs for radius in sizes(radii[graph])]
+    classes = sizes(kind.radius for kind in kinds)
+    chosen = {(graph_of(kind.graph, lanes), next(radius for radius in classes if radius >= kind.radius)) for kind in kinds}
+    return [RobotKind(radius, graph) for graph, radius in sorted(chosen, key=lambda pair: (pair[0] is not None, pair[0] or "", pair[1]))]
 
 
 def sizes(radii: Iterable[float]) -> list[float]:
@@ -121,19 +100,35 @@ def sizes(radii: Iterable[float]) -> list[float]:
     return classes[::-1]
 
 
-def _lay_out(building: OpenBuilding, kind: RobotKind, prefix: str) -> Roadmap:
+class _Storeys:
+    """The floors of a building, which kinds of one size share."""
+
+    def __init__(self, building: OpenBuilding) -> None:
+        self._building = building
+        self._laid_out: dict[tuple[float, float], StoreyLayout] = {}
+        """By level and radius."""
+
+    def layout(self, level: float, radius: float, middles: Sequence[Point]) -> StoreyLayout:
+        """The places of a floor for robots of a radius. `middles`: of cabins and passages."""
+        if (level, radius) not in self._laid_out:
+            space = self._building.spaces[level]
+            self._laid_out[level, radius] = StoreyLayout(space, radius + MARGIN, spacing_for(radius), middles)
+        return self._laid_out[level, radius]
+
+
+def _lay_out(building: OpenBuilding, kind: RobotKind, prefix: str, storeys: _Storeys) -> Roadmap:
     """The part of the roadmap for one kind of robots."""
     radius, map_lanes = kind.radius, lanes_for(kind.graph, building.lanes)
     places: list[Place] = []
     lanes: list[Lane] = []
     stops: dict[str, list[Place]] = {}
-    for number, (level, space) in enumerate(building.spaces.items()):
+    for number, level in enumerate(building.spaces):
         passages = [(solid.x, solid.y) for solid in building.passages if abs(solid.z - level) < SAME_FLOOR]
         cabins = [shaft for shaft in building.shafts if shaft.landing(level) is not None]
-        storey = _Storey(space, radius + MARGIN, spacing_for(radius))
+        storey = storeys.layout(level, radius, [*((shaft.cabin.x, shaft.cabin.y) for shaft in cabins), *passages])
         on_storey = [lane for lane in map_lanes if all(abs(end.level - level) < SAME_FLOOR for end in (lane.start, lane.end))]
         network = LaneLayout(on_storey, storey.spacing, storey.snap, storey.are_clear)
-        points, pairs = storey.lay_out([*((shaft.cabin.x, shaft.cabin.y) for shaft in cabins), *passages], network)
+        points, pairs = storey.lay_out(network)
         on_level = [
             Place(
                 name=f"P{prefix}{number}/{index}",
@@ -218,118 +213,3 @@ def _lane(start: Place, end: Place, rule: Rule | None) -> Lane:
     limit, travel = (rule.speed_limit, rule.travel) if rule is not None else (None, None)
     seconds = max(math.dist((start.x, start.y), (end.x, end.y)) / min(SPEED, limit or SPEED), 0.05)
     return Lane(start=start.name, end=end.name, seconds=seconds, speed_limit=limit, travel=travel)
-
-
-class _Storey:
-    """The free space of a storey. `radius`: the clearance that robots need; `spacing`: the least spacing of places for them."""
-
-    def __init__(self, free_space: FreeSpace, radius: float, spacing: float) -> None:
-        self._free_space, self._grid, self._radius = free_space, free_space.grid, radius
-        labels, count = ndimage.label(free_space.field >= radius, structure=np.ones((3, 3)))
-        sizes = np.bincount(labels.ravel(), minlength=count + 1) * self._grid.size**2
-        sizes[0] = 0.0
-        self._free = (sizes >= SMALLEST)[labels]
-        area = np.count_nonzero(self._free) * self._grid.size**2
-        self.spacing = max(spacing, min(math.sqrt(area / PLACES * 2 / math.sqrt(3)), WIDEST))
-        self._coverage = Coverage(free_space, self._free, radius, self.spacing - self._grid.size)
-
-    @property
-    def are_clear(self) -> AreClear:
-        return self._coverage.are_clear
-
-    def snap(self, point: Point) -> Point | None:
-        """The point, or the nearest one within the spacing where the robot has room; None if there is none."""
-        if self._is_free(point):
-            return point
-        rows, columns = np.nonzero(self._free)
-        centres = self._grid.centres(np.stack([rows, columns], axis=1))
-        distances = np.hypot(centres[:, 0] - point[0], centres[:, 1] - point[1])
-        if not len(distances) or distances.min() > self.spacing:
-            return None
-        x, y = centres[distances.argmin()].tolist()
-        return x, y
-
-    def lay_out(self, middles: Sequence[Point], network: LaneLayout) -> tuple[Points, list[tuple[int, int]]]:
-        """The points, those of the lanes first, and the pairs of them that a straight lane joins. `middles`: those of cabins and
-        passages."""
-        beside = [*middles, *network.sidings()] if network.points else [*middles]
-        points = self._spread(network.points, [*filter(self._is_free, beside), *self._lattice()])
-        points = self._filled(points)
-        crossings = self._coverage.crossings()
-        while len(joints := self._joints(points, crossings)):
-            points = np.vstack([points, joints])
-        bays = find_bays(self._free_space, self._free, points, self._pairs(points), self.spacing, self._coverage.are_clear)
-        points = np.vstack([points, bays])
-        return points, self._pairs(points)
-
-    def _lattice(self) -> Iterator[Point]:
-        grid, step = self._grid, self.spacing * (1 + 1e-9)
-        rows = math.ceil(grid.rows * grid.size / (step * math.sqrt(3) / 2))
-        columns = math.ceil(grid.columns * grid.size / step) + 1
-        for row in range(rows):
-            for column in range(columns):
-                point = grid.x + (column + row % 2 / 2) * step, grid.y + row * step * math.sqrt(3) / 2
-                if self._is_free(point):
-                    yield point
-
-    def _is_free(self, point: Point) -> bool:
-        cell = self._grid.cell(point)
-        return cell is not None and bool(self._free[cell]) and self._free_space.free(point, self._radius)
-
-    def _spread(self, fixed: Sequence[Point], points: Sequence[Point]) -> Points:
-        """The fixed points, and the others without those that are nearer to an earlier one than half of the spacing."""
-        kept = [*fixed]
-        least = self.spacing / 2
-        squares = Squares[Point](least)
-        for point in fixed:
-            squares.add(point, box_around(point, 0.0))
-        for point in points:
-            if all(abs(point[0] - x) + abs(point[1] - y) >= least for x, y in squares.near(box_around(point, least))):
-                kept.append(point)
-                squares.add(point, box_around(point, 0.0))
-        return np.array(kept, dtype=float).reshape(-1, 2)
-
-    # Places for what the lattice leaves out
-
-    def _filled(self, points: Points) -> Points:
-        """The points, and more of them, so that every free cell sees one."""
-        coverage = self._coverage
-        for number, point in enumerate(points):
-            coverage.note(point, number)
-        added: list[Point] = []
-        for row, column in coverage.unseen().tolist():
-            if coverage.seen[row, column] == UNSEEN:
-                added.append(self._grid.centre((row, column)))
-                coverage.note(added[-1], len(points) + len(added) - 1)
-        return np.vstack([points, *added]) if added else points
-
-    def _pairs(self, points: Points) -> list[tuple[int, int]]:
-        if len(points) < 2:
-            return []
-        pairs = cKDTree(points).query_pairs(self.spacing * (1 + 1e-6), output_type="ndarray")
-        clear = self._coverage.are_clear(points[pairs[:, 0]], points[pairs[:, 1]]) if len(pairs) else np.zeros(0, dtype=bool)
-        return [(int(start), int(end)) for start, end in pairs[clear]]
-
-    def _joints(self, points: Points, crossings: Crossings) -> Points:
-        """Further points that join places which are near each other on the floor, as a crossing leads from what sees the one to what sees
-        the other, but not on the roadmap."""
-        is_near = self._near_each_other(points)
-        apart = ~np.asarray(is_near[crossings.low, crossings.high]).ravel() if len(crossings.low) else np.zeros(0, dtype=bool)
-        return self._far_from_each_other(np.stack([crossings.starts[apart], crossings.ends[apart]], axis=1))
-
-    def _far_from_each_other(self, joints: Iterable[Points]) -> Points:
-        """The joints without those near an earlier one: with that, they may not be needed."""
-        chosen: list[Points] = []
-        for joint in joints:
-            if all(np.abs(joint - earlier).max() > self.spacing for earlier in chosen):
-                chosen.append(joint)
-        return np.vstack(chosen) if chosen else np.zeros((0, 2))
-
-    def _near_each_other(self, points: Points) -> csr_array:
-        """Which pairs of points are at most `HOPS` lanes apart."""
-        pairs, size = np.array(self._pairs(points), dtype=int).reshape(-1, 2), len(points)
-        matrix = coo_array((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(size, size)).tocsr()
-        matrix = matrix + matrix.T + eye_array(size, dtype=bool, format="csr")
-        for _ in range(round(math.log2(HOPS))):
-            matrix = matrix @ matrix
-        return matrix

@@ -17,9 +17,10 @@ from somrs.ontology.types import Value
 from somrs.space.free_space import FreeSpace
 from somrs.space.lines import segment_distance
 from somrs.space.solids import solid_of
-from somrs.traffic.layout import DOOR_ROOM, MARGIN, PLACES, OpenBuilding, lay_out, sizes
+from somrs.traffic.layout import DOOR_ROOM, MARGIN, OpenBuilding, lay_out, sizes
 from somrs.traffic.planning.graph import FAR
 from somrs.traffic.roadmap import GAP, NumberedRoadmap, Roadmap, RobotKind, least_distance, spacing_for
+from somrs.traffic.storey_layout import PLACES
 
 ONTOLOGY = upper()
 RADIUS = 0.25
@@ -179,7 +180,7 @@ def test_robots_on_lanes_between_places_that_do_not_exclude_each_other_do_not_to
 def test_large_robots_have_places_where_they_fit_and_small_ones_go_everywhere() -> None:
     wall = [box(f"Wall{side}", "Wall", 4, 3 + side * 1.8, 0.2, 2.6) for side in (-1, 1)]  # with a gap of 1 m
     small, large = 0.25, 0.7
-    numbered = NumberedRoadmap(lay_out(OpenBuilding(room(8, 6, *wall), ONTOLOGY, (0.0,)), map(RobotKind, (large, 0.22, small))))
+    numbered = NumberedRoadmap(lay_out(OpenBuilding(room(8, 6, *wall), ONTOLOGY, (0.0,)), [*map(RobotKind, (large, 0.22, small))]))
     assert numbered.kinds == [RobotKind(small), RobotKind(large)]
     for radius, passes in ((small, True), (large, False)):
         own = [number for number, place in enumerate(numbered.roadmap.places) if place.radius == radius]
