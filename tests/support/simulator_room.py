@@ -57,9 +57,16 @@ def room(first_start: Start = (1.5, 1.5, 0.0), second_start: Start = (6.5, 4.5, 
 class Run:
     """A simulation that records forbidden collisions."""
 
-    def __init__(self, map: Map, world: WorldKind = WorldKind.PHYSICS) -> None:
-        self.simulation = Simulation(map, ONTOLOGY, world)
+    def __init__(self, map: Map, world: WorldKind = WorldKind.PHYSICS, ontology: Ontology = ONTOLOGY) -> None:
+        self.simulation = Simulation(map, ontology, world)
         self.collisions: set[tuple[str, str]] = set()
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> Run:
+        """Run a simulation that there is."""
+        run = cls.__new__(cls)
+        run.simulation, run.collisions = simulation, set()
+        return run
 
     def step(self) -> None:
         self.simulation.step()

@@ -30,6 +30,9 @@ def draw(seed: int) -> Scenario:
     aisle_dice = Random(f"narrow aisle {seed}")
     if aisle_dice.random() < 0.15:
         roadmap = _aisle(aisle_dice)
+    rule_dice = Random(f"rules {seed}")
+    if rule_dice.random() < 0.3:
+        roadmap = _one_way(rule_dice, roadmap)
     names = [place.name for place in roadmap.places]
     count = dice.randint(2, max(2, min(10, len(names) // 3)))
     starts = dice.sample(names, count)
@@ -43,6 +46,8 @@ def draw(seed: int) -> Scenario:
     storey_dice = Random(-1_000_000 - seed)
     if storey_dice.random() < 0.3:
         roadmap, trips = _with_storey(storey_dice, roadmap, trips)
+    if rule_dice.random() < 0.3:
+        roadmap = _with_rules(rule_dice, roadmap, {*starts, *homes})
     worker = ISLAND.name if Random(-1 - seed).random() < 0.4 else None
     if worker is not None:
         roadmap = structs.replace(roadmap, places=(*roadmap.places, ISLAND))
@@ -61,6 +66,41 @@ def draw(seed: int) -> Scenario:
         worker=worker,
         holds=_holds(Random(f"holds {seed}")),
         gate_incidents=_gate_incidents(gate_dice, roadmap),
+    )
+
+
+def _one_way(dice: Random, roadmap: Roadmap) -> Roadmap:
+    """The roadmap with lanes in one direction only, on which robots still get from everywhere to everywhere."""
+    lanes = {(lane.start, lane.end): lane for lane in roadmap.lanes}
+    for start, end in dice.sample([*lanes], k=len(lanes) // dice.choice((2, 4, 8))):
+        if (end, start) in lanes and end in _reached(start, lanes.keys() - {(start, end)}):
+            del lanes[start, end]
+    return structs.replace(roadmap, lanes=tuple(lanes.values()))
+
+
+def _reached(start: str, lanes: Collection[tuple[str, str]]) -> set[str]:
+    """The places to which lanes lead from a place."""
+    reached, waiting = {start}, [start]
+    while waiting:
+        current = waiting.pop()
+        for place, end in lanes:
+            if place == current and end not in reached:
+                reached.add(end)
+                waiting.append(end)
+    return reached
+
+
+def _with_rules(dice: Random, roadmap: Roadmap, ends: Collection[str]) -> Roadmap:
+    """The roadmap with places that one robot at a time uses, and where robots do not stop; but not where robots start or end."""
+    names = [place.name for place in roadmap.places if place.name not in ends and place.zone is None]
+    mutex = {*dice.sample(names, k=min(len(names), dice.randint(2, 4)))}
+    passed = {*dice.sample(names, k=min(len(names), dice.randint(1, 4)))}
+    return structs.replace(
+        roadmap,
+        places=tuple(
+            structs.replace(place, mutexes=("M",) if place.name in mutex else (), passthrough=place.name in passed)
+            for place in roadmap.places
+        ),
     )
 
 

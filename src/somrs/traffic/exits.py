@@ -63,9 +63,10 @@ class Exits:
         return entry is not None and all(places[neighbour].zone is not None for neighbour, _ in entry.lanes)
 
     def _is_passed(self, number: int) -> bool:
-        """Whether robots are not to stop at a place."""
+        """Whether robots are not to stop at a place, or it is too near to such a one."""
         places = self._berths.roadmap.roadmap.places
-        return number < len(places) and places[number].passthrough
+        near_places = (number, *self._berths.graph.exclusions[number])
+        return any(near < len(places) and places[near].passthrough for near in near_places)
 
     def _level(self, number: int) -> float:
         places, size = self._berths.roadmap.roadmap.places, self._berths.roadmap.graph.size

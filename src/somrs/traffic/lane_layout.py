@@ -89,11 +89,11 @@ class LaneLayout:
         """The places from one waypoint straight to another one, with new ones between them; None if the robot has no room on the way."""
         low, high = min(start, end), max(start, end)
         if (low, high) not in self._chains:
-            first, last = np.array(self.points[low]), np.array(self.points[high])
-            length = float(np.hypot(*(last - first)))
+            origin, target = np.array(self.points[low]), np.array(self.points[high])
+            length = float(np.hypot(*(target - origin)))
             count = max(math.ceil(length / self.spacing - 1e-6), 2)  # one between them, for what holds on the lane alone
             step = self.spacing if length > self.spacing else length / 2
-            stops = [first + (last - first) * min(step * number / length, 1.0) for number in range(count)] + [last] if length else []
+            stops = [origin + (target - origin) * min(step * number / length, 1.0) for number in range(count)] + [target] if length else []
             if not stops or not self.are_clear(np.array(stops[:-1]), np.array(stops[1:])).all():
                 return None
             self._chains[low, high] = (low, *(self._add((float(x), float(y))) for x, y in stops[1:-1]), high)
@@ -104,9 +104,9 @@ class LaneLayout:
         rule = Rule(lane.speed_limit, lane.travel)
         self._directed |= dict.fromkeys(pairwise(chain), rule)
         if lane.bidirectional:  # back, the robot faces as it did on the way there
-            back = Rule(lane.speed_limit, OPPOSITE.get(lane.travel or ""))
+            reverse_rule = Rule(lane.speed_limit, OPPOSITE.get(lane.travel or ""))
             for pair in pairwise(reversed(chain)):
-                self._directed.setdefault(pair, back)
+                self._directed.setdefault(pair, reverse_rule)
         if lane.mutex is not None:
             for place in chain[1:-1]:
                 self.mutexes.setdefault(place, set()).add(lane.mutex)
@@ -136,11 +136,11 @@ class LaneLayout:
         on_lane = np.zeros(len(points), dtype=bool)
         on_lane[places] = True
         first, second = ends[:, 0], ends[:, 1]
-        beside = (roots[first] == roots[second]) & ~(on_lane[first] & on_lane[second])
-        between = (islands[roots[first]] != islands[roots[second]]) & (roots[first] >= 0) & (roots[second] >= 0)
-        free = [pair for pair, keeps in zip(ends.tolist(), (beside | between).tolist(), strict=True) if keeps]
+        is_aside = (roots[first] == roots[second]) & ~(on_lane[first] & on_lane[second])
+        joins_islands = (islands[roots[first]] != islands[roots[second]]) & (roots[first] >= 0) & (roots[second] >= 0)
+        open_pairs = [pair for pair, is_open in zip(ends.tolist(), (is_aside | joins_islands).tolist(), strict=True) if is_open]
         ways: dict[Pair, Rule | None] = {**self._directed}
-        for start, end in free:
+        for start, end in open_pairs:
             ways.setdefault((start, end), None)
             ways.setdefault((end, start), None)
         return ways
@@ -152,11 +152,11 @@ class LaneLayout:
             if start is None or end is None:
                 continue
             limit = DETOUR * (math.dist(points[start], points[end]) + self.spacing)
-            lengths, before = dijkstra(network, directed=False, indices=start, return_predecessors=True, limit=limit)
+            lengths, predecessors = dijkstra(network, directed=False, indices=start, return_predecessors=True, limit=limit)
             if math.isfinite(lengths[end]):
                 chain = [end]
                 while chain[-1] != start:
-                    chain.append(int(before[chain[-1]]))
+                    chain.append(int(predecessors[chain[-1]]))
                 self._lay(lane, chain[::-1])
 
 

@@ -160,8 +160,10 @@ class NumberedRoadmap:
     def kind_for(self, kind: RobotKind) -> RobotKind:
         """The kind whose places a robot of this kind uses: of those with the same lanes, the smallest ones that are large enough."""
         graph = kind.graph if kind.graph in self.roadmap.graphs else None
-        candidates = [known for known in self.kinds if known.graph == graph] or self.kinds
-        return next((known for known in candidates if known.radius >= kind.radius), candidates[-1] if candidates else RobotKind())
+        candidates = [candidate for candidate in self.kinds if candidate.graph == graph] or self.kinds
+        return next(
+            (candidate for candidate in candidates if candidate.radius >= kind.radius), candidates[-1] if candidates else RobotKind()
+        )
 
     def spacing(self, number: int) -> float:
         """The spacing of a place, m: no lane from there is longer."""

@@ -92,10 +92,10 @@ class StoreyLayout:
         points, coverage = self._free_layout
         sidings = self._spread([*filter(self._is_free, network.sidings())])
         sidings = sidings[_far_from(sidings, np.array(network.points), self.spacing / 2)]
-        added = np.vstack([network.points, sidings])
-        kept = _far_from(points, added, self.spacing / 2)
-        numbers = np.where(kept, np.cumsum(kept) - 1 + len(added), UNSEEN)
-        points, coverage = np.vstack([added, points[kept]]), coverage.renumbered(numbers)
+        lane_points = np.vstack([network.points, sidings])
+        remaining = _far_from(points, lane_points, self.spacing / 2)
+        numbers = np.where(remaining, np.cumsum(remaining) - 1 + len(lane_points), UNSEEN)
+        points, coverage = np.vstack([lane_points, points[remaining]]), coverage.renumbered(numbers)
         return self._filled(points, coverage), coverage
 
     def _lattice(self) -> Iterator[Point]:
@@ -129,12 +129,12 @@ class StoreyLayout:
         """The points, and more of them, so that every free cell sees one."""
         for number, point in enumerate(points):
             coverage.note(point, number)
-        added: list[Point] = []
+        further_points: list[Point] = []
         for row, column in coverage.unseen().tolist():
             if coverage.seen[row, column] == UNSEEN:
-                added.append(self._grid.centre((row, column)))
-                coverage.note(added[-1], len(points) + len(added) - 1)
-        return np.vstack([points, *added]) if added else points
+                further_points.append(self._grid.centre((row, column)))
+                coverage.note(further_points[-1], len(points) + len(further_points) - 1)
+        return np.vstack([points, *further_points]) if further_points else points
 
     def _pairs(self, points: Points) -> list[tuple[int, int]]:
         if len(points) < 2:

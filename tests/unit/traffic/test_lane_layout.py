@@ -76,11 +76,11 @@ def laid(map: Map, lanes: Sequence[MapLane], *kinds: RobotKind) -> Laid:
 
 
 def test_robots_drive_round_on_one_way_lanes_and_others_straight() -> None:
-    free = RobotKind(RADIUS)
-    roads = laid(hall(), loop(*SQUARE), ROBOT, free)
+    free_kind = RobotKind(RADIUS)
+    roads = laid(hall(), loop(*SQUARE), ROBOT, free_kind)
     assert roads.metres(SQUARE[0], SQUARE[1]) == pytest.approx(6)
     assert roads.metres(SQUARE[1], SQUARE[0]) == pytest.approx(14), "the loop is one way"
-    assert roads.metres(SQUARE[1], SQUARE[0], free) == pytest.approx(6, rel=0.2), "it uses no lanes"
+    assert roads.metres(SQUARE[1], SQUARE[0], free_kind) == pytest.approx(6, rel=0.2), "it uses no lanes"
     assert roads.metres(SQUARE[1], SQUARE[0], RobotKind(RADIUS, "5")) == pytest.approx(6, rel=0.2), "there are none of its graph"
 
 
@@ -163,25 +163,27 @@ def test_ways_on_lanes_are_those_of_the_map_and_everywhere_is_reached(lanes: lis
     """Compared with shortest ways over the lanes alone, where nothing stands on them."""
     lanes = [structs.replace(lane, name=f"Lane{number}") for number, lane in enumerate(lanes) if lane.start != lane.end]
     assume(any(lane.graph == "0" for lane in lanes))
-    own = [lane for lane in lanes if lane.graph in ("0", None)]
-    numbers = {name: number for number, name in enumerate(sorted({end.name for lane in own for end in (lane.start, lane.end)}))}
-    ends = [(numbers[lane.start.name], numbers[lane.end.name], lane.length) for lane in own]
-    ends += [(numbers[lane.end.name], numbers[lane.start.name], lane.length) for lane in own if lane.bidirectional]
+    own_lanes = [lane for lane in lanes if lane.graph in ("0", None)]
+    numbers = {name: number for number, name in enumerate(sorted({end.name for lane in own_lanes for end in (lane.start, lane.end)}))}
+    ends = [(numbers[lane.start.name], numbers[lane.end.name], lane.length) for lane in own_lanes]
+    ends += [(numbers[lane.end.name], numbers[lane.start.name], lane.length) for lane in own_lanes if lane.bidirectional]
     lengths = np.full((len(numbers), len(numbers)), np.inf)
     for start, end, length in ends:
         lengths[start, end] = min(length, lengths[start, end])
     network = csr_array(np.where(np.isfinite(lengths), lengths, 0))
     count, _ = connected_components(network, connection="strong")
-    is_open = all(distance_from_line(table, lane) > 1.2 for lane in own)
+    is_open = all(distance_from_line(table, lane) > 1.2 for lane in own_lanes)
     map = hall(box("Table1", "Table", *table, 0.6, 0.6)) if is_open else hall()
     roads = laid(map, lanes)
     network_of_places, _ = connected_components(network_of(roads.roadmap), connection="strong")
     if count == 1:
         assert network_of_places == 1, "everywhere is reached, and nobody is caught"
         shortest = dijkstra(network)
-        stops = {end.name: (end.x, end.y) for lane in own for end in (lane.start, lane.end)}
-        for first, last in product(numbers, numbers):
-            assert roads.metres(stops[first], stops[last]) == pytest.approx(shortest[numbers[first], numbers[last]], abs=1e-3)
+        stops = {end.name: (end.x, end.y) for lane in own_lanes for end in (lane.start, lane.end)}
+        for start_name, end_name in product(numbers, numbers):
+            assert roads.metres(stops[start_name], stops[end_name]) == pytest.approx(
+                shortest[numbers[start_name], numbers[end_name]], abs=1e-3
+            )
 
 
 def network_of(roadmap: NumberedRoadmap) -> csr_array:

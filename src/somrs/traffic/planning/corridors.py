@@ -24,9 +24,9 @@ def find_corridors(successors: Sequence[Sequence[int]], exclusions: Sequence[Seq
     On one-way lanes, nobody meets another one.
     """
     size = len(successors)
-    neighbours, both_ways = _neighbours(successors)
-    bays = _find_bays(neighbours)
-    narrow = [bool(both_ways[place]) and (place in bays or _is_narrow(place, neighbours, exclusions, bays)) for place in range(size)]
+    both_ways = [[end for end in ends if place in successors[end]] for place, ends in enumerate(successors)]
+    bays = _find_bays(successors, both_ways)
+    narrow = [bool(both_ways[place]) and (place in bays or _is_narrow(place, successors, exclusions, bays)) for place in range(size)]
     numbers = [NOWHERE] * size
     count = 0
     for start in range(size):
@@ -50,31 +50,19 @@ def find_corridors(successors: Sequence[Sequence[int]], exclusions: Sequence[Seq
     return [max(corridor, NOWHERE) for corridor in corridors]
 
 
-def _neighbours(successors: Sequence[Sequence[int]]) -> tuple[list[list[int]], list[list[int]]]:
-    """By place: those from or to which a lane leads; and those of them from and to which one does."""
-    neighbours = [[*ends] for ends in successors]
-    both_ways: list[list[int]] = [[] for _ in successors]
-    for start, ends in enumerate(successors):
-        for end in ends:
-            if start in successors[end]:
-                both_ways[start].append(end)
-            else:
-                neighbours[end].append(start)
-    return neighbours, both_ways
-
-
-def _find_bays(neighbours: Sequence[Sequence[int]]) -> set[int]:
+def _find_bays(successors: Sequence[Sequence[int]], both_ways: Sequence[Sequence[int]]) -> set[int]:
     """The places of dead ends that are no deeper than a bay."""
     bays: set[int] = set()
     for _ in range(DEEPEST):
-        bays |= {place for place, ends in enumerate(neighbours) if sum(end not in bays for end in ends) == 1}
+        ways_on = [[end for end in ends if end not in bays] for ends in successors]
+        bays |= {place for place, ends in enumerate(ways_on) if len(ends) == 1 and ends[0] in both_ways[place]}
     return bays
 
 
-def _is_narrow(place: int, neighbours: Sequence[Sequence[int]], exclusions: Sequence[Sequence[int]], bays: Collection[int]) -> bool:
+def _is_narrow(place: int, successors: Sequence[Sequence[int]], exclusions: Sequence[Sequence[int]], bays: Collection[int]) -> bool:
     """Whether at most two robots have room around a robot at this place, besides one in a bay: before and behind it."""
     around: list[int] = []
-    for neighbour in neighbours[place]:
+    for neighbour in successors[place]:
         if neighbour in bays:
             continue
         excluded = exclusions[neighbour]
