@@ -257,7 +257,7 @@ class _Site:
     def without_way_back(self) -> Iterator[Finding]:
         """One-way lanes behind which robots would be caught."""
         for lane in lanes_without_way_back(self.map, self.ontology):
-            text = f"from {lane.start}, it leads one way to {_some(lane.behind)}, and no lane leads back from there"
+            text = f"from {lane.start}, it leads one way to {_some(lane.behind)}, and no lane leads back from there, so robots return on it"
             message = f"{text}; make it Bidirectional, turn it round, or add a lane back"
             yield Finding(subject=lane.lane, rule="no-way-back", message=message)
 
