@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from itertools import pairwise
@@ -15,6 +16,7 @@ from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Change, Fact, FactAdded, Object, ObjectAdded, ValueSet
 from somrs.ontology.types import Value
+from somrs.sites.lif.reading import import_bytes
 from somrs.sites.openrmf import import_building
 from somrs.space.lanes import lanes_of
 from somrs.space.lines import point_distance
@@ -22,6 +24,7 @@ from tests.support.paths import SHARED
 from tests.support.simulator_room import ONTOLOGY, Run, robot, shell
 
 HOTEL = SHARED / "sites" / "hotel.building.yaml"
+NOW = "2026-11-01T00:00:00Z"
 CORNERS = ((1.5, 1.5), (6.5, 1.5), (6.5, 4.5), (1.5, 4.5))
 """Of a loop, in its direction."""
 Point = tuple[float, float]
@@ -186,3 +189,35 @@ def test_robots_of_the_hotel_keep_to_their_lanes() -> None:
     apart = [min(point_distance((x, y), *lane) for lane in ends) for x, y, _ in poses]
     assert math.dist(poses[0][:2], goal) > 10
     assert max(apart) < 0.3
+
+
+def test_vehicles_keep_to_the_edges_of_their_type_in_a_layout() -> None:
+    """A layout in LIF has edges in one direction, each for some types of vehicles; robots are added on the map."""
+    layouts = {
+        "metaInformation": {"projectIdentification": "Hall", "creator": "us", "exportTimestamp": NOW, "lifVersion": "1.0.0"},
+        "layouts": [
+            {
+                "layoutId": "Hall",
+                "layoutVersion": "1",
+                "nodes": [
+                    {"nodeId": f"N{number}", "nodePosition": {"x": x, "y": y}, "vehicleTypeNodeProperties": []}
+                    for number, (x, y) in enumerate(CORNERS)
+                ],
+                "edges": [edge(number, (number + 1) % 4, "Tugger") for number in range(4)],
+            }
+        ],
+    }
+    site = import_bytes(json.dumps(layouts).encode())
+    tugger, free = (robot(name, (*CORNERS[0], 0.0), NavigationGraph=graph) for name, graph in (("Robot1", "Tugger"), ("Robot2", "Lifter")))
+    lengths = []
+    for vehicle in (tugger, free):
+        run = Run(site.map.changed([ObjectAdded(vehicle)]), WorldKind.KINEMATIC, site.ontology)
+        poses = drive(run, CORNERS[3], name=vehicle.name)
+        lengths.append(sum(math.dist(first[:2], second[:2]) for first, second in pairwise(poses)))
+    assert lengths[0] == pytest.approx(13, abs=0.6)
+    assert lengths[1] < 4
+
+
+def edge(start: int, end: int, vehicle: str) -> dict[str, object]:
+    vehicle_type = {"vehicleTypeId": vehicle, "rotationAllowed": True}
+    return {"edgeId": f"E{start}", "startNodeId": f"N{start}", "endNodeId": f"N{end}", "vehicleTypeEdgeProperties": [vehicle_type]}

@@ -1,8 +1,9 @@
 """Roadmaps from the lanes of a building: what of the free space of a storey robots use that keep to lanes.
 
 Places lie on the lanes, as far apart as the spacing, and lead on only as the lanes do. All other places are for what is not on a lane:
-the last metres to a goal, and stepping aside for others. From each of them the way leads to one place of a lane, and back to the same one:
-so no way beside the lanes is a short cut. Lanes that are not connected are joined by the free space between them.
+the last metres to a goal, and stepping aside for others. Each of them belongs to the nearest place of a lane, its root, and leads only to
+where its root, or one of the next places of the lane, is the root, too: so no way beside the lanes is a short cut, or leads against their
+direction. Lanes that are not connected are joined by the free space between them.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, eye_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from somrs.space.lanes import BACKWARD, FORWARD, MapLane, Waypoint
@@ -28,16 +29,19 @@ AreClear = Callable[[Points, Points], Mask]
 """Whether a robot can drive in a straight line, for each pair of points (n, 2)."""
 
 OPPOSITE = {FORWARD: BACKWARD, BACKWARD: FORWARD}
+AHEAD = 2
+"""Over how many lanes robots may pass beside them, before they are back on one."""
 DETOUR = 2.0
 """How many times as long as a lane on which something stands a way around that may be."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What holds on a lane; see `MapLane`."""
+    """What holds on a lane; see `MapLane`. `is_aside`: it leads beside the lanes of the map."""
 
-    speed_limit: float | None
-    travel: str | None
+    speed_limit: float | None = None
+    travel: str | None = None
+    is_aside: bool = False
 
 
 @dataclass(slots=True)
@@ -121,8 +125,8 @@ class LaneLayout:
                 for side in (1, -1):
                     yield self.points[place][0] + side * across[0], self.points[place][1] + side * across[1]
 
-    def ways(self, points: Points, pairs: Sequence[Pair]) -> dict[Pair, Rule | None]:
-        """What leads from place to place, with the rules for lanes. `points`: of all places; `pairs`: those between which a robot drives
+    def ways(self, points: Points, pairs: Sequence[Pair]) -> dict[Pair, Rule]:
+        """What leads from place to place, with its rule. `points`: of all places; `pairs`: those between which a robot drives
         straight."""
         ends = np.array(pairs, dtype=int).reshape(-1, 2)
         lengths = np.hypot(*(points[ends[:, 0]] - points[ends[:, 1]]).T)
@@ -131,19 +135,27 @@ class LaneLayout:
         places = sorted({place for pair in self._directed for place in pair})
         directed = np.array([*self._directed], dtype=int).reshape(-1, 2)
         roots = _roots(network, places)
-        joined = csr_array((np.ones(len(directed)), (directed[:, 0], directed[:, 1])), (len(points), len(points)))
+        joined = csr_array((np.ones(len(directed), dtype=bool), (directed[:, 0], directed[:, 1])), (len(points), len(points)))
         _, islands = connected_components(joined, directed=False)
         on_lane = np.zeros(len(points), dtype=bool)
         on_lane[places] = True
-        first, second = ends[:, 0], ends[:, 1]
-        is_aside = (roots[first] == roots[second]) & ~(on_lane[first] & on_lane[second])
-        joins_islands = (islands[roots[first]] != islands[roots[second]]) & (roots[first] >= 0) & (roots[second] >= 0)
-        open_pairs = [pair for pair, is_open in zip(ends.tolist(), (is_aside | joins_islands).tolist(), strict=True) if is_open]
-        ways: dict[Pair, Rule | None] = {**self._directed}
-        for start, end in open_pairs:
-            ways.setdefault((start, end), None)
-            ways.setdefault((end, start), None)
-        return ways
+        starts, ends = np.concatenate([ends, ends[:, ::-1]]).T
+        near_lane = (roots[starts] >= 0) & (roots[ends] >= 0)
+        joins_islands = near_lane & (islands[roots[starts]] != islands[roots[ends]])
+        follows = near_lane & np.asarray(_leading(joined)[roots[starts], roots[ends]]).ravel()
+        is_aside = ((roots[starts] == roots[ends]) | follows) & ~(on_lane[starts] & on_lane[ends])
+        is_open = is_aside | joins_islands
+        opened = zip(starts[is_open].tolist(), ends[is_open].tolist(), roots[starts[is_open]].tolist(), strict=True)
+        limits = self._speed_limits()
+        return {**{(start, end): Rule(limits.get(root), is_aside=bool(places)) for start, end, root in opened}, **self._directed}
+
+    def _speed_limits(self) -> dict[int, float]:
+        """By place of a lane: the lowest speed limit of the lanes there, which holds beside them, too."""
+        limits: dict[int, float] = {}
+        for pair, rule in self._directed.items():
+            for place in pair if rule.speed_limit is not None else ():
+                limits[place] = min(rule.speed_limit or math.inf, limits.get(place, math.inf))
+        return limits
 
     def _lay_around(self, network: csr_array, points: Points) -> None:
         """Lay the lanes on which something stands around that, over other places."""
@@ -158,6 +170,15 @@ class LaneLayout:
                 while chain[-1] != start:
                     chain.append(int(predecessors[chain[-1]]))
                 self._lay(lane, chain[::-1])
+
+
+def _leading(lanes: csr_array) -> csr_array:
+    """By place: those to which it leads over at most `AHEAD` lanes."""
+    single = lanes + eye_array(lanes.shape[0], dtype=bool, format="csr")
+    reached = single
+    for _ in range(AHEAD - 1):
+        reached = reached @ single
+    return csr_array(reached)
 
 
 def _roots(network: csr_array, places: Sequence[int]) -> NDArray[np.int64]:

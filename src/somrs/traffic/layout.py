@@ -35,6 +35,10 @@ SPEED = 0.8
 """The speed that the time for a lane is computed with, in metres per second."""
 
 
+ASIDE = 2.0
+"""By what factor ways beside the lanes count as longer for robots that keep to lanes."""
+
+
 class OpenBuilding:
     """The space of a building with all doors open: of the floors at these heights, and of those to which lifts lead from there. `lanes`:
     those on which robots drive."""
@@ -209,7 +213,6 @@ def _can_ride(place: Place, radius: float, shaft: Shaft) -> bool:
     return shaft.contains(point) and shaft.room_to_doors(point, place.level) > radius + DOOR_ROOM
 
 
-def _lane(start: Place, end: Place, rule: Rule | None) -> Lane:
-    limit, travel = (rule.speed_limit, rule.travel) if rule is not None else (None, None)
-    seconds = max(math.dist((start.x, start.y), (end.x, end.y)) / min(SPEED, limit or SPEED), 0.05)
-    return Lane(start=start.name, end=end.name, seconds=seconds, speed_limit=limit, travel=travel)
+def _lane(start: Place, end: Place, rule: Rule) -> Lane:
+    seconds = math.dist((start.x, start.y), (end.x, end.y)) / min(SPEED, rule.speed_limit or SPEED) * (ASIDE if rule.is_aside else 1)
+    return Lane(start=start.name, end=end.name, seconds=max(seconds, 0.05), speed_limit=rule.speed_limit, travel=rule.travel)
