@@ -88,12 +88,16 @@ class StoreyLayout:
         return self._filled(points, self._coverage), self._coverage
 
     def _with_lanes(self, network: LaneLayout) -> tuple[Points, Coverage]:
-        """The points of lanes and beside them, and those from which the rest of the free space is seen."""
-        points, coverage = self._free_layout
+        """The points of lanes and beside them, and those from which the rest of the free space is seen.
+
+        Who stands so near to a lane that nobody passes, and gets away only over the lane, may wait for a robot there that waits for it. So
+        there are such points only where free space is seen from no others.
+        """
+        (points, coverage), on_lanes, apart = self._free_layout, np.array(network.points), self.spacing * (1 - 1e-9)
         sidings = self._spread([*filter(self._is_free, network.sidings())])
-        sidings = sidings[_far_from(sidings, np.array(network.points), self.spacing / 2)]
-        lane_points = np.vstack([network.points, sidings])
-        remaining = _far_from(points, lane_points, self.spacing / 2)
+        sidings = sidings[_far_from(sidings, on_lanes, apart)]
+        lane_points = np.vstack([on_lanes, sidings])
+        remaining = _far_from(points, on_lanes, apart) & _far_from(points, sidings, self.spacing / 2)
         numbers = np.where(remaining, np.cumsum(remaining) - 1 + len(lane_points), UNSEEN)
         points, coverage = np.vstack([lane_points, points[remaining]]), coverage.renumbered(numbers)
         return self._filled(points, coverage), coverage
@@ -169,8 +173,8 @@ class StoreyLayout:
 
 
 def _far_from(points: Points, others: Points, least: float) -> Mask:
-    """Which of the points are at least so far from all others, as one drives along the axes."""
+    """Which of the points are at least so far from all others."""
     if not len(points) or not len(others):
         return np.ones(len(points), dtype=bool)
-    distances, _ = cKDTree(others).query(points, p=1)
+    distances, _ = cKDTree(others).query(points)
     return np.asarray(distances >= least)
