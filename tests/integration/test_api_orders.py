@@ -117,7 +117,7 @@ def _saved(effect: str, *blanks: Blank, **options: object) -> TemplateSaved:
         (_saved("{A thing} isOn Platform001"), "a blank is a name in braces"),
         (_saved("{T} isOn Platform001", Blank(name="T"), Blank(name="T")), "two blanks have the same name"),
         (_saved("{T} isOn Platform001", Blank(name="T", type="Jar", default="Robot1")), "Robot1 is a PioneerP3DX"),
-        (_saved("Jar001 isOn Platform001", deadline=-1), "a deadline is a positive number of seconds"),
+        (_saved("Jar001 isOn Platform001", deadline=-1), "task.deadline is -1.0; give a number"),
         (_saved("Jar001 isOn"), "(?s)."),
     ],
 )

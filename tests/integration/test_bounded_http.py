@@ -194,7 +194,7 @@ def test_a_full_server_leaves_whom_nothing_was_heard_of() -> None:
         await working.send(b"b")
         assert await working.answer() == (200, "2"), "its request had begun"
 
-    run_scenario(Limits(connections=5), scenario)
+    run_scenario(Limits(connections=5, request_seconds=1000), scenario)
 
 
 def test_a_server_that_is_full_of_work_says_so() -> None:

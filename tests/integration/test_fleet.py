@@ -35,7 +35,9 @@ def offer(service: str, price: float = 1.0) -> Offer:
     device, _, name = service.partition(".")
     kind = ServiceType(name=name, effect="?Provider isAt ?Place")
     attributes: dict[str, Value] = {"Price": price}
-    return Offer(service=service, provider=device, provider_type="Robot", address="http://r", service_type=kind, attributes=attributes)
+    return Offer(
+        service=service, provider=device, provider_type="Robot", address="http://127.0.0.1:1/r", service_type=kind, attributes=attributes
+    )
 
 
 def test_arrivals_and_departures_are_known_to_an_api_that_was_not_there(tmp_path: Path) -> None:

@@ -83,9 +83,10 @@ def test_nothing_leaves_before_it_is_on_disk(tmp_path: Path) -> None:
         await asyncio.sleep(0.1)
         brake = Brake(journal.disk)
         posted = [
-            asyncio.ensure_future(wire.post(amount_message(number, 10 + number, node.address, CLIENT, "http://x"))) for number in (0, 1)
+            asyncio.ensure_future(wire.post(amount_message(number, 10 + number, node.address, CLIENT, "http://127.0.0.1:1/nobody")))
+            for number in (0, 1)
         ]
-        twice = asyncio.ensure_future(wire.post(amount_message(0, 10, node.address, CLIENT, "http://x")))
+        twice = asyncio.ensure_future(wire.post(amount_message(0, 10, node.address, CLIENT, "http://127.0.0.1:1/nobody")))
         ledger = node.component
         assert isinstance(ledger, Ledger)
         await wait_until(lambda: ledger.total == 21 and len(ledger.reminded) == 2)
@@ -220,7 +221,7 @@ def test_a_full_disk_stops_its_component_and_senders_go_on_repeating(tmp_path: P
         node = host.add_journaled("/ledger", lambda address: Ledger(sink_at, address), journal, carry_out=double)
         journal.disk.write_and_wait(lambda db: db.execute("PRAGMA max_page_count = 1").fetchone())
         journal.disk.write(lambda db: db.execute("INSERT INTO entries VALUES ('', -1, zeroblob(100000))"))
-        message = amount_message(1, 5, node.address, CLIENT, "http://x")
+        message = amount_message(1, 5, node.address, CLIENT, "http://127.0.0.1:1/nobody")
         for _ in range(2):
             with pytest.raises(RemoteError, match=r"HTTP 503.*accepts no more inputs, because it could not store .* database or dis"):
                 await wire.post(message)

@@ -15,7 +15,7 @@ from somrs.repository.state import Contents
 from tests.support.building import building
 
 REPOSITORY = "http://here/repository"
-CLIENT = "http://here/client"
+CLIENT = "http://127.0.0.1/client"
 
 SITE = (
     building("Lab", 10, 10, "Room1: {type: Room}", "Room2: {type: Room}")
