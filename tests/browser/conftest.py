@@ -179,12 +179,14 @@ class RunningSystem:
 
     @contextmanager
     def paused(self, program: str) -> Iterator[None]:
-        """A context in which one of its programs is stopped (SIGSTOP)."""
+        """A context in which one of its programs is stopped (SIGSTOP), and not ended and restarted for that."""
+        self._process.send_signal(signal.SIGSTOP)
         self._signal(program, signal.SIGSTOP)
         try:
             yield
         finally:
             self._signal(program, signal.SIGCONT)
+            self._process.send_signal(signal.SIGCONT)
 
     @contextmanager
     def without_program(self, program: str) -> Iterator[None]:
