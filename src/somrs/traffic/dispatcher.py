@@ -267,12 +267,14 @@ class Dispatcher:
     def _goal(self, name: str) -> int | None:
         """Where the robot is to go now, if anywhere. While traffic is held, it only leaves the zone in which its granted way ends; without
         a trip, the place where robots are not to stop."""
+        if self._is_confined(name):
+            return None
         if self.state.hold:
-            return self._exits.nearest(name) if not self._is_confined(name) else None
-        trip, record = self._current_trip(name), self.state.robots[name]
-        if trip is None and record.trip is None and record.mobility is Mobility.FREE and not record.silent:
-            return self._exits.rest(name) if not self._is_confined(name) else None
-        return trip.destination if trip is not None else None
+            return self._exits.nearest(name)
+        record = self.state.robots[name]
+        if record.trip is not None:
+            return record.trip.destination
+        return self._exits.rest(name) if record.mobility is Mobility.FREE and not record.silent else None
 
     def _current_trip(self, name: str) -> Trip | None:
         """The robot's trip, if it can go on with it now."""

@@ -28,7 +28,7 @@ class Exits:
 
         None if the way of the robot ends elsewhere, or if no way leads on.
         """
-        return self._nearest(robot, self._is_passed)
+        return self._nearest(robot, self._is_passed) if self._berths.roadmap.passthrough else None
 
     def _nearest(self, robot: str, is_left: Callable[[int], bool]) -> int | None:
         start = self._schedule.last(robot)
@@ -64,9 +64,7 @@ class Exits:
 
     def _is_passed(self, number: int) -> bool:
         """Whether robots are not to stop at a place, or it is too near to such a one."""
-        places = self._berths.roadmap.roadmap.places
-        near_places = (number, *self._berths.graph.exclusions[number])
-        return any(near < len(places) and places[near].passthrough for near in near_places)
+        return not self._berths.roadmap.passthrough.isdisjoint((number, *self._berths.graph.exclusions[number]))
 
     def _level(self, number: int) -> float:
         places, size = self._berths.roadmap.roadmap.places, self._berths.roadmap.graph.size

@@ -174,8 +174,10 @@ def with_ways_back(roadmap: Roadmap) -> Roadmap:
     leading_out = np.flatnonzero(regions[ends[:, 0]] != regions[ends[:, 1]])
     if not len(leading_out):
         return roadmap
-    sizes = np.bincount(regions, minlength=count)
-    homes = {int(island): int(np.argmax(sizes * (np.bincount(regions[islands == island], minlength=count) > 0))) for island in {*islands}}
+    place_counts = np.bincount(regions, minlength=count)
+    homes = {
+        int(island): int(np.argmax(place_counts * (np.bincount(regions[islands == island], minlength=count) > 0))) for island in {*islands}
+    }
     is_caught = np.zeros(size, dtype=bool)
     for island in {int(islands[start]) for start in ends[leading_out, 0]}:
         entry = int(np.flatnonzero(regions == homes[island])[0])

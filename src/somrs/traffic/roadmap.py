@@ -142,6 +142,8 @@ class NumberedRoadmap:
         self._squares = Squares[int](self.widest or 1.0)
         self.zones: dict[str, list[int]] = {}
         """The places of each zone."""
+        self.passthrough = frozenset(number for number, place in enumerate(roadmap.places) if place.passthrough)
+        """The places where robots do not stay when they have nothing to do."""
         self._mutexes: dict[str, list[int]] = {}
         """The places of each mutex."""
         for number, place in enumerate(roadmap.places):
