@@ -8,7 +8,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from itertools import cycle, product
 from pathlib import Path
 from typing import Literal
@@ -167,11 +167,13 @@ class RunningSystem:
         for id in processes.stdout.split():
             os.kill(int(id), signal_number)
 
-    def kill_and_await(self, *programs: str) -> None:
-        """SIGKILL the programs, and wait until the system has restarted them."""
+    def kill_and_await(self, *programs: str, while_paused: str | None = None) -> None:
+        """SIGKILL the programs, and wait until the system has restarted them. `while_paused`: a program that does nothing until they are
+        killed."""
         log_before = self.log_text()
-        for program in programs:
-            self.kill(program)
+        with nullcontext() if while_paused is None else self.paused(while_paused):
+            for program in programs:
+                self.kill(program)
         deadline = time.monotonic() + UP_TIME
         while not all(f"{program} is back" in self.log_text()[len(log_before) :] for program in programs):
             assert time.monotonic() < deadline, f"not all programs restarted: {self.log_text()[len(log_before) :]}"
@@ -179,7 +181,7 @@ class RunningSystem:
 
     @contextmanager
     def paused(self, program: str) -> Iterator[None]:
-        """A context in which one of its programs is stopped (SIGSTOP), and not ended and restarted for that."""
+        """A context in which one of its programs is stopped (SIGSTOP), and not ended for that: none is restarted meanwhile."""
         self._process.send_signal(signal.SIGSTOP)
         self._signal(program, signal.SIGSTOP)
         try:

@@ -355,8 +355,7 @@ def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: 
     page.goto(f"{system.url}/tasks/{task}")
     show_floor_plan(page)
     wait_for_task(system, task, carries)
-    with system.paused("simulator"):
-        system.kill_and_await("task-manager", "gui")
+    system.kill_and_await("task-manager", "gui", while_paused="simulator")  # on the robot's way
     story = panel(page, "Story")
     expect(story).to_contain_text("step1 is done", timeout=WORK_TIME)
     expect(page.locator("header").filter(has_text="Jar002 isOn Table001")).to_contain_text("Accomplished", timeout=WORK_TIME)

@@ -8,9 +8,9 @@ from somrs.kernel.component import Effect, Input, Received
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.runtime.virtual_time import World
+from tests.support.lab import CLIENT
 
 B = TypeVar("B")
-CLIENT = "http://here/client"
 
 
 class AnswerClient:
