@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from somrs.client.addresses import Addresses
-from somrs.deployment.device import DeviceRunner, device_journal, load
+from somrs.deployment.device import DeviceRunner, device_journal, load, request
 from somrs.errors import DeviceError, UsageError
 from somrs.kernel.component import Effect, Input, Received, Send, Started, TimerFired
 from somrs.kernel.durability import JournaledComponent
@@ -19,9 +20,10 @@ from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.frp.participant_session import ParticipantSession
 from somrs.protocol.frp.session import CoordinatorBody
 from somrs.protocol.messages import frp
+from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import State
-from somrs.protocol.messages.knowledge import Definitions, UpdateMap
+from somrs.protocol.messages.knowledge import Definitions, QueryMap, Rows, UpdateMap
 from somrs.protocol.messages.observations import Observation
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
@@ -193,6 +195,37 @@ async def _reported(data: Path) -> tuple[list[UpdateMap], list[UpdateMap]]:
 def test_what_a_device_reports_was_so_when_it_reported_it(tmp_path: Path) -> None:
     received, expected = asyncio.run(_reported(tmp_path))
     assert received == expected
+
+
+async def _asked_for_hours(caplog: pytest.LogCaptureFixture) -> tuple[Body, list[str]]:
+    """What a device is answered that asks a Repository which starts an hour later, and the log of the wait."""
+    loop = asyncio.get_running_loop()
+    time_of_loop, hours = loop.time, 0
+    loop.time = lambda: time_of_loop() + 3600 * hours  # type: ignore[method-assign]
+    host, core = Host("127.0.0.1"), Host("127.0.0.1")
+    await host.start()
+    await core.start()
+    address = f"{core.url}/repository"
+    await core.stop()
+    try:
+        async with asyncio.timeout(HANG_TIME + 5 * 3600):
+            answer = asyncio.create_task(request(host, QueryMap(formula="Jar1 isOn ?Where"), address))
+            while not caplog.messages and not answer.done():
+                await asyncio.sleep(0.1)
+                hours = min(hours + 1, 5)
+            core = Host("127.0.0.1", core.port)
+            await core.start()
+            core.add("/repository", lambda at: Repository(at, contents()))
+            return await answer, caplog.messages
+    finally:
+        await core.stop()
+        await host.stop()
+
+
+def test_a_device_asks_until_the_repository_is_there(caplog: pytest.LogCaptureFixture) -> None:
+    answer, messages = asyncio.run(_asked_for_hours(caplog))
+    assert isinstance(answer, Rows), answer
+    assert re.search(r"/repository cannot be reached: .*; it is asked again until it answers$", messages[0])
 
 
 class FaultyHardware(Carrier):

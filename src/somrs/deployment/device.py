@@ -10,6 +10,7 @@ import asyncio
 import importlib
 import importlib.util
 import logging
+import math
 import sys
 import uuid
 from pathlib import Path
@@ -46,8 +47,9 @@ from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)
 
-MAP_TIME = 60.0
-"""Seconds for which a device repeats a request that the Repository or the Task Manager does not answer."""
+PATIENCE = math.inf
+"""Seconds for which a device repeats a request that the Repository or the Task Manager does not answer: until the service that needs the
+answer is stopped. That they are away, however long, is no failure of the service."""
 
 LEAVE_TIME = 5.0
 """Seconds that a device has to become idle when its program stops."""
@@ -122,7 +124,7 @@ class DeviceRunner:
         self.device.profile()  # reports an invalid class before anything is connected
         self._runtime = runtime = await self._listen()
         self.device.map = MapReader(self._ask)
-        self.device.tasks = TaskSubmitter(DeviceTasks(self.device.name, self._addresses, runtime.request, MAP_TIME).ask)
+        self.device.tasks = TaskSubmitter(DeviceTasks(self.device.name, self._addresses, runtime.request, PATIENCE).ask)
         self.device.observer = self._observed
         self.device.publisher = self._services_changed
         self._was_opened = True
@@ -218,7 +220,7 @@ class DeviceRunner:
                 raise RemoteError(f"a device cannot do {type(task).__name__}")
 
     async def _ask(self, body: Body) -> Body:
-        """Send a request to the Repository, and repeat it for `MAP_TIME`: a service does not fail because the Repository restarts.
+        """Send a request to the Repository, and repeat it until it is answered: a service does not fail because the Repository restarts.
 
         What a device reports holds now, and not when the Repository is there again.
         """
@@ -235,10 +237,10 @@ class DeviceRunner:
 
 
 async def request(runtime: Host, body: Body, recipient: str) -> Body:
-    """Send a request of a device and return the answer. It is repeated for `MAP_TIME` while there is none. Raises RemoteError."""
+    """Send a request of a device and return the answer. It is repeated while there is none. Raises RemoteError."""
     header = Header(sender=ANONYMOUS, recipient=recipient, message_id=uuid.uuid4().urn)
     question = Message(header=header, body=body)
-    return (await retry_unanswered(lambda: runtime.request(question), MAP_TIME)).body
+    return (await retry_unanswered(lambda: runtime.request(question), PATIENCE)).body
 
 
 async def _serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:

@@ -28,6 +28,7 @@ from somrs.deployment.private_files import keep_files_private
 from somrs.deployment.watchdog import Heartbeat
 from somrs.errors import RemoteError, UsageError
 from somrs.runtime.host import Host
+from somrs.runtime.wire import REMINDER
 from somrs.worker import fork_ahead
 
 if TYPE_CHECKING:
@@ -36,9 +37,6 @@ if TYPE_CHECKING:
     from somrs.devices.simulator.server.simulation import Simulation
     from somrs.devices.simulator.world.kinds import WorldKind
     from somrs.ontology.files.loading import LoadedModel
-
-REMINDER = 60.0
-"""Seconds after which a program that waits for another one at its start says so in its log, again and again."""
 
 log = logging.getLogger(__name__)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Awaitable, Callable, Sequence
 from typing import NamedTuple, TypeVar
 
@@ -18,7 +19,12 @@ from somrs.runtime import batches
 from somrs.runtime.batches import Outcome
 from somrs.runtime.http import CONTENT_TYPE, KEPT_TIME
 
+log = logging.getLogger(__name__)
+
 T = TypeVar("T")
+
+REMINDER = 60.0
+"""Seconds after which who waits for an answer says so in the log, again and again."""
 
 Encode = Callable[[Message], bytes]
 """Writes a message. Raises WireError."""
@@ -41,17 +47,24 @@ class Unanswered(RemoteError):
 
 
 async def retry_unanswered(ask: Callable[[], Awaitable[T]], patience: float) -> T:
-    """Call `ask` again while there is no answer, for `patience` seconds from the first failure. Raises Unanswered after that."""
+    """Call `ask` again while there is no answer, for `patience` seconds from the first failure. Raises Unanswered after that.
+
+    Who has to wait for long reads in the log for whom, every `REMINDER` seconds.
+    """
     loop = asyncio.get_running_loop()
-    deadline, pause = None, FIRST_PAUSE
+    failed_at, reminded_at, pause = None, 0.0, FIRST_PAUSE
     while True:
         try:
             return await ask()
-        except Unanswered:
-            # A recipient that is slow to answer has used up no patience yet.
-            deadline = deadline if deadline is not None else loop.time() + patience
-            if loop.time() + pause > deadline:
+        except Unanswered as error:
+            now = loop.time()
+            if failed_at is None:  # a recipient that is slow to answer has used up no patience yet
+                failed_at = reminded_at = now
+            if now + pause > failed_at + patience:
                 raise
+            if now >= reminded_at + REMINDER:
+                reminded_at = now
+                log.warning("%s; it is asked again until it answers", error)
         await asyncio.sleep(pause)
         pause = min(pause * 2, LONGEST_PAUSE)
 
