@@ -48,6 +48,11 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Tasks that have not ended, at a Task Manager."""
     send_seconds: Count = 60
     """Time in which a client reads some of its response."""
+    sign_in_tries: Count = 3
+    """Wrong passwords for one name from one address, or ten times as many from one address, after which each further one doubles the time
+    until the next try."""
+    sign_in_seconds: Count = 60
+    """That time at most."""
     log_bytes: Count = 64 * 2**20
     """A log file. When it is full, its content goes to a file beside it."""
 

@@ -12,10 +12,12 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from somrs.access.store import AccessStore
 from somrs.api.program import served
 from somrs.api.remote import LiveApi, live_api
 from somrs.api.service import open_api_service
 from somrs.client.addresses import Addresses, task_manager_name
+from somrs.client.api_client import local_token_reader
 from somrs.deployment.device import DeviceRunner
 from somrs.kernel.component import TimerFired
 from somrs.ontology.files.loading import load_text
@@ -183,30 +185,33 @@ class SmallSystem:
 
 @asynccontextmanager
 async def running(
-    data: Path, *porters: Porter, clock: Clock | None = None, managers: int = 1
+    data: Path, *porters: Porter, clock: Clock | None = None, managers: int = 1, access: AccessStore | None = None
 ) -> AsyncIterator[tuple[SmallSystem, LiveApi]]:
-    """Run the system with the API service. `clock` is the Scheduler's clock, `managers` the number of Task Managers."""
+    """Run the system with the API service. `clock` is the Scheduler's clock, `managers` the number of Task Managers, `access` who has
+    access to the API; None: anybody."""
     system = SmallSystem(data, porters, managers)
     async with AsyncExitStack() as stack:
         stack.push_async_callback(system.stop)
         await system.start()
-        yield system, await stack.enter_async_context(live_api_at(system, clock))
+        yield system, await stack.enter_async_context(live_api_at(system, clock, access))
 
 
 @asynccontextmanager
-async def live_api_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[LiveApi]:
+async def live_api_at(system: SmallSystem, clock: Clock | None = None, access: AccessStore | None = None) -> AsyncIterator[LiveApi]:
     """Serve the API at a port, and connect to it as clients do."""
-    async with api_at(system, clock) as url, live_api(url) as api:
+    if access is not None:
+        access.renew_local_token()
+    async with api_at(system, clock, access) as url, live_api(url, local_token_reader(system.data)) as api:
         yield api
 
 
 @asynccontextmanager
-async def api_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[str]:
-    """Serve the API, with a Scheduler on this clock, and yield its address."""
+async def api_at(system: SmallSystem, clock: Clock | None = None, access: AccessStore | None = None) -> AsyncIterator[str]:
+    """Serve the API, with a Scheduler on this clock, and yield its address. `access`: who has access; None: anybody."""
     async with (
         scheduler_at(system, clock),
         open_api_service(system.addresses, system.data) as api_service,
-        served(api_service, bound(LOOPBACK, 0)) as url,
+        served(api_service, bound(LOOPBACK, 0), access=access) as url,
     ):
         yield url
 

@@ -84,7 +84,7 @@ def test_the_windows_and_the_api_do_not_take_each_other_along(tmp_path: Path) ->
             assert (await browser.get(f"{gui}/api/system")).json()["site"]
             os.kill(system.programs["gui"].process.pid, signal.SIGKILL)
             await system.programs["gui"].process.wait()
-            async with api_of(system.addresses) as client:
+            async with api_of(system.data) as client:
                 assert (await client.map.read()).objects
             await system.restart("gui")
             os.kill(system.programs["api"].process.pid, signal.SIGKILL)
@@ -108,7 +108,7 @@ def test_addresses_of_before_there_was_an_api_can_be_read(tmp_path: Path) -> Non
 
     async def run() -> None:
         with pytest.raises(SomrsError, match="without the API"):
-            async with api_of(old_addresses):
+            async with api_of(tmp_path):
                 pass
 
     asyncio.run(run())

@@ -60,6 +60,8 @@ COMMANDS = [
     "picture",
     "map",
     "ontology",
+    "user",
+    "token",
     "run",
 ]
 

@@ -46,7 +46,7 @@ def test_an_order_is_stated_once_each_time_though_the_scheduler_is_killed(tmp_pa
             Client(system.addresses) as client,
         ):
             supervisor = asyncio.create_task(system.keep_running(lambda text: None))
-            async with api_of(system.addresses) as api:
+            async with api_of(system.data) as api:
                 request = Submit(effect="Jar002 isOn ?Shelf: Cupboard")  # as it is
                 saved_order = OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=request, by="Ada", skip=False)
                 order = await api.orders.add_order(saved_order)
@@ -86,7 +86,7 @@ def test_orders_are_stated_while_neither_the_api_nor_the_windows_run(tmp_path: P
             System([SCENARIO_1], tmp_path / "run", speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher()) as system,
             Client(system.addresses) as client,
         ):
-            async with api_of(system.addresses) as api:
+            async with api_of(system.data) as api:
                 request = Submit(effect="Jar002 isOn ?Shelf: Cupboard")
                 order = await api.orders.add_order(OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=request))
             os.kill(system.programs["api"].process.pid, signal.SIGKILL)
@@ -95,22 +95,24 @@ def test_orders_are_stated_while_neither_the_api_nor_the_windows_run(tmp_path: P
                 while len(await client.tasks()) < 2:
                     await asyncio.sleep(0.2)
             await system.restart("api")
-            async with api_of(system.addresses) as api:
+            async with api_of(system.data) as api:
                 known_tasks = {run.task for run in (await api.orders.runs(order.id)).runs if run.state is RunState.SUBMITTED}
             assert {view.task for view in await client.tasks()} <= known_tasks | {None}
 
     asyncio.run(run())
 
 
-def test_without_the_api_the_command_line_says_what_to_do() -> None:
+def test_without_the_api_the_command_line_says_what_to_do(tmp_path: Path) -> None:
     async def run() -> None:
         with Reservation("127.0.0.1", 1) as free:
             dead_addresses = Addresses(repository="", registry="", task_manager="", api=f"http://127.0.0.1:{free.ports[0]}/api")
-            async with api_of(dead_addresses) as api:
+            dead_addresses.write(tmp_path)
+            async with api_of(tmp_path) as api:
                 with pytest.raises(RemoteError, match=r"does not answer.*`somrs up` starts it"):
                     await api.orders.runs("x")
+        Addresses(repository="", registry="", task_manager="").write(tmp_path)
         with pytest.raises(UsageError, match="without the API"):
-            async with api_of(Addresses(repository="", registry="", task_manager="")):
+            async with api_of(tmp_path):
                 pass
 
     asyncio.run(run())

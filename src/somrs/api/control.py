@@ -11,6 +11,7 @@ from contextlib import suppress
 
 import msgspec
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.api.traffic import TrafficService
 from somrs.client.client import PATIENCE
@@ -52,14 +53,14 @@ class ControlService:
     def __init__(self, context: Context, traffic: TrafficService) -> None:
         self._context, self._traffic = context, traffic
 
-    @operation("GET", "/control/stop")
+    @operation("GET", "/control/stop", Right.SEE)
     async def stopping(self) -> StoppedDevices:
         """Which devices an operator has stopped."""
         names = [*self._devices(PAUSED)]
         stopped = tuple(name for name in names if self._is_stopped(name))
         return StoppedDevices(stopped=stopped, all=bool(names) and len(stopped) == len(names))
 
-    @operation("POST", "/control/stop")
+    @operation("POST", "/control/stop", Right.STOP)
     async def stop(self, device: str | None = None, storey: str | None = None, by: str = "") -> StoppedDevices:
         """Stop a device, all devices of a storey, or without either all devices. They stand still, and keep their work.
 
@@ -68,17 +69,17 @@ class ControlService:
         """
         return await self._set(await self._selected(PAUSED, device, storey), PAUSED, True, by)
 
-    @operation("POST", "/control/release")
+    @operation("POST", "/control/release", Right.OPERATE)
     async def release(self, device: str | None = None, storey: str | None = None, by: str = "") -> StoppedDevices:
         """Let a device, all devices of a storey, or all devices go on after a stop."""
         return await self._set(await self._selected(PAUSED, device, storey), PAUSED, False, by)
 
-    @operation("GET", "/control/mode")
+    @operation("GET", "/control/mode", Right.SEE)
     async def modes(self) -> Modes:
         """The modes of all buildings, and the lifts and doors that are out of order."""
         return self._modes_with({})
 
-    @operation("POST", "/control/mode")
+    @operation("POST", "/control/mode", Right.OPERATE)
     async def set_mode(
         self, mode: Mode, building: str | None = None, lift: str | None = None, door: str | None = None, by: str = ""
     ) -> Modes:
@@ -91,19 +92,19 @@ class ControlService:
         await self._change(names, MODE, mode.value, by)
         return self._modes_with(dict.fromkeys(names, mode))
 
-    @operation("POST", "/control/service/{device}")
+    @operation("POST", "/control/service/{device}", Right.OPERATE)
     async def service(self, device: str, active: bool = True, by: str = "") -> None:
         """Take a device out of service (`active=false`), or back. Out of service, it finishes the work that it has, and gets no more."""
         await self._set(await self._selected(IN_SERVICE, device, None), IN_SERVICE, active, by)
 
-    @operation("POST", "/control/go/{device}")
+    @operation("POST", "/control/go/{device}", Right.OPERATE)
     async def go(self, device: str, place: str, by: str | None = None) -> Submitted:
         """Send a device to a place: a task for `DEVICE isAt PLACE`."""
         self._known(device)
         self._known(place)
         return await self._submit(f"{device} isAt {place}", by)
 
-    @operation("POST", "/control/charge/{device}")
+    @operation("POST", "/control/charge/{device}", Right.OPERATE)
     async def charge(self, device: str, by: str | None = None) -> Submitted:
         """Let a device charge its battery: a task for `DEVICE.Charge = 100`."""
         self._known(device)

@@ -10,6 +10,7 @@ from enum import StrEnum
 
 import msgspec
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.api.device_state import DeviceState, is_working, state_of
 from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally, device_of
@@ -155,14 +156,14 @@ class FleetService:
         self._reliability = ReliabilityStats()
         context.hub.feed("fleet", self._feed)
 
-    @operation("GET", "/services")
+    @operation("GET", "/services", Right.SEE)
     async def services(self, type: str | None = None, effect: str | None = None) -> Services:
         """The services on offer now: all, those of a service type, or those that can achieve an effect."""
         client, query = self._context.client, Discover(service_type=type, effect=effect)
         withheld = tuple(WithheldOffer(offer=offer, reason=reason) for offer, reason in await client.withheld_services(query))
         return Services(offers=await client.services(query), withheld=withheld, neighbours=await client.neighbours())
 
-    @operation("GET", "/fleet")
+    @operation("GET", "/fleet", Right.SEE)
     async def devices(self) -> Devices:
         """List all devices: those on the map, and those with services on offer now or a short time ago.
 
@@ -187,12 +188,12 @@ class FleetService:
         )
         return Devices(at=now, devices=tuple(sorted(devices, key=rank_and_name)), log=self._presence.log)
 
-    @operation("POST", "/fleet/{robot}/faults/{fault}")
+    @operation("POST", "/fleet/{robot}/faults/{fault}", Right.OPERATE)
     async def fault(self, robot: str, fault: Fault, repair: bool = False) -> None:
         """Inject a fault into a simulated robot, lift, door or other device, or with `repair` remove it."""
         await break_or_mend(self._context.addresses.simulator, robot, fault, repair=repair)
 
-    @operation("POST", "/fleet/{robot}/place")
+    @operation("POST", "/fleet/{robot}/place", Right.OPERATE)
     async def put(self, robot: str, x: float, y: float, storey: str | None = None, turned: float = 0.0, by: str = "") -> None:
         """Put a simulated robot somewhere else, as somebody would carry it. It gives up what it does, and its task goes on from there.
 

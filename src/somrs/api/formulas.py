@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import msgspec
 
+from somrs.access.rights import Right
 from somrs.api.choices import Placings, Sayable, Things, placings, sayable, things
 from somrs.api.context import Context
 from somrs.client.operations import operation
@@ -65,7 +66,7 @@ class FormulaService:
     def __init__(self, context: Context) -> None:
         self._context = context
 
-    @operation("POST", "/formulas/check")
+    @operation("POST", "/formulas/check", Right.SEE)
     async def check(self, body: CheckFormula) -> CheckResult:
         """Check a formula against the ontology and the map as they are now, and return all mistakes. Of a goal, also return what no
         service on offer could bring about."""
@@ -79,7 +80,7 @@ class FormulaService:
             return result  # the formula is checked, whatever the Registry does
         return msgspec.structs.replace(result, unachievable=_unachievable(body.text, offers, ontology, map))
 
-    @operation("POST", "/formulas/complete")
+    @operation("POST", "/formulas/complete", Right.SEE)
     async def complete(self, body: CompleteFormula) -> Completions:
         """Suggest completions at a position in a formula, the likeliest first. The rest of the formula may be wrong or missing."""
         return complete(body.text, body.cursor, self._ontology(body), self._context.map, body.variables)
@@ -87,7 +88,7 @@ class FormulaService:
     def _ontology(self, body: CheckFormula) -> Ontology:
         return self._context.ontology.extended(body.types) if body.types else self._context.ontology
 
-    @operation("GET", "/formulas/things")
+    @operation("GET", "/formulas/things", Right.SEE)
     async def things(self, typed: str = "", type: str = ROOT, relation: str | None = None, place: int = 0, limit: int = 40) -> Things:
         """List objects of a type, or objects that fit an argument of a relation; `place` is the argument's index, counted from 0.
 
@@ -100,12 +101,12 @@ class FormulaService:
             type = relation_type.joins[place]
         return things(self._context.ontology, self._context.map, typed=typed, type_name=type, relation=relation, place=place, limit=limit)
 
-    @operation("GET", "/formulas/things/{name}")
+    @operation("GET", "/formulas/things/{name}", Right.SEE)
     async def sayable(self, name: str) -> Sayable:
         """List the relations that an object can be in, and the attributes that it can have."""
         return sayable(_look_up(name, self._context.map.objects, "object"), self._context.ontology, self._context.map)
 
-    @operation("GET", "/formulas/things/{name}/at/{target}")
+    @operation("GET", "/formulas/things/{name}/at/{target}", Right.SEE)
     async def placings(self, name: str, target: str) -> Placings:
         """List the formulas that locate an object at a target, as goals for bringing it there."""
         objects = self._context.map.objects

@@ -6,6 +6,7 @@ from importlib.util import find_spec
 
 import msgspec
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.client.client import Refused
 from somrs.client.operations import Document, operation
@@ -49,7 +50,7 @@ class MapService:
     def __init__(self, context: Context) -> None:
         self._context = context
 
-    @operation("GET", "/map")
+    @operation("GET", "/map", Right.SEE)
     async def read(self, version: int | None = None) -> MapView:
         """Read the whole map as it is now, or as it was at a version."""
         map, now = self._context.map, self._context.version
@@ -57,7 +58,7 @@ class MapService:
             map, now = await self._read_map_at(map, now, version), version
         return MapView(version=now, name=map.name, objects=tuple(map.objects.values()), facts=tuple(map.facts()))
 
-    @operation("POST", "/map/changes")
+    @operation("POST", "/map/changes", Right.MODEL)
     async def change(self, body: UpdateMap) -> Updated:
         """Change the map: all changes or none, checked against the ontology.
 
@@ -93,17 +94,17 @@ class MapService:
         if broken:
             raise Refused(Rejected(problems=tuple(f"{rule.subject}: {rule.message}" for rule in broken), broken=broken))
 
-    @operation("POST", "/map/consider")
+    @operation("POST", "/map/consider", Right.SEE)
     async def consider(self, body: UpdateMap) -> Considered:
         """Report the consequences of a change of the map, without making it."""
         return await self._context.client.consider(body)
 
-    @operation("POST", "/map/renames")
+    @operation("POST", "/map/renames", Right.MODEL)
     async def rename(self, body: RenameObject) -> Updated:
         """Rename an object and all references to it. The object keeps its history."""
         return Updated(version=await self._context.client.rename(body))
 
-    @operation("POST", "/map/merges")
+    @operation("POST", "/map/merges", Right.MODEL)
     async def merge(self, body: MergeObject) -> Updated:
         """State that two objects are one: `name` is `into`, which keeps its name and has what is known under both.
 
@@ -111,17 +112,17 @@ class MapService:
         """
         return Updated(version=await self._context.client.merge(body))
 
-    @operation("POST", "/map/merges/consider")
+    @operation("POST", "/map/merges/consider", Right.SEE)
     async def consider_merge(self, body: MergeObject) -> Considered:
         """Report how the map would change if two objects were one, without changing it."""
         return await self._context.client.consider(body)
 
-    @operation("GET", "/map/query")
+    @operation("GET", "/map/query", Right.SEE)
     async def query(self, formula: str, limit: int = 100) -> Rows:
         """Find the objects and values for which a formula holds."""
         return await self._context.client.query(formula, limit)
 
-    @operation("GET", "/map/objects/{name}/history")
+    @operation("GET", "/map/objects/{name}/history", Right.SEE)
     async def history(self, name: str, limit: int = 100, before: int | None = None) -> History:
         """Read the history of an object with versions below `before`, newest first, and who discovered it.
 
@@ -130,7 +131,7 @@ class MapService:
         """
         return await self._context.client.history(name, limit, before)
 
-    @operation("GET", "/map/events")
+    @operation("GET", "/map/events", Right.SEE)
     async def events(self, before: int | None = None, after: int | None = None, limit: int = 100, brief: bool = False) -> Events:
         """Read the events of the map and the ontology with versions below `before`, newest first.
 
@@ -139,12 +140,12 @@ class MapService:
         """
         return await self._context.client.read_events(ReadEvents(before=before, after=after, limit=limit, brief=brief))
 
-    @operation("POST", "/map/undo/{version}")
+    @operation("POST", "/map/undo/{version}", Right.MODEL)
     async def undo(self, version: int, author: str = "") -> Updated:
         """Undo the changes of a version, unless later versions have changed the same things."""
         return Updated(version=await self._context.client.undo(version, author))
 
-    @operation("GET", "/map/export.yaml")
+    @operation("GET", "/map/export.yaml", Right.SEE)
     async def export(self) -> Document:
         """Export the site as a file for `somrs up`: the map, and its ontology without the upper ontology."""
         text = dump_site(self._context.ontology, self._context.map)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.api.definition_uses import DefinitionUse, find_definition_uses, find_obsolete_definitions
 from somrs.api.orders import OrderService
@@ -85,7 +86,7 @@ class OntologyService:
         self._context = context
         self._orders = orders
 
-    @operation("GET", "/ontology")
+    @operation("GET", "/ontology", Right.SEE)
     async def read(self, version: int | None = None) -> OntologyView:
         """Read the whole ontology as it is now, or as it was at a version."""
         ontology, now = self._context.ontology, self._context.version
@@ -93,7 +94,7 @@ class OntologyService:
             ontology, now = await self._context.client.ontology(version), version
         return OntologyView(version=now, definitions=by_kind(ontology), required_definition_keys=required_definitions(ontology))
 
-    @operation("POST", "/ontology/changes")
+    @operation("POST", "/ontology/changes", Right.MODEL)
     async def change(self, body: Define) -> Defined:
         """Remove, rename, and add or replace definitions, in this order: all changes or none.
 
@@ -101,33 +102,33 @@ class OntologyService:
         """
         return Defined(version=await self._context.client.define(body))
 
-    @operation("POST", "/ontology/consider")
+    @operation("POST", "/ontology/consider", Right.SEE)
     async def consider(self, body: Define) -> Consequences:
         """Report the consequences of a change of the ontology, without making it."""
         return await self._consequences(body)
 
-    @operation("POST", "/ontology/undo/{version}")
+    @operation("POST", "/ontology/undo/{version}", Right.MODEL)
     async def undo(self, version: int, author: str = "") -> Defined:
         """Undo the changes of a version, unless later versions have changed the same things."""
         return Defined(version=await self._context.client.undo(version, author))
 
-    @operation("POST", "/ontology/undo/{version}/consider")
+    @operation("POST", "/ontology/undo/{version}/consider", Right.SEE)
     async def consider_undo(self, version: int) -> Consequences:
         """Report the consequences of undoing a version, without doing it."""
         return await self._consequences(Undo(version=version))
 
-    @operation("GET", "/ontology/history")
+    @operation("GET", "/ontology/history", Right.SEE)
     async def history(self, before: int | None = None, limit: int = 100) -> Events:
         """Read the changes of the ontology, newest first: author, time, and the definitions before and after."""
         return await self._context.client.read_events(ReadEvents(before=before, limit=limit, ontology=True))
 
-    @operation("GET", "/ontology/export.yaml")
+    @operation("GET", "/ontology/export.yaml", Right.SEE)
     async def export_yaml(self, whole: bool = False) -> Document:
         """Export the ontology as a YAML file: without the upper ontology, or with `whole` all of it."""
         text = dump_ontology(self._context.ontology, upper(level_of(self._context.ontology)), "ontology", whole=whole)
         return Document(content=text.encode(), media_type=_YAML, name="ontology.yaml")
 
-    @operation("POST", "/ontology/import.yaml")
+    @operation("POST", "/ontology/import.yaml", Right.MODEL)
     async def import_yaml(self, body: ImportOntology, dry: bool = False) -> ImportResult:
         """Import the definitions of a YAML file; `dry`: only report the consequences."""
         return await self.import_definitions(load_definitions(body.text, body.file, self._context.ontology), body, dry)

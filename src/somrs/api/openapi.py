@@ -38,10 +38,9 @@ def _describe(operation: Operation, schemas: dict[str, Any]) -> dict[str, Any]:
         "operationId": operation.name,
         "tags": [operation.group],
         "summary": summary,
+        "description": "\n\n".join(filter(None, (rest.strip(), f"Needs the right `{operation.required_right}`."))),
         "responses": _responses(operation, schemas),
     }
-    if rest.strip():
-        description["description"] = rest.strip()
     if plain := [_parameter(parameter, schemas) for parameter in operation.parameters if parameter.place != "body"]:
         description["parameters"] = plain
     for parameter in operation.parameters:

@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import msgspec
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.client.client import PATIENCE
 from somrs.client.operations import operation
@@ -50,38 +51,38 @@ class OrderService:
 
     # Templates
 
-    @operation("GET", "/templates")
+    @operation("GET", "/templates", Right.SEE)
     async def templates(self) -> Templates:
         """List all templates by name."""
         return Templates(templates=tuple(sorted(await self._templates(), key=lambda template: template.name.casefold())))
 
-    @operation("GET", "/templates/{name}")
+    @operation("GET", "/templates/{name}", Right.SEE)
     async def template(self, name: str) -> Template:
         """Read a template."""
         return (await self._ask(orders.ReadTemplates(name=name), orders.TemplatesPage, RESTART_PATIENCE)).templates[0]
 
-    @operation("PUT", "/templates/{name}")
+    @operation("PUT", "/templates/{name}", Right.MODEL)
     async def save_template(self, name: str, body: TemplateSaved) -> Template:
         """Save a task as a template. With `expected_version`, the request is refused if the template has changed since that version."""
         return (await self._ask(orders.SaveTemplate(name=name, saved=body), orders.TemplateKept)).template
 
-    @operation("POST", "/templates/{name}/rename")
+    @operation("POST", "/templates/{name}/rename", Right.MODEL)
     async def rename_template(self, name: str, to: str, expected_version: int | None = None, by: str = "") -> Template:
         """Rename a template. Orders that use it keep using it under the new name."""
         request = orders.RenameTemplate(name=name, to=to, expected_version=expected_version, by=by)
         return (await self._ask(request, orders.TemplateKept)).template
 
-    @operation("DELETE", "/templates/{name}")
+    @operation("DELETE", "/templates/{name}", Right.MODEL)
     async def remove_template(self, name: str, expected_version: int | None = None) -> None:
         """Remove a template that no order uses."""
         await self._ask(orders.RemoveTemplate(name=name, expected_version=expected_version), orders.NoLongerKept)
 
-    @operation("POST", "/templates/{name}/filled")
+    @operation("POST", "/templates/{name}/filled", Right.SEE)
     async def fill_template(self, name: str, body: Filled) -> Submit:
         """Fill in the blanks of a template and return the task, without submitting it."""
         return (await self._ask(orders.FillTemplate(name=name, values=body.values), orders.TemplateFilled, RESTART_PATIENCE)).task
 
-    @operation("POST", "/templates/{name}/use")
+    @operation("POST", "/templates/{name}/use", Right.OPERATE)
     async def use_template(self, name: str, body: Filled, once: str | None = None) -> Submitted:
         """Fill in the blanks of a template and submit the task. `once`: the idempotency key, as in `POST /tasks`."""
         task = await self.fill_template(name, body)
@@ -90,17 +91,17 @@ class OrderService:
 
     # Standing orders
 
-    @operation("GET", "/orders")
+    @operation("GET", "/orders", Right.SEE)
     async def orders(self) -> StandingOrders:
         """List all standing orders by name."""
         return StandingOrders(orders=tuple(sorted(await self._orders(), key=lambda order: (order.name.casefold(), order.id))))
 
-    @operation("GET", "/orders/{id}")
+    @operation("GET", "/orders/{id}", Right.SEE)
     async def order(self, id: str) -> StandingOrder:
         """Read a standing order."""
         return (await self._ask(orders.ReadOrders(id=id), orders.OrdersPage, RESTART_PATIENCE)).orders[0]
 
-    @operation("GET", "/orders/{id}/runs")
+    @operation("GET", "/orders/{id}/runs", Right.SEE)
     async def runs(self, id: str, limit: int = 50) -> Runs:
         """List the runs of an order, newest first: when it was due, and the result."""
         runs: list[Run] = []
@@ -112,27 +113,27 @@ class OrderService:
             has_next_page = page.more
         return Runs(runs=tuple(runs))
 
-    @operation("POST", "/orders")
+    @operation("POST", "/orders", Right.OPERATE)
     async def add_order(self, body: OrderSaved) -> StandingOrder:
         """Add a standing order."""
         return (await self._ask(orders.SaveOrder(saved=body), orders.OrderKept)).order
 
-    @operation("PUT", "/orders/{id}")
+    @operation("PUT", "/orders/{id}", Right.OPERATE)
     async def save_order(self, id: str, body: OrderSaved) -> StandingOrder:
         """Change a standing order. The list of its past runs is kept."""
         return (await self._ask(orders.SaveOrder(id=id, saved=body), orders.OrderKept)).order
 
-    @operation("POST", "/orders/{id}/pause")
+    @operation("POST", "/orders/{id}/pause", Right.OPERATE)
     async def pause_order(self, id: str, by: str = "") -> StandingOrder:
         """Pause an order. A task of the order that is running continues."""
         return (await self._ask(orders.TurnOrder(id=id, enabled=False, by=by), orders.OrderKept)).order
 
-    @operation("POST", "/orders/{id}/resume")
+    @operation("POST", "/orders/{id}/resume", Right.OPERATE)
     async def resume_order(self, id: str, by: str = "") -> StandingOrder:
         """Resume an order. It is next due at the first of its times from now on."""
         return (await self._ask(orders.TurnOrder(id=id, enabled=True, by=by), orders.OrderKept)).order
 
-    @operation("DELETE", "/orders/{id}")
+    @operation("DELETE", "/orders/{id}", Right.OPERATE)
     async def remove_order(self, id: str, expected_version: int | None = None) -> None:
         """Remove an order. A task of the order that is running continues."""
         await self._ask(orders.RemoveOrder(id=id, expected_version=expected_version), orders.NoLongerKept)

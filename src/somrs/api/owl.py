@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from typing import ParamSpec, TypeVar
 
+from somrs.access.rights import Right
 from somrs.api.ontology import ImportOntology, ImportResult, OntologyService
 from somrs.client.operations import Document, operation
 from somrs.client.owl_change import OwlChange
@@ -46,7 +47,7 @@ MAX_REPORTED_CHANGES = 200
 class OwlService(OntologyService):
     """The operations on the ontology, including its OWL files."""
 
-    @operation("GET", "/ontology/export.ttl")
+    @operation("GET", "/ontology/export.ttl", Right.SEE)
     async def export_owl(self, format: owl.Format = owl.Format.TURTLE, map: bool = False, shapes: bool = True) -> Document:
         """Export the ontology in OWL 2, as Turtle or RDF/XML; with `shapes`, its rules as SHACL shapes; with `map`, the map too."""
         context = self._context
@@ -62,7 +63,7 @@ class OwlService(OntologyService):
         name = f"{'site' if map else 'ontology'}.{_ENDINGS[format]}"
         return Document(content=content, media_type=_MEDIA_TYPES[format], name=name)
 
-    @operation("POST", "/ontology/import.owl")
+    @operation("POST", "/ontology/import.owl", Right.MODEL)
     async def import_owl(self, body: ImportOntology, dry: bool = False, map: bool = False) -> OwlImportResult:
         """Import the definitions of a Turtle or RDF/XML file: they are added, or replace those of the same names.
 

@@ -6,6 +6,7 @@ import asyncio
 
 import msgspec
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.client.operations import operation
 from somrs.client.people import codes, missed_assignments, open_assignments, put_reply
@@ -60,7 +61,7 @@ class PeopleService:
         self._context = context
         context.hub.feed("people", self._feed)
 
-    @operation("GET", "/people")
+    @operation("GET", "/people", Right.SEE)
     async def list(self) -> People:
         """List the people on the map with their open assignments.
 
@@ -89,7 +90,7 @@ class PeopleService:
 
         return People(people=tuple(view(name) for name in names))
 
-    @operation("POST", "/people/{name}/availability")
+    @operation("POST", "/people/{name}/availability", Right.OPERATE)
     async def set_availability(self, name: str, body: Availability) -> None:
         """Say whether a person is available. A person who is not refuses further steps, and keeps those accepted."""
         if name not in {person.name for person in (await self.list()).people}:
@@ -97,7 +98,7 @@ class PeopleService:
         situation = f"{name}.{WORKING} = {'TRUE' if body.available else 'FALSE'}"
         await self._context.client.update(UpdateMap(situation=situation, author=name))
 
-    @operation("POST", "/assignments/{number}/reply")
+    @operation("POST", "/assignments/{number}/reply", Right.OPERATE)
     async def reply(self, number: int, body: Reply) -> None:
         """Reply to an assignment: accept, decline, not now, done, or could not. An unsuitable reply is refused, and the assignment stays
         open."""

@@ -11,9 +11,11 @@ from pathlib import Path
 
 from starlette.applications import Starlette
 from starlette.responses import RedirectResponse
-from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.routing import Mount, Route
 
+from somrs.access.store import AccessStore
 from somrs.api.edge import Edge
+from somrs.api.guard import Guard
 from somrs.api.rest import application
 from somrs.api.service import ApiService, open_api_service
 from somrs.client.addresses import Addresses
@@ -25,19 +27,23 @@ from somrs.runtime.http import KEPT_TIME
 PATH = "/api"
 
 
-async def run_api(data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = ()) -> None:
-    """Serve the API until this process is asked to stop. `allowed_hosts`: see `Edge`."""
-    server_socket = bound(host, port)
-    async with open_api_service(addresses, data, host) as service, served(service, server_socket, allowed_hosts) as url:
+async def run_api(
+    data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = (), *, secure: bool = False
+) -> None:
+    """Serve the API until this process is asked to stop. `allowed_hosts`: see `Edge`. `secure`: only those have access who may."""
+    server_socket, access = bound(host, port), AccessStore(data) if secure else None
+    async with open_api_service(addresses, data, host) as service, served(service, server_socket, allowed_hosts, access) as url:
         await until_stopped("api", url)
 
 
 @asynccontextmanager
-async def served(service: ApiService, server_socket: socket.socket, allowed_hosts: Collection[str] = ()) -> AsyncIterator[str]:
-    """Serve the API at the socket, and yield its URL."""
+async def served(
+    service: ApiService, server_socket: socket.socket, allowed_hosts: Collection[str] = (), access: AccessStore | None = None
+) -> AsyncIterator[str]:
+    """Serve the API at the socket, and yield its URL. `access`: who has access; None: anybody."""
     host, port = server_socket.getsockname()[:2]
     # The server keeps connections longer than clients do, so that it does not close one just as a client sends a request.
-    config = BoundedConfig(Edge(_site(service), allowed_hosts), ws="websockets-sansio", timeout_keep_alive=KEPT_TIME + 15)
+    config = BoundedConfig(Edge(Guard(_site(service), access), allowed_hosts), ws="websockets-sansio", timeout_keep_alive=KEPT_TIME + 15)
     server = QuietServer(config)
     serving = asyncio.create_task(server.serve(sockets=[server_socket]))
     while not server.started and not serving.done():
@@ -51,5 +57,5 @@ async def served(service: ApiService, server_socket: socket.socket, allowed_host
 
 
 def _site(service: ApiService) -> Starlette:
-    api = application([*service.operations()], service.context.hub, [WebSocketRoute("/poses", service.scene.poses)])
+    api = application([*service.operations()], service.context.hub, {"/poses": service.scene.poses})
     return Starlette(routes=[Mount(PATH, api), Route("/", lambda request: RedirectResponse(f"{PATH}/"))])

@@ -6,6 +6,7 @@ import asyncio
 
 import msgspec
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.client.operations import operation
 from somrs.client.questions import open_questions, put_answer
@@ -33,7 +34,7 @@ class QuestionService:
         self._hub = context.hub
         context.hub.feed("questions", self._feed)
 
-    @operation("GET", "/questions")
+    @operation("GET", "/questions", Right.SEE)
     async def open(self) -> OpenQuestions:
         """List the questions that wait for an answer by a person, the oldest first.
 
@@ -41,7 +42,7 @@ class QuestionService:
         """
         return OpenQuestions(questions=tuple(await asyncio.to_thread(open_questions, self._data)))
 
-    @operation("POST", "/questions/{number}/answer")
+    @operation("POST", "/questions/{number}/answer", Right.OPERATE)
     async def answer(self, number: int, body: Answer) -> None:
         """Answer a question. An unsuitable answer is refused, and the question stays open."""
         await asyncio.to_thread(put_answer, number, body.formula, self._data)

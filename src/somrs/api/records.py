@@ -6,6 +6,7 @@ import io
 import time
 from datetime import datetime
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.client.export import PAGE, Format, Table, moment, write
 from somrs.client.operations import Document, operation
@@ -23,7 +24,7 @@ class RecordService:
         self._client = context.client
         self._task_history = TaskHistory(context.client.records, context.client)
 
-    @operation("GET", "/records")
+    @operation("GET", "/records", Right.SEE)
     async def find(
         self,
         since: str | None = None,
@@ -41,7 +42,7 @@ class RecordService:
         """
         return await self._client.records(_make_query(since, outcome, text, service, limit, behind, brief=True))
 
-    @operation("GET", "/records/{id}")
+    @operation("GET", "/records/{id}", Right.SEE)
     async def read(self, id: str) -> TaskRecord:
         """Read the record of an ended task: plan, work, terms, events, messages. `id` may be the beginning of the task's id."""
         records = (await self._client.records(ReadRecords(task=id, limit=2, brief=True))).records
@@ -50,7 +51,7 @@ class RecordService:
             raise NotFound(f"among the tasks that are over, {problem} with {id}")
         return (await self._task_history.first(ReadRecords(task=records[0].task), 1))[0]
 
-    @operation("GET", "/records/export")
+    @operation("GET", "/records/export", Right.SEE)
     async def export(
         self,
         format: Format = Format.CSV,

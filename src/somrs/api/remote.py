@@ -4,8 +4,9 @@ operation."""
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import get_type_hints
 
 from somrs.api.control import ControlService
@@ -25,7 +26,7 @@ from somrs.api.topics import TOPICS
 from somrs.api.traffic import TrafficService
 from somrs.api.zones import ZoneService
 from somrs.client.addresses import Addresses
-from somrs.client.api_client import ApiClient, address_of
+from somrs.client.api_client import ApiClient, address_of, local_token_reader, token_of_environment
 from somrs.client.hub import News
 from somrs.client.live_news import LiveHub
 from somrs.errors import RemoteError
@@ -124,20 +125,20 @@ class LiveApi(Api):
 
 
 @asynccontextmanager
-async def api_of(addresses: Addresses) -> AsyncIterator[Api]:
-    """The API of a running system, for short-lived programs. Raises UsageError if the system has no API."""
-    async with ApiClient(address_of(addresses)) as client:
+async def api_of(data: Path) -> AsyncIterator[Api]:
+    """The API of the system that runs with this data folder, for short-lived programs. Raises UsageError if none runs, or has no API."""
+    async with ApiClient(address_of(Addresses.read(data)), local_token_reader(data)) as client:
         yield Api(client)
 
 
 @asynccontextmanager
-async def live_api(url: str) -> AsyncIterator[LiveApi]:
-    """The API at `url`, yielded when the map has been read. Later interruptions of the connection are handled.
+async def live_api(url: str, token: Callable[[], str | None] = token_of_environment) -> AsyncIterator[LiveApi]:
+    """The API at `url`, yielded when the map has been read. Later interruptions of the connection are handled. `token`: see `ApiClient`.
 
     Raises:
         RemoteError: the API did not answer within `STARTUP_TIMEOUT`.
     """
-    async with ApiClient(url) as client:
+    async with ApiClient(url, token) as client:
         api = LiveApi(client)
         hub_task = asyncio.create_task(api.context.hub.run())
         try:

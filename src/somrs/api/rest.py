@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
 from typing import Any
@@ -19,6 +19,8 @@ from starlette.routing import BaseRoute, Match, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from somrs.access.rights import Right
+from somrs.api.guard import refusal, require
 from somrs.api.openapi import document
 from somrs.api.topics import allowed_topics
 from somrs.api.unknown_fields import unknown_fields
@@ -26,7 +28,7 @@ from somrs.client.api_client import JSON
 from somrs.client.hub import Hub, NewsSubscription
 from somrs.client.live_news import Confirmed, Follow
 from somrs.client.operations import Document, Operation, Parameter
-from somrs.client.refusals import NotFound, WrongFormat, WrongMethod, error_report, status
+from somrs.client.refusals import NotFound, WrongFormat, WrongMethod, error_report
 from somrs.entish.parse import nearest
 from somrs.errors import InputError, SomrsError
 from somrs.limits import limits
@@ -51,8 +53,11 @@ def _has_page() -> bool:
     return find_spec(PAGE_LIBRARY) is not None
 
 
-def application(operations: Sequence[Operation], hub: Hub, extra_routes: Sequence[Route | WebSocketRoute | Mount] = ()) -> Starlette:
-    """The web application: the operations, `openapi.json`, the news at `live`, and at the root the documentation page.
+SocketEndpoint = Callable[[WebSocket], Awaitable[None]]
+
+
+def application(operations: Sequence[Operation], hub: Hub, sockets: Mapping[str, SocketEndpoint]) -> Starlette:
+    """The web application: the operations, `openapi.json`, the news at `live`, other `sockets`, and at the root the documentation page.
 
     Where the package `PAGE_LIBRARY` is not installed, the root returns the OpenAPI document.
     """
@@ -62,9 +67,11 @@ def application(operations: Sequence[Operation], hub: Hub, extra_routes: Sequenc
         return json.dumps(document(operations)).encode()
 
     async def openapi(request: Request) -> Response:
+        require(Right.SEE)
         return Response(document_bytes(), media_type="application/json")
 
     async def page(request: Request) -> Response:
+        require(Right.SEE)
         return HTMLResponse(_PAGE.format(root=request.scope.get("root_path", "").rstrip("/")))
 
     async def live(socket: WebSocket) -> None:
@@ -73,8 +80,7 @@ def application(operations: Sequence[Operation], hub: Hub, extra_routes: Sequenc
     routes: list[BaseRoute] = [
         *([Route("/", page), Mount("/page", StaticFiles(packages=_PAGE_FILES))] if _has_page() else [Route("/", openapi)]),
         Route("/openapi.json", openapi),
-        WebSocketRoute("/live", live),
-        *extra_routes,
+        *(WebSocketRoute(path, for_viewers(endpoint)) for path, endpoint in {"/live": live, **sockets}.items()),
         # Paths without parameters come first: `/tasks/preview` is not the task `preview`.
         *(
             Route(operation.path, _endpoint(operation), methods=[operation.method])
@@ -83,7 +89,12 @@ def application(operations: Sequence[Operation], hub: Hub, extra_routes: Sequenc
     ]
     routes.append(WebSocketRoute("/{path:path}", _deny_socket))
     # Starlette itself would answer in plain text.
-    return Starlette(routes=routes, exception_handlers={HTTPException: _refuse_unserved})
+    return Starlette(routes=routes, exception_handlers={HTTPException: _refuse_unserved, SomrsError: _refuse})
+
+
+async def _refuse(request: Request, error: Exception) -> Response:
+    assert isinstance(error, SomrsError)
+    return refusal(error)
 
 
 async def _refuse_unserved(request: Request, error: Exception) -> Response:
@@ -95,16 +106,30 @@ async def _refuse_unserved(request: Request, error: Exception) -> Response:
         at_path = [route for route in routes if route.matches(request.scope)[0] is not Match.NONE]
         methods = sorted({method for route in at_path for method in route.methods or ()} - {"HEAD"}) or ["GET"]
         problem = f"{path} has no {request.method}; it has {' and '.join(methods)}"
-        return _refusal(WrongMethod(problem), {"Allow": ", ".join(methods)})
+        return refusal(WrongMethod(problem), {"Allow": ", ".join(methods)})
     if path in _sockets(request):
-        return _refusal(NotFound(f"{path} is a WebSocket; connect to it with ws:// in place of http://"))
+        return refusal(NotFound(f"{path} is a WebSocket; connect to it with ws:// in place of http://"))
     hint = nearest(path.removeprefix(root), {route.path for route in routes}).replace(" /", f" {root}/")
-    return _refusal(NotFound(f"there is no {path}; {hint or f'{root}/openapi.json describes what there is'}"))
+    return refusal(NotFound(f"there is no {path}; {hint or f'{root}/openapi.json describes what there is'}"))
+
+
+def for_viewers(endpoint: SocketEndpoint) -> SocketEndpoint:
+    """A WebSocket for those who have the right to see."""
+
+    async def serve(socket: WebSocket) -> None:
+        try:
+            require(Right.SEE)
+        except SomrsError as error:
+            await socket.send_denial_response(refusal(error))
+        else:
+            await endpoint(socket)
+
+    return serve
 
 
 async def _deny_socket(socket: WebSocket) -> None:
     problem = f"there is no WebSocket at {socket.url.path}; there are {' and '.join(_sockets(socket))}"
-    await socket.send_denial_response(_refusal(NotFound(problem)))
+    await socket.send_denial_response(refusal(NotFound(problem)))
 
 
 def _sockets(connection: HTTPConnection) -> list[str]:
@@ -114,24 +139,37 @@ def _sockets(connection: HTTPConnection) -> list[str]:
     return [f"{root}{route.path}" for route in sockets if route.endpoint is not _deny_socket]
 
 
-def _refusal(error: SomrsError, headers: dict[str, str] | None = None) -> Response:
-    return Response(msgspec.json.encode(error_report(error)), status(error), headers, media_type="application/json")
-
-
 def _endpoint(operation: Operation) -> Any:
     async def serve(request: Request) -> Response:
         try:
+            identity = require(operation.required_right)
             _check_parameters(operation, request)
             arguments = {parameter.name: value for parameter in operation.parameters for value in await _read_argument(parameter, request)}
+            if not identity.speaks_for_others:
+                arguments = with_author(operation, arguments, identity.name)
             result = await operation.function(**arguments)
         except SomrsError as error:
-            return _refusal(error)
+            return refusal(error)
         if isinstance(result, Document):
             headers = {"Content-Disposition": f'attachment; filename="{result.name}"'}
             return Response(result.content, media_type=result.media_type, headers=headers)
         return Response(msgspec.json.encode(result), media_type="application/json")
 
     return serve
+
+
+AUTHOR_NAMES = ("by", "author")
+"""Names of the parameters, and of the fields of bodies, that say who does what the request is about."""
+
+
+def with_author(operation: Operation, arguments: dict[str, Any], name: str) -> dict[str, Any]:
+    """The arguments with this name as that of the author, whatever the request states."""
+    signed: dict[str, Any] = {parameter.name: name for parameter in operation.parameters if parameter.name in AUTHOR_NAMES}
+    body: Any = arguments.get("body")
+    for field in AUTHOR_NAMES:
+        if field in getattr(body, "__struct_fields__", ()):
+            signed["body"] = body = msgspec.structs.replace(body, **{field: name})
+    return arguments | signed
 
 
 def _check_parameters(operation: Operation, request: Request) -> None:
@@ -194,7 +232,7 @@ async def _serve_news(socket: WebSocket, hub: Hub) -> None:
                     await socket.send_text(msgspec.json.encode(Confirmed(confirmed=request.confirm)).decode())
         except (msgspec.MsgspecError, RecursionError) as error:
             await socket.close(1008, f'send the topics to follow, such as {{"follow": ["map"]}}: {error}'[:120])
-        except (WebSocketDisconnect, RuntimeError, KeyError):  # the connection ended, or the message is not text
+        except (WebSocketDisconnect, OSError, RuntimeError, KeyError):  # the connection ended, or the message is not text
             pass
         finally:
             sender.cancel()

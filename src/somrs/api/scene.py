@@ -6,6 +6,7 @@ import asyncio
 
 from starlette.websockets import WebSocket
 
+from somrs.access.rights import Right
 from somrs.api.bodies import Scene, scene_of
 from somrs.api.context import Context
 from somrs.api.poses import PoseFeed
@@ -19,7 +20,7 @@ class SceneService:
         self._feed = PoseFeed(context)
         self._whole: Scene | None = None
 
-    @operation("GET", "/scene")
+    @operation("GET", "/scene", Right.SEE)
     async def read(self, version: int | None = None, names: str | None = None) -> Scene:
         """Read the bodies to draw, according to the map as it is now, or as it was at a version.
 

@@ -10,6 +10,7 @@ from functools import partial
 import msgspec
 from msgspec.structs import replace
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.client.client import NOBODY
 from somrs.client.operations import operation
@@ -73,7 +74,7 @@ class SystemService:
         self._context = context
         context.hub.feed("system", self._feed)
 
-    @operation("GET", "/system")
+    @operation("GET", "/system", Right.SEE)
     async def read(self) -> SystemView:
         """Read the version and the size of the system, and check whether each component answers.
 

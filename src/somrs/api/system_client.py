@@ -15,7 +15,7 @@ from somrs.api.remote import Api
 from somrs.api.task_feed import TaskChanged
 from somrs.api.topics import TOPICS, unknown_topics_text
 from somrs.client.addresses import Addresses
-from somrs.client.api_client import ApiClient, address_of
+from somrs.client.api_client import ApiClient, address_of, local_token_reader, token_of_environment
 from somrs.client.hub import News
 from somrs.client.live_news import LiveHub
 from somrs.errors import UsageError
@@ -41,6 +41,8 @@ class Client:
 
     Args:
         system: the address of the API (`http://127.0.0.1:8800/api`), or the data folder of the system that `somrs up` started.
+        token: what proves who the program is, made by `somrs token new`. By default that of the environment variable `SOMRS_TOKEN`, or
+            that of the data folder.
 
     Raises:
         UsageError: from `async with`, if no system runs there, or if it has no API.
@@ -48,13 +50,18 @@ class Client:
         InputError: from every method, if the request is invalid; the message says where and why.
     """
 
-    def __init__(self, system: str | Path = DATA_FOLDER) -> None:
-        self._system = system
+    def __init__(self, system: str | Path = DATA_FOLDER, token: str | None = None) -> None:
+        self._system, self._token = system, token
 
     async def __aenter__(self) -> Client:
-        url = self._system if isinstance(self._system, str) and "://" in self._system else address_of(Addresses.read(Path(self._system)))
+        if isinstance(self._system, str) and "://" in self._system:
+            url, token_reader = self._system, token_of_environment
+        else:
+            url, token_reader = address_of(Addresses.read(Path(self._system))), local_token_reader(Path(self._system))
+        own_token = self._token
+        api_client = ApiClient(url.rstrip("/"), token_reader if own_token is None else lambda: own_token)
         self._exit_stack = contextlib.AsyncExitStack()
-        self._api_client = await self._exit_stack.enter_async_context(ApiClient(url.rstrip("/")))
+        self._api_client = await self._exit_stack.enter_async_context(api_client)
         self.api = Api(self._api_client)
         """All operations of the API, by group: `client.api.map.events()`."""
         self._hub: LiveHub | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.api.task_feed import TaskChanged, TaskFeed, TasksChanged, final_contracts
 from somrs.client.client import PATIENCE
@@ -69,7 +70,7 @@ class TaskService:
         self._client = context.client
         self._task_feed = TaskFeed(context.client, context.hub)
 
-    @operation("POST", "/tasks")
+    @operation("POST", "/tasks", Right.OPERATE)
     async def submit(self, body: Submit, once: str | None = None, by: str | None = None, task_manager: str | None = None) -> Submitted:
         """Submit a task: a goal to achieve, as a formula.
 
@@ -80,12 +81,12 @@ class TaskService:
         id = message_id("task", "once", once) if once is not None else None
         return Submitted(task=await self._client.submit(body, PATIENCE, id, by, task_manager))
 
-    @operation("POST", "/tasks/preview")
+    @operation("POST", "/tasks/preview", Right.OPERATE)
     async def preview(self, body: Preview) -> Previewed:
         """Plan without executing: return the steps, or why there are none; with `quotes`, also the terms that services would offer now."""
         return await self._client.preview(body)
 
-    @operation("GET", "/tasks")
+    @operation("GET", "/tasks", Right.SEE)
     async def list(self, running: bool = False, limit: int = 50, behind: str | None = None) -> TaskList:
         """List the tasks that the Task Managers hold, newest first: all, or with `running` those that have not ended.
 
@@ -106,13 +107,13 @@ class TaskService:
         following = [row for row in held[start:] if not running or row.phase is not Phase.ENDED]
         return TaskList(rows=tuple(following[:limit]), more=len(following) > limit, total=len(listed), silent=listing.silent)
 
-    @operation("GET", "/tasks/{id}")
+    @operation("GET", "/tasks/{id}", Right.SEE)
     async def read(self, id: str) -> TaskDetails:
         """Read a running or ended task. `id` may be the beginning of the task's id."""
         task = await self._complete_id(id)
         return await self._read_current(task) or await self._read_recorded(task)
 
-    @operation("GET", "/tasks/{id}/findings")
+    @operation("GET", "/tasks/{id}/findings", Right.SEE)
     async def findings(self, id: str) -> Findings:
         """Read the answer to a task that asks what is so (`recognise`): for which objects and values the formula holds, who saw them, and
         when. An error while the task runs, and for a task that makes something so."""
@@ -125,12 +126,12 @@ class TaskService:
             else f"task {short_id(view.task)} makes {view.effect} so; only a task with `recognise` has findings"
         )
 
-    @operation("GET", "/tasks/{id}/messages")
+    @operation("GET", "/tasks/{id}/messages", Right.SEE)
     async def messages(self, id: str, after: int = 0) -> Messages:
         """Read a page of the protocol messages of a task. `after`: the number of messages to skip."""
         return await self._client.messages(await self._complete_id(id), after)
 
-    @operation("GET", "/tasks/{id}/chart")
+    @operation("GET", "/tasks/{id}/chart", Right.SEE)
     async def chart(self, id: str) -> Document:
         """Draw the messages of a task as a sequence chart (SVG). Of consecutive heartbeats, only the last is shown."""
         task = await self._complete_id(id)
@@ -139,24 +140,24 @@ class TaskService:
         svg = chart(without_heartbeats(lines_from(messages, task)), details.view.effect)
         return Document(content=svg.encode(), media_type="image/svg+xml", name=f"messages-{short_id(task)}.svg")
 
-    @operation("POST", "/tasks/{id}/cancel")
+    @operation("POST", "/tasks/{id}/cancel", Right.OPERATE)
     async def cancel(self, id: str, reason: str = "cancelled by the client") -> None:
         """Cancel a task: stop its running steps, and compensate the completed ones."""
         await self._client.cancel(await self._complete_id(id), reason)
 
-    @operation("POST", "/tasks/{id}/pause")
+    @operation("POST", "/tasks/{id}/pause", Right.OPERATE)
     async def pause(self, id: str, by: str = "") -> PauseState:
         """Pause a task: the devices that work for it stand still, and nothing of it begins. Other tasks go on. Its deadline stays."""
         task = await self._complete_id(id)
         return PauseState(task=task, paused=await self._client.pause(task, by))
 
-    @operation("POST", "/tasks/{id}/resume")
+    @operation("POST", "/tasks/{id}/resume", Right.OPERATE)
     async def resume(self, id: str, by: str = "") -> PauseState:
         """Let a paused task go on, where it was."""
         task = await self._complete_id(id)
         return PauseState(task=task, paused=await self._client.pause(task, by, paused=False))
 
-    @operation("POST", "/tasks/{id}/retry")
+    @operation("POST", "/tasks/{id}/retry", Right.OPERATE)
     async def retry(self, id: str, once: str | None = None, by: str | None = None) -> Submitted:
         """Submit an ended task once more, with the same goal and options. The new task names the old one (`retry_of`).
 

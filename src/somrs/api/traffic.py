@@ -8,6 +8,7 @@ from contextlib import AbstractAsyncContextManager, nullcontext
 
 import msgspec
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.api.simulator_gateway import answering
 from somrs.api.traffic_reader import TrafficReader
@@ -55,7 +56,7 @@ class TrafficService:
         self._reader = TrafficReader(context.client, traffic) if traffic is not None and self._simulator is None else None
         context.hub.feed("traffic", self._feed)
 
-    @operation("GET", "/traffic")
+    @operation("GET", "/traffic", Right.SEE)
     async def read(self) -> Traffic:
         """Where the robots may drive, and who waits for whom and why. In a symbolic world, there are none.
 
@@ -64,7 +65,7 @@ class TrafficService:
         async with self._source(answering) as source:
             return view_of(await source.traffic()) if source is not None else Traffic()
 
-    @operation("GET", "/traffic/roadmap")
+    @operation("GET", "/traffic/roadmap", Right.SEE)
     async def roadmap(self) -> Roadmap:
         """The places and lanes on which the robots drive, and which of them are closed now."""
         async with self._source(answering) as source:

@@ -8,6 +8,7 @@ from itertools import count
 
 import msgspec
 
+from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.client.operations import operation
 from somrs.client.refusals import NotFound
@@ -102,13 +103,13 @@ class ZoneService:
     def __init__(self, context: Context) -> None:
         self._context = context
 
-    @operation("GET", "/zones")
+    @operation("GET", "/zones", Right.SEE)
     async def list(self) -> ZoneList:
         """The no-go zones and the slow zones."""
         zones = zones_of(self._context.map, self._context.ontology)
         return ZoneList(zones=tuple(map(self._view, zones.zones)))
 
-    @operation("POST", "/zones")
+    @operation("POST", "/zones", Right.MODEL)
     async def draw(self, body: ZoneDrawing) -> ZoneDrawn:
         """Draw a zone, or draw the zone of this name anew. Robots obey it at once; those that are in a no-go zone may leave it."""
         map, body = self._context.map, msgspec.structs.replace(body, corners=_of_box(body.corners))
@@ -124,7 +125,7 @@ class ZoneService:
         zone = ZoneView(name=name, corners=body.corners, height=height, storey=storey, limit=body.limit)
         return ZoneDrawn(zone=zone, version=version)
 
-    @operation("DELETE", "/zones/{name}")
+    @operation("DELETE", "/zones/{name}", Right.MODEL)
     async def remove(self, name: str, by: str = "") -> None:
         """Remove a zone. Robots use its ways again at once."""
         self._known(name)

@@ -140,6 +140,7 @@ async def run_system(site: Sequence[Path], data: Path, make_system: Callable[[Se
         console.print(f"The API: {system.addresses.api}")
         if system.addresses.gui is not None:
             console.print(f"In the browser: {system.addresses.gui}")
+            _print_sign_in(system, console)
         await _supervise(system, report, stopped)
     except Exception as error:  # whatever it is, the log of the system says why it ended
         report(f"the system stops: {type(error).__name__}: {error}")
@@ -148,6 +149,21 @@ async def run_system(site: Sequence[Path], data: Path, make_system: Callable[[Se
         with contextlib.suppress(OSError):  # the terminal is gone
             console.print("stopping ...")
         await system.stop()
+
+
+def _print_sign_in(system: System, console: Console) -> None:
+    """How the person at the terminal gets in."""
+    from somrs.access.store import AccessStore
+    from somrs.cli.access_commands import sign_in_url
+
+    if not system.secure:
+        console.print("Whoever reaches these addresses may do everything (--insecure).")
+        return
+    store = AccessStore(system.data)
+    administrator = store.read().first_administrator()
+    secret = store.add_link(administrator.name if administrator is not None else None)
+    account_text = f"as {administrator.name}" if administrator is not None else "as the administrator"
+    console.print(f"To sign in {account_text}, once: {sign_in_url(system.addresses.gui or '', secret)}", soft_wrap=True)
 
 
 async def _supervise(system: System, report: Callable[[str], None], stopped: asyncio.Task[str]) -> None:

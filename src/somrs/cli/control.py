@@ -37,9 +37,8 @@ class ModeName(StrEnum):
 async def with_api(data: Path, call: Callable[[Api], Awaitable[Result]]) -> Result:
     """Call an operation of the API of the running system."""
     from somrs.api.remote import api_of
-    from somrs.client.addresses import Addresses
 
-    async with api_of(Addresses.read(data)) as api:
+    async with api_of(data) as api:
         return await call(api)
 
 

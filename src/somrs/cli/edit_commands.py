@@ -96,12 +96,12 @@ def _describe_revision(revision: Revision, skipped_names: set[tuple[Section, str
 async def alter(alteration: Alteration, data: Path, *, dry: bool, json: bool) -> int:
     """Make the change, or with `dry` print its consequences. Returns the exit status: 0 if the change was made, or is possible."""
     async with Client(Addresses.read(data)) as client:
-        return await _make_change(client, alteration, dry=dry, json=json)
+        return await _make_change(client, alteration, data, dry=dry, json=json)
 
 
-async def _make_change(client: Client, alteration: Alteration, *, dry: bool, json: bool) -> int:
+async def _make_change(client: Client, alteration: Alteration, data: Path, *, dry: bool, json: bool) -> int:
     if dry:
-        return _print_outcome(await _consider(client, alteration), json=json)
+        return _print_outcome(await _consider(client, alteration, data), json=json)
     match alteration:
         case Define():
             version = await client.define(alteration)
@@ -120,13 +120,13 @@ async def _make_change(client: Client, alteration: Alteration, *, dry: bool, jso
     return 0
 
 
-async def _consider(client: Client, alteration: Alteration) -> Considered | Consequences:
+async def _consider(client: Client, alteration: Alteration, data: Path) -> Considered | Consequences:
     """The consequences of a change: from the API if it runs, since that includes tasks, orders and templates."""
     from somrs.api.remote import api_of
 
     if client.addresses.api is not None:
         try:
-            async with api_of(client.addresses) as api:
+            async with api_of(data) as api:
                 match alteration:
                     case Define():
                         return await api.ontology.consider(alteration)
@@ -192,4 +192,4 @@ async def import_definitions(file: Path, author: str, data: Path, *, dry: bool, 
     async with Client(Addresses.read(data)) as client:
         ontology = await client.ontology()
         define = diff_ontologies(ontology, load_definitions(text, str(file), ontology), author)
-        return await _make_change(client, define, dry=dry, json=json)
+        return await _make_change(client, define, data, dry=dry, json=json)

@@ -14,12 +14,14 @@ import typer
 from typer.core import TyperCommand
 from typer.main import get_command
 
+from somrs.cli.access import token_app, user_app
 from somrs.cli.control import control_app
 from somrs.cli.map_commands import map_app
 from somrs.cli.ontology import ontology_app
 from somrs.cli.options import (
     DEFAULT_FOLDER,
     LOOPBACK,
+    SECURE,
     BusOption,
     Data,
     DevicesPerProcess,
@@ -31,6 +33,7 @@ from somrs.cli.options import (
     Neighbours,
     OwnBusOption,
     Registries,
+    Secure,
     SharedSimulator,
     Simulates,
     SiteName,
@@ -64,6 +67,8 @@ app.add_typer(control_app)
 app.add_typer(zones_app)
 app.add_typer(templates_app, name="templates")
 app.add_typer(orders_app, name="orders")
+app.add_typer(user_app, name="user")
+app.add_typer(token_app, name="token")
 app.add_typer(run_app, name="run")
 
 
@@ -150,6 +155,7 @@ def up(
     neighbours: Neighbours = None,
     first_port: FirstPort = None,
     driver: DriverOption = [],  # noqa: B006  # as below
+    secure: Secure = SECURE,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import run_system as run
@@ -180,6 +186,7 @@ def up(
             neighbours=neighbours,
             first_port=first_port,
             drivers=driver,
+            secure=secure,
         )
 
     awaited(run(sources, data, make_system, fresh=fresh))

@@ -32,6 +32,16 @@ AllowedHosts = Annotated[
         show_default=False,
     ),
 ]
+Secure = Annotated[
+    bool,
+    typer.Option(
+        "--secure/--insecure",
+        envvar="SOMRS_SECURE",
+        help="Whether people and programs have to say who they are at the API and the windows, and may do what their role allows.",
+    ),
+]
+SECURE = False
+"""The default of `Secure`."""
 BusOption = Annotated[
     str | None,
     typer.Option(

@@ -10,7 +10,6 @@ from pathlib import Path
 from somrs.api.remote import Api, api_of
 from somrs.cli.task_commands import run_task
 from somrs.client import terminal
-from somrs.client.addresses import Addresses
 from somrs.client.client import client_name
 from somrs.errors import UsageError
 from somrs.protocol.messages.event_text import short_id
@@ -88,7 +87,7 @@ def _parse_day(text: str) -> int:
 
 
 async def list_templates(data: Path, *, json: bool) -> None:
-    async with api_of(Addresses.read(data)) as api:
+    async with api_of(data) as api:
         templates = (await api.orders.templates()).templates
     if json:
         terminal.print_json(templates)
@@ -107,26 +106,26 @@ def _describe_blank(blank: Blank) -> str:
 
 
 async def save_template(name: str, saved: TemplateSaved, data: Path) -> None:
-    async with api_of(Addresses.read(data)) as api:
+    async with api_of(data) as api:
         template = await api.orders.save_template(name, saved)
     print(f"{template.name}: {'saved' if template.version == 1 else 'changed'}")
 
 
 async def rename_template(name: str, new_name: str, data: Path) -> None:
-    async with api_of(Addresses.read(data)) as api:
+    async with api_of(data) as api:
         await api.orders.rename_template(name, new_name, by=author_name())
     print(f"{name}: renamed to {new_name}")
 
 
 async def remove_template(name: str, data: Path) -> None:
-    async with api_of(Addresses.read(data)) as api:
+    async with api_of(data) as api:
         await api.orders.remove_template(name)
     print(f"{name}: removed")
 
 
 async def use_template(name: str, fillings: Sequence[str], data: Path, *, wait: bool, json: bool) -> int:
     """Submit the task of a template, and follow it. Returns the exit status: 0 if it was accomplished."""
-    async with api_of(Addresses.read(data)) as api:
+    async with api_of(data) as api:
         task = await api.orders.fill_template(name, Filled(values=parse_values(fillings)))
     return await run_task(task, data, wait=wait, json=json)
 
@@ -135,7 +134,7 @@ async def use_template(name: str, fillings: Sequence[str], data: Path, *, wait: 
 
 
 async def list_orders(data: Path, *, json: bool) -> None:
-    async with api_of(Addresses.read(data)) as api:
+    async with api_of(data) as api:
         orders = (await api.orders.orders()).orders
     if json:
         terminal.print_json(orders)
@@ -180,13 +179,13 @@ def _describe_run(run: Run) -> str:
 
 
 async def add_order(order: OrderSaved, data: Path) -> None:
-    async with api_of(Addresses.read(data)) as api:
+    async with api_of(data) as api:
         added_order = await api.orders.add_order(order)
     print(f"{added_order.id}: {added_order.name}, {in_words(added_order.when)}; next: {_describe_next(added_order)}")
 
 
 async def show_runs(name: str, limit: int, data: Path, *, json: bool) -> None:
-    async with api_of(Addresses.read(data)) as api:
+    async with api_of(data) as api:
         order = await _find_order(name, api)
         runs = (await api.orders.runs(order.id, limit)).runs
     if json:
@@ -199,7 +198,7 @@ async def show_runs(name: str, limit: int, data: Path, *, json: bool) -> None:
 
 async def turn_order(name: str, data: Path, *, is_enabled: bool) -> None:
     """Resume an order, or pause it."""
-    async with api_of(Addresses.read(data)) as api:
+    async with api_of(data) as api:
         order = await _find_order(name, api)
         turned = api.orders.resume_order if is_enabled else api.orders.pause_order
         updated_order = await turned(order.id, by=author_name())
@@ -207,7 +206,7 @@ async def turn_order(name: str, data: Path, *, is_enabled: bool) -> None:
 
 
 async def remove_order(name: str, data: Path) -> None:
-    async with api_of(Addresses.read(data)) as api:
+    async with api_of(data) as api:
         order = await _find_order(name, api)
         await api.orders.remove_order(order.id)
     print(f"{order.name}: removed")

@@ -11,12 +11,14 @@ import typer
 from somrs.cli.options import (
     DEFAULT_FOLDER,
     LOOPBACK,
+    SECURE,
     AllowedHosts,
     BusOption,
     Data,
     HostOption,
     Neighbours,
     PortOption,
+    Secure,
     SiteName,
     WorldOption,
     guarded,
@@ -197,12 +199,13 @@ def api(
     bus: BusOption = None,
     name: SiteName = None,
     allowed_hosts: AllowedHosts = [],  # noqa: B006  # as above
+    secure: Secure = SECURE,
 ) -> None:
     """The API: REST and WebSocket."""
     from somrs.api.program import run_api
     from somrs.deployment.programs import run_program
 
-    guarded(lambda: run_program(run_api(data, addresses_of(data, bus, name), host, port, allowed_hosts)))
+    guarded(lambda: run_program(run_api(data, addresses_of(data, bus, name), host, port, allowed_hosts, secure=secure)))
 
 
 @run_app.command()
@@ -213,6 +216,7 @@ def gui(
     bus: BusOption = None,
     name: SiteName = None,
     allowed_hosts: AllowedHosts = [],  # noqa: B006  # as above
+    secure: Secure = SECURE,
 ) -> None:
     """The windows, for the browser. They need the API."""
     from somrs.deployment.programs import has_windows, run_program
@@ -223,7 +227,7 @@ def gui(
             raise UsageError("the windows need additional packages: pip install 'somrs[gui]'")
         from somrs.gui.server import run_gui
 
-        run_program(run_gui(data, addresses_of(data, bus, name), host, port, allowed_hosts))
+        run_program(run_gui(data, addresses_of(data, bus, name), host, port, allowed_hosts, secure=secure))
 
     guarded(run)
 

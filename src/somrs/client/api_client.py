@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Awaitable, Callable, Mapping
 from email.message import Message
 from enum import Enum
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar, cast
 from urllib.parse import quote, urlencode
 
@@ -14,6 +16,8 @@ import aiohttp
 import msgspec
 from yarl import URL
 
+from somrs.access.identity import sender
+from somrs.access.store import local_token
 from somrs.client.addresses import Addresses
 from somrs.client.operations import Document, Operation, operations
 from somrs.client.refusals import ErrorReport, refusal
@@ -29,11 +33,28 @@ JSON = "application/json"
 T = TypeVar("T")
 
 
-class ApiClient:
-    """Carries out operations at the API below `url`. An asynchronous context manager."""
+TOKEN_VARIABLE = "SOMRS_TOKEN"
+"""The environment variable with the token of programs on other computers."""
 
-    def __init__(self, url: str) -> None:
-        self.url = url
+
+def token_of_environment() -> str | None:
+    return os.environ.get(TOKEN_VARIABLE)
+
+
+def local_token_reader(data: Path, *, only_sees: bool = False) -> Callable[[], str | None]:
+    """Reads the token of the programs on this computer from the data folder, unless the environment has one. A system that starts makes
+    another one. `only_sees`: the token has the right to see, and no other."""
+    return lambda: token_of_environment() or local_token(data, only_sees=only_sees)
+
+
+class ApiClient:
+    """Carries out operations at the API below `url`. An asynchronous context manager.
+
+    `token`: reads what proves who sends the requests. While a request of somebody else is worked on, it is what that one came with.
+    """
+
+    def __init__(self, url: str, token: Callable[[], str | None] = token_of_environment) -> None:
+        self.url, self._token = url, token
         self._session: aiohttp.ClientSession | None = None
 
     @property
@@ -49,6 +70,13 @@ class ApiClient:
     async def __aexit__(self, *exception: object) -> None:
         await self.session.close()
 
+    @property
+    def headers(self) -> dict[str, str]:
+        """The headers that prove who sends a request made now."""
+        identity = sender.get()
+        secret = identity.secret if identity is not None else self._token()
+        return {"Authorization": f"Bearer {secret}"} if secret else {}
+
     def part(self, group: str, declared: type[T]) -> T:
         """A part of the API: an object with the operations of the class `declared` as coroutine methods."""
         functions = {operation.name.partition(".")[2]: partial(self._call, operation) for operation in operations(group, declared)}
@@ -62,7 +90,7 @@ class ApiClient:
         body = next((msgspec.json.encode(value) for name, value in values.items() if places[name] == "body" and value is not None), None)
         url = f"{self.url}{path}{f'?{urlencode(query)}' if query else ''}"
         try:
-            headers = {"Content-Type": JSON} if body is not None else {}
+            headers = self.headers | ({"Content-Type": JSON} if body is not None else {})
             async with self.session.request(operation.method, URL(url, encoded=True), data=body, headers=headers) as response:
                 content = await response.read()
         except (aiohttp.ClientError, TimeoutError) as error:

@@ -107,7 +107,11 @@ class LiveHub(Hub):
         while True:
             try:
                 async with self._api.session.ws_connect(
-                    f"{self._api.url}/live", heartbeat=SIGN_OF_LIFE, max_msg_size=MOST_BYTES, timeout=aiohttp.ClientWSTimeout(ws_close=1.0)
+                    f"{self._api.url}/live",
+                    headers=self._api.headers,
+                    heartbeat=SIGN_OF_LIFE,
+                    max_msg_size=MOST_BYTES,
+                    timeout=aiohttp.ClientWSTimeout(ws_close=1.0),
                 ) as socket:
                     attempt = 0
                     await self._hear(socket)

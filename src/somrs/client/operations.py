@@ -17,6 +17,8 @@ from typing import Any, TypeVar, get_type_hints
 
 import msgspec
 
+from somrs.access.rights import Right
+
 _MARK = "__operation__"
 _BODY = "body"
 
@@ -47,7 +49,10 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """An operation, carried out by `function`. `name`: unique, such as `map.change`; the part before the dot is the group."""
+    """An operation, carried out by `function` for those who have the `required_right`.
+
+    `name`: unique, such as `map.change`; the part before the dot is the group.
+    """
 
     name: str
     method: str
@@ -56,17 +61,19 @@ class Operation:
     parameters: tuple[Parameter, ...]
     returns: Any
     doc: str
+    required_right: Right
 
     @property
     def group(self) -> str:
         return self.name.partition(".")[0]
 
 
-def operation(method: str, path: str) -> Callable[[F], F]:
-    """Mark a coroutine method as an operation: `@operation("GET", "/map/objects/{name}")`. Its docstring becomes its documentation."""
+def operation(method: str, path: str, required_right: Right) -> Callable[[F], F]:
+    """Mark a coroutine method as an operation: `@operation("GET", "/map/objects/{name}", Right.SEE)`. Its docstring becomes its
+    documentation. `required_right`: what its caller has to have."""
 
     def mark(function: F) -> F:
-        setattr(function, _MARK, (method, path))
+        setattr(function, _MARK, (method, path, required_right))
         return function
 
     return mark
@@ -76,9 +83,9 @@ def operations(group: str, part: object) -> Iterator[Operation]:
     """The operations among the methods of a part of the API: an object, which carries them out, or a class, which declares them."""
     for name, function in inspect.getmembers(part, inspect.iscoroutinefunction):
         if (marked := getattr(function, _MARK, None)) is not None:
-            method, path = marked
+            method, path, required_right = marked
             declared = _declared(getattr(function, "__func__", function), path)
-            yield Operation(f"{group}.{name}", method, path, function, *declared)
+            yield Operation(f"{group}.{name}", method, path, function, *declared, required_right)
 
 
 @cache

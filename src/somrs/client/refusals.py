@@ -16,6 +16,8 @@ __all__ = [
     "Forbidden",
     "NotFound",
     "Refused",
+    "TooSoon",
+    "Unauthenticated",
     "WrongFormat",
     "WrongMethod",
     "error_report",
@@ -39,6 +41,14 @@ class WrongFormat(InputError):
 
 class Forbidden(InputError):
     """Who sends the request may not do so."""
+
+
+class Unauthenticated(InputError):
+    """Who sends the request has not proven who it is."""
+
+
+class TooSoon(InputError):
+    """After wrong tries, the next one has to wait."""
 
 
 class Changed(SomrsError):
@@ -75,7 +85,8 @@ class ErrorReport(msgspec.Struct, frozen=True, kw_only=True):
 
 REFUSALS = {
     400: "The request is invalid; the report says what is wrong and what to do",
-    403: "Who sends the request may not do so, such as the page of another site",
+    401: "Who sends the request has to prove who it is: sign in, or send a token",
+    403: "Who sends the request may not do so: it lacks the right, or is the page of another site",
     404: "The object of the request does not exist",
     409: "The request cannot be carried out in the current state",
     503: "A component of the system does not answer; try again",
@@ -90,8 +101,12 @@ def status(error: SomrsError) -> int:
             return 503
         case NotFound():
             return 404
+        case Unauthenticated():
+            return 401
         case Forbidden():
             return 403
+        case TooSoon():
+            return 429
         case WrongMethod():
             return 405
         case WrongFormat():
@@ -115,6 +130,18 @@ def error_report(error: SomrsError) -> ErrorReport:
     return ErrorReport(problem=str(error), error=sort)
 
 
+_BY_STATUS: dict[int, type[SomrsError]] = {
+    400: UsageError,
+    401: Unauthenticated,
+    403: Forbidden,
+    404: NotFound,
+    405: WrongMethod,
+    415: WrongFormat,
+    429: TooSoon,
+    503: Unanswered,
+}
+
+
 def refusal(code: int, report: ErrorReport) -> SomrsError:
     """The error that was sent as this report with this HTTP status."""
     match report:
@@ -126,9 +153,7 @@ def refusal(code: int, report: ErrorReport) -> SomrsError:
             return Refused(Rejected(problems=report.problems, broken=report.broken))
         case ErrorReport(error="Changed"):
             return Changed(report.problem)
-    return {400: UsageError, 403: Forbidden, 404: NotFound, 405: WrongMethod, 415: WrongFormat, 503: Unanswered}.get(code, RemoteError)(
-        report.problem
-    )
+    return _BY_STATUS.get(code, RemoteError)(report.problem)
 
 
 def refusal_of(report: ErrorReport) -> SomrsError:

@@ -20,6 +20,7 @@ from pathlib import Path, PurePosixPath
 
 import msgspec
 
+from somrs.access.store import LOCAL_FILE
 from somrs.client.addresses import SYSTEM_FILE, Addresses
 from somrs.deployment.incidents import FILE as INCIDENTS_FILE
 from somrs.deployment.private_files import make_private
@@ -33,7 +34,7 @@ MANIFEST = "somrs-backup.json"
 REQUEST, ANSWER, COPY = "backup-request.json", "backup-answer.json", "backup-copy"
 """In the data folder: what is asked of the running system, what it answers, and its copy of the files."""
 
-LEFT_OUT = ("logs", COPY, REQUEST, ANSWER, SYSTEM_FILE, INCIDENTS_FILE)
+LEFT_OUT = ("logs", COPY, REQUEST, ANSWER, SYSTEM_FILE, LOCAL_FILE, INCIDENTS_FILE)
 """What a backup leaves out of the data folder: it belongs to a run."""
 
 _LEFT_OUT_ENDINGS = ("-shm", "-mark", "-probe", ".copy", ".new")

@@ -13,6 +13,8 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
+from somrs.access.store import FILE as ACCESS_FILE
+from somrs.access.store import AccessStore
 from somrs.client.addresses import SYSTEM_FILE, Addresses
 from somrs.client.client import Client
 from somrs.deployment.backup import serve_request
@@ -109,6 +111,7 @@ class System:
     the site's name there.
     `neighbours`: the file of the neighbours of Registry and Repository; None: they have none.
     `drivers`: programs of devices besides those of SO-MRS and those that the types of the site's files name.
+    `secure`: people and programs have to say who they are at the API and the windows.
     `first_port`: the ports are this one and those that follow, in the order of `Part`; None: those of the last run, where they are free.
     """
 
@@ -132,10 +135,11 @@ class System:
         neighbours: Path | None = None,
         first_port: int | None = None,
         drivers: Collection[str] = (),
+        secure: bool = False,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
         self._bus, self._name, self._first_port = bus, name, first_port
-        self.speed, self.world, self.simulates = speed, world, simulates
+        self.speed, self.world, self.simulates, self.secure = speed, world, simulates, secure
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
         self._task_managers, self._registries, self._neighbours = task_managers, registries, neighbours
@@ -169,12 +173,14 @@ class System:
         """Delete what its data folder and its bus have kept of it. Raises UsageError if it runs."""
         if self._bus is not None and self._bus != OWN_BUS:
             await discard_site(self._bus, self._name or site_name(self.site))
-        discard(self.data, keep=self.site)
+        discard(self.data, keep=[*self.site, self.data / ACCESS_FILE])
 
     async def start(self) -> None:
         """Start all programs. Return when all devices offer their services."""
         make_private(self.data)
         check_unused(self.data)
+        if self.secure:
+            AccessStore(self.data).renew_local_token()
         ports = self._reserve_ports()
         self._check_site()
         bus = await self._start_bus(ports)
@@ -217,12 +223,13 @@ class System:
         if self._world_address is not None:
             await until_listening(self._world_address)
         device_starts = [self._start_devices(group) for group in group_devices(driven, self._devices_per_process)]
+        access = "--secure" if self.secure else "--insecure"
         clients = [
             self._start("scheduler", "--port", str(ports[Part.SCHEDULER])),
-            self._start("api", "--port", str(ports[Part.API])),
+            self._start("api", "--port", str(ports[Part.API]), access),
         ]
         if self.addresses.gui is not None:
-            clients.append(self._start("gui", "--port", str(ports[Part.WINDOWS])))
+            clients.append(self._start("gui", "--port", str(ports[Part.WINDOWS]), access))
         await asyncio.gather(*device_starts, *clients)
         # Not earlier: when a start fails because an address is taken, the next start tries the same address again.
         self.addresses.write(self.data, LAST_FILE)

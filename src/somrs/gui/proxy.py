@@ -24,8 +24,9 @@ HOP_HEADERS = frozenset(
 )
 """Hop-by-hop headers (RFC 9110, 7.6.1)."""
 
-DROPPED_HEADERS = HOP_HEADERS | {"host", "origin", "sec-fetch-site", "cookie", "accept-encoding"}
-"""Request headers that are not forwarded: those that say which page sends, which is checked before, and the cookies of the pages. Without
+DROPPED_HEADERS = HOP_HEADERS | {"host", "origin", "sec-fetch-site", "cookie", "authorization", "accept-encoding"}
+"""Request headers that are not forwarded: those that say which page sends, which is checked before, and the cookies of the pages; what the
+sender has proven itself with is sent as a token. Without
 compression, as both programs usually run on one machine."""
 
 CHUNK_SIZE = 2**16
@@ -55,6 +56,7 @@ class Proxy:
 
     async def _forward(self, request: Request) -> Response:
         headers = [(name, value) for name, value in request.headers.items() if name not in DROPPED_HEADERS]
+        headers += self._api.headers.items()
         body = await request.body()
         try:
             answer = await self._api.session.request(
@@ -79,7 +81,7 @@ class Proxy:
 
     async def _join_websockets(self, browser: WebSocket) -> None:
         try:
-            api = await self._api.session.ws_connect(self._url(browser.scope), max_msg_size=0)
+            api = await self._api.session.ws_connect(self._url(browser.scope), headers=self._api.headers, max_msg_size=0)
         except aiohttp.WSServerHandshakeError as error:
             refusal = RemoteError(f"the API refused the WebSocket {browser.url.path}; it has /api/live and /api/poses")
             await browser.send_denial_response(_problem(refusal, error.status))

@@ -11,13 +11,16 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from somrs.access.store import AccessStore
 from somrs.api.edge import Edge
+from somrs.api.guard import Guard
 from somrs.api.remote import LiveApi, live_api
 from somrs.client.addresses import Addresses
-from somrs.client.api_client import address_of
+from somrs.client.api_client import address_of, local_token_reader
 from somrs.deployment.programs import until_stopped
-from somrs.gui.cache import Cache
+from somrs.gui.cache import FILES, Cache
 from somrs.gui.proxy import Proxy
+from somrs.gui.sign_in import SIGN_IN, SIGN_OUT, SignIn, sign_in_first
 from somrs.ports import bound
 from somrs.runtime.bounded_http import BoundedConfig, QuietServer
 
@@ -32,12 +35,16 @@ RECONNECT_TIME = 60.0
 0.4 of this time. A page that was dropped is reloaded, and unsaved input is lost."""
 
 
-async def run_gui(data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = ()) -> None:
-    """Serve the windows until the process is stopped. `allowed_hosts`: see `Edge`."""
+async def run_gui(
+    data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = (), *, secure: bool = False
+) -> None:
+    """Serve the windows until the process is stopped. `allowed_hosts`: see `Edge`. `secure`: people have to sign in."""
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str((data / "gui").resolve()))  # NiceGUI reads this when it is imported
-    listener = bound(host, port)
-    async with live_api(address_of(addresses)) as api:
-        application = Edge(Cache(_application(api, data)), allowed_hosts)
+    listener, access = bound(host, port), AccessStore(data) if secure else None
+    # What is done for nobody in particular only sees.
+    async with live_api(address_of(addresses), local_token_reader(data, only_sees=True)) as api:
+        guard = Guard(Cache(_application(api, data, access)), access, is_open=_is_open, refuse=sign_in_first)
+        application = Edge(guard, allowed_hosts)
         server = QuietServer(BoundedConfig(application, ws="websockets-sansio"))
         serving = asyncio.create_task(server.serve(sockets=[listener]))
         while not server.started and not serving.done():
@@ -48,14 +55,22 @@ async def run_gui(data: Path, addresses: Addresses, host: str, port: int, allowe
             await serving
 
 
-def _application(api: LiveApi, data: Path) -> FastAPI:
+def _is_open(path: str) -> bool:
+    """Whether a path is for people who are not signed in: the form, and files that are the same for all."""
+    return path in (SIGN_IN, SIGN_OUT) or path.startswith(FILES)
+
+
+def _application(api: LiveApi, data: Path, access: AccessStore | None) -> FastAPI:
     from fastapi import FastAPI
     from nicegui import app, ui
 
     from somrs.gui.pages import define, fleet, history, map, missing, ontology, person, start, tasks
+    from somrs.gui.shell import LOOK
 
     pages = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     pages.mount("/api", Proxy(api.client))
+    if access is not None:
+        pages.router.routes.extend(SignIn(access, LOOK).routes())
     app.config.quasar_config["loadingBar"]["skipHijack"] = True  # no bar for requests: it has no name, and no page waits for one
     for page_module in (start, map, ontology, define, tasks, fleet, history, person, missing):
         page_module.register(api)

@@ -13,6 +13,7 @@ from nicegui import app, ui
 
 from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
+from somrs.gui.account_menu import add_account_menu
 from somrs.gui.address import AddressBanner
 from somrs.gui.assets import publish
 from somrs.gui.mode_control import ModeBanner, ModeControl
@@ -94,6 +95,7 @@ def page(title: str, path: str, api: LiveApi, parameters: Collection[str] = (), 
         button = ui.button().props("flat round dense").classes("somrs-turn")
         button.props(f"icon={_icon(dark.value)} aria-label='Colour theme'").tooltip("Colour theme: light, dark, or as in the system")
         button.on_click(lambda: _switch_theme(dark, button))
+        add_account_menu()
     with ui.element("div").classes("somrs-main"):
         ModeBanner(api)
         yield AddressBanner(path, parameters)

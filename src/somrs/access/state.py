@@ -1,0 +1,205 @@
+"""Accounts, sessions, tokens and sign-in links as data. Of what they are proven with, only hashes are known here."""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+from collections.abc import Iterator
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from somrs.access.identity import Identity
+from somrs.access.rights import Right, Role
+from somrs.errors import UsageError
+
+SESSION_TIME = 30 * 86400.0
+"""Seconds for which one stays signed in."""
+
+LINK_TIME = 86400.0
+"""Seconds for which a sign-in link can be used, once."""
+
+MAX_NAME = 80
+"""Characters of a name."""
+
+MAX_SESSIONS = 50
+"""Sessions of one account. A new one takes the place of the oldest."""
+
+
+class Account(Struct, frozen=True, kw_only=True):
+    """A person. `password`: an Argon2id hash in its standard form; None if the person signs in by links only."""
+
+    name: str
+    role: Role
+    created_at: float
+    password: str | None = None
+
+
+class Session(Struct, frozen=True, kw_only=True):
+    """A browser in which a person has signed in. `address`, `browser`: from where, for people."""
+
+    id: str
+    account: str
+    created_at: float
+    ends_at: float
+    address: str = ""
+    browser: str = ""
+
+
+class Token(Struct, frozen=True, kw_only=True):
+    """What a program proves itself with. `author`: who made it."""
+
+    name: str
+    rights: frozenset[Right]
+    created_at: float
+    ends_at: float
+    author: str = ""
+
+
+class Link(Struct, frozen=True, kw_only=True):
+    """A sign-in link. `account`: who is signed in by it; None: who uses it states a name, and becomes an administrator."""
+
+    account: str | None
+    ends_at: float
+
+
+class AccessState(Struct, frozen=True, kw_only=True):
+    """All that is known about who has access. Sessions, tokens and links are by the hash of their secret.
+
+    `id`: distinguishes the cookies of systems on one computer, which browsers send to all its ports.
+    """
+
+    schema: int = 1
+    id: str = field(default_factory=lambda: secrets.token_hex(4))
+    accounts: dict[str, Account] = {}
+    sessions: dict[str, Session] = {}
+    tokens: dict[str, Token] = {}
+    links: dict[str, Link] = {}
+
+    @property
+    def cookie(self) -> str:
+        """The name of the cookie with the secret of a session."""
+        return f"somrs_{self.id}"
+
+    def identity(self, secret: str, now: float) -> Identity | None:
+        """Who has this secret of a session or a token; None if nobody has, or not any more."""
+        hashed = hash_of(secret)
+        if (session := self.sessions.get(hashed)) is not None:
+            account = self.accounts.get(session.account)
+            if account is None or session.ends_at <= now:
+                return None
+            return Identity(name=account.name, rights=account.role.rights, secret=secret, session=session.id)
+        if (token := self.tokens.get(hashed)) is not None and now < token.ends_at:
+            return Identity(name=token.name, rights=token.rights, secret=secret)
+        return None
+
+    def without_ended(self, now: float) -> AccessState:
+        """The state without the sessions, tokens and links whose time is over."""
+        return replace(
+            self,
+            sessions={key: session for key, session in self.sessions.items() if now < session.ends_at},
+            tokens={key: token for key, token in self.tokens.items() if now < token.ends_at},
+            links={key: link for key, link in self.links.items() if now < link.ends_at},
+        )
+
+    def with_account(self, account: Account) -> AccessState:
+        """The state with a new account. Raises UsageError if the name is taken, or is none."""
+        if account.name.casefold() in {name.casefold() for name in self._names()}:
+            raise UsageError(f"there is {account.name} already; choose another name")
+        return replace(self, accounts=self.accounts | {account.name: account})
+
+    def with_role(self, name: str, role: Role) -> AccessState:
+        """The state with another role of a person. Raises UsageError for the last administrator."""
+        changed = replace(self, accounts=self.accounts | {name: replace(self.account(name), role=role)})
+        return changed._administered(name)
+
+    def with_password(self, name: str, hashed: str | None) -> AccessState:
+        """The state with another password of a person, who stays signed in nowhere."""
+        account = replace(self.account(name), password=hashed)
+        return replace(self._signed_out(name), accounts=self.accounts | {name: account})
+
+    def without_account(self, name: str) -> AccessState:
+        """The state without a person, and without the person's sessions and links. Raises UsageError for the last administrator."""
+        self.account(name)
+        removed = replace(self._signed_out(name), accounts={key: account for key, account in self.accounts.items() if key != name})
+        return removed._administered(name)
+
+    def with_session(self, secret: str, session: Session) -> AccessState:
+        oldest_first = sorted((key for key, other in self.sessions.items() if other.account == session.account), key=self._session_start)
+        ended = oldest_first[: max(0, len(oldest_first) + 1 - MAX_SESSIONS)]
+        sessions = {key: other for key, other in self.sessions.items() if key not in ended}
+        return replace(self, sessions=sessions | {hash_of(secret): session})
+
+    def without_session(self, id: str) -> AccessState:
+        """The state without a session. Raises UsageError if there is none with this id."""
+        remaining = {key: session for key, session in self.sessions.items() if session.id != id}
+        if len(remaining) == len(self.sessions):
+            raise UsageError(f"there is no session {id}; it may have ended")
+        return replace(self, sessions=remaining)
+
+    def with_token(self, secret: str, token: Token) -> AccessState:
+        """The state with a new token. Raises UsageError if the name is taken."""
+        if token.name.casefold() in {name.casefold() for name in self._names()}:
+            raise UsageError(f"there is {token.name} already; choose another name")
+        return replace(self, tokens=self.tokens | {hash_of(secret): token})
+
+    def without_token(self, name: str) -> AccessState:
+        """The state without a token. Raises UsageError if there is none of this name."""
+        remaining = {key: token for key, token in self.tokens.items() if token.name != name}
+        if len(remaining) == len(self.tokens):
+            names = ", ".join(sorted(token.name for token in self.tokens.values())) or "none"
+            raise UsageError(f"there is no token {name}; the tokens are: {names}")
+        return replace(self, tokens=remaining)
+
+    def with_link(self, secret: str, link: Link) -> AccessState:
+        return replace(self, links=self.links | {hash_of(secret): link})
+
+    def without_link(self, secret: str) -> AccessState:
+        return replace(self, links={key: link for key, link in self.links.items() if key != hash_of(secret)})
+
+    def account(self, name: str) -> Account:
+        """The account of a person. Raises UsageError if there is none."""
+        if name not in self.accounts:
+            raise UsageError(f"there is no {name}; the people are: {', '.join(sorted(self.accounts)) or 'none'}")
+        return self.accounts[name]
+
+    def first_administrator(self) -> Account | None:
+        administrators = [account for account in self.accounts.values() if account.role is Role.ADMINISTRATOR]
+        return min(administrators, key=lambda account: account.created_at, default=None)
+
+    def _names(self) -> Iterator[str]:
+        yield from self.accounts
+        yield from (token.name for token in self.tokens.values())
+
+    def _session_start(self, key: str) -> float:
+        return self.sessions[key].created_at
+
+    def _signed_out(self, name: str) -> AccessState:
+        return replace(
+            self,
+            sessions={key: session for key, session in self.sessions.items() if session.account != name},
+            links={key: link for key, link in self.links.items() if link.account != name},
+        )
+
+    def _administered(self, name: str) -> AccessState:
+        if self.first_administrator() is None:
+            raise UsageError(f"{name} is the last administrator; make somebody else one first")
+        return self
+
+
+def new_secret() -> str:
+    """A secret that nobody can guess: 256 random bits."""
+    return secrets.token_urlsafe(32)
+
+
+def hash_of(secret: str) -> str:
+    """SHA-256, which suffices for secrets that were not chosen by people."""
+    return hashlib.sha256(secret.encode(errors="surrogatepass")).hexdigest()
+
+
+def checked_name(text: str) -> str:
+    """A name as it is recorded. Raises UsageError for what is none."""
+    name = " ".join(text.split())
+    if not name or len(name) > MAX_NAME or not name.isprintable() or "/" in name:
+        raise UsageError(f"{text[:MAX_NAME]!r} is not a name: a name has 1 to {MAX_NAME} printable characters and no slash")
+    return name

@@ -1,0 +1,215 @@
+"""Where it is stored who has access: a file in the data folder that only its user may read. All programs of a system see each change."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import secrets
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+
+from somrs.access.identity import Identity
+from somrs.access.rights import Right, Role
+from somrs.access.state import (
+    LINK_TIME,
+    SESSION_TIME,
+    AccessState,
+    Account,
+    Link,
+    Session,
+    Token,
+    checked_name,
+    hash_of,
+    new_secret,
+)
+from somrs.errors import UsageError
+
+FILE = "access.json"
+"""The file in the data folder with accounts, sessions, tokens and links."""
+
+LOCAL_FILE = "local.token"
+"""The file in the data folder with the token of the programs on this computer, which `somrs up` makes anew at each start."""
+
+LOCAL_NAME = "this computer"
+
+_LOCK_FILE = "access.lock"
+
+PRIVATE = 0o600
+
+Stamp = tuple[int, int, int]
+"""What tells that a file has been replaced."""
+
+
+class AccessStore:
+    """Who has access to the system with this data folder."""
+
+    def __init__(self, data: Path) -> None:
+        self._data = data
+        self._state, self._stamp = AccessState(), (-1, -1, -1)
+        self._local_tokens: dict[str, frozenset[Right]] = {}
+        self._local_stamp: Stamp = (-1, -1, -1)
+
+    def read(self) -> AccessState:
+        """The state as it is now. Raises UsageError if the file cannot be read."""
+        file = self._data / FILE
+        if (stamp := _stamp(file)) != self._stamp:
+            try:
+                self._state = msgspec.json.decode(file.read_bytes(), type=AccessState) if file.exists() else AccessState()
+            except (msgspec.MsgspecError, OSError) as error:
+                raise UsageError(f"{file} cannot be read: {error}; restore it from a backup, or remove it and sign in anew") from None
+            self._stamp = stamp
+        return self._state
+
+    def identity(self, secret: str) -> Identity | None:
+        """Who has this secret; None if nobody has, or not any more."""
+        for token, rights in self._read_local_tokens().items():
+            if secrets.compare_digest(hash_of(secret), hash_of(token)):
+                return Identity(name=LOCAL_NAME, rights=rights, secret=secret, speaks_for_others=True)
+        return self.read().identity(secret, time.time())
+
+    @contextmanager
+    def _changing(self) -> Iterator[_Change]:
+        """The state, to be replaced; nobody else changes it meanwhile."""
+        descriptor = os.open(self._data / _LOCK_FILE, os.O_RDWR | os.O_CREAT, PRIVATE)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            change = _Change(self.read().without_ended(time.time()))
+            yield change
+            _write(self._data / FILE, msgspec.json.encode(change.state))
+        finally:
+            os.close(descriptor)
+
+    def add_account(self, name: str, role: Role, password_hash: str | None = None) -> Account:
+        """Add a person. Raises UsageError if the name is taken, or is none."""
+        account = Account(name=checked_name(name), role=role, created_at=time.time(), password=password_hash)
+        with self._changing() as change:
+            change.state = change.state.with_account(account)
+        return account
+
+    def set_role(self, name: str, role: Role) -> None:
+        with self._changing() as change:
+            change.state = change.state.with_role(name, role)
+
+    def set_password(self, name: str, password_hash: str | None) -> None:
+        """Set a password, and sign the person out everywhere."""
+        with self._changing() as change:
+            change.state = change.state.with_password(name, password_hash)
+
+    def remove_account(self, name: str) -> None:
+        with self._changing() as change:
+            change.state = change.state.without_account(name)
+
+    def open_session(self, name: str, address: str = "", browser: str = "") -> str:
+        """Sign a person in, and return the secret of the session."""
+        with self._changing() as change:
+            change.state.account(name)
+            secret, change.state = _with_session(change.state, name, address, browser)
+        return secret
+
+    def end_session(self, id: str) -> None:
+        with self._changing() as change:
+            change.state = change.state.without_session(id)
+
+    def add_token(self, name: str, rights: frozenset[Right], seconds: float, author: str = "") -> str:
+        """Make a token for a program, and return its secret, which is not stored."""
+        now, secret = time.time(), new_secret()
+        token = Token(name=checked_name(name), rights=rights, created_at=now, ends_at=now + seconds, author=author)
+        with self._changing() as change:
+            change.state = change.state.with_token(secret, token)
+        return secret
+
+    def remove_token(self, name: str) -> None:
+        with self._changing() as change:
+            change.state = change.state.without_token(name)
+
+    def add_link(self, name: str | None) -> str:
+        """Make a one-time sign-in link, and return its secret. `name`: who is signed in; None: a new administrator."""
+        secret = new_secret()
+        with self._changing() as change:
+            if name is not None:
+                change.state.account(name)
+            change.state = change.state.with_link(secret, Link(account=name, ends_at=time.time() + LINK_TIME))
+        return secret
+
+    def link(self, secret: str) -> Link | None:
+        """The sign-in link with this secret, if it can still be used."""
+        link = self.read().links.get(hash_of(secret))
+        return link if link is not None and time.time() < link.ends_at else None
+
+    def use_link(self, secret: str, name: str = "", address: str = "", browser: str = "") -> str:
+        """Sign in by a link, and return the secret of the session. `name`: of the new administrator, if the link is for one.
+
+        Raises UsageError if the link cannot be used any more, or if the name is taken, or is none; the link can then be used again.
+        """
+        with self._changing() as change:
+            link = change.state.links.get(hash_of(secret))
+            if link is None:
+                raise UsageError("this link was used, or its time is over; `somrs user link NAME` prints another one")
+            state = change.state.without_link(secret)
+            if link.account is None:
+                account = Account(name=checked_name(name), role=Role.ADMINISTRATOR, created_at=time.time())
+                state = state.with_account(account)
+            session_secret, change.state = _with_session(state, link.account or account.name, address, browser)
+        return session_secret
+
+    def renew_local_token(self) -> None:
+        """Make a new token for the programs on this computer; the one before is worth nothing any more."""
+        _write(self._data / LOCAL_FILE, new_secret().encode())
+
+    def _read_local_tokens(self) -> dict[str, frozenset[Right]]:
+        """The tokens of the programs on this computer with their rights."""
+        if (stamp := _stamp(self._data / LOCAL_FILE)) != self._local_stamp:
+            token, watching_token = local_token(self._data), local_token(self._data, only_sees=True)
+            all_rights, watching_rights = frozenset(Right), frozenset({Right.SEE})
+            self._local_tokens = {token: all_rights, watching_token: watching_rights} if token and watching_token else {}
+            self._local_stamp = stamp
+        return self._local_tokens
+
+
+def local_token(data: Path, *, only_sees: bool = False) -> str | None:
+    """The token of the programs on this computer for the system with this data folder; None if it has none. `only_sees`: the one that has
+    only the right to see."""
+    try:
+        token = (data / LOCAL_FILE).read_text(encoding="ascii")
+    except OSError:
+        return None
+    return hash_of(f"see {token}") if only_sees else token
+
+
+class _Change:
+    """A change of the state that is under way."""
+
+    def __init__(self, state: AccessState) -> None:
+        self.state = state
+
+
+def _with_session(state: AccessState, name: str, address: str, browser: str) -> tuple[str, AccessState]:
+    now, secret = time.time(), new_secret()
+    session = Session(
+        id=secrets.token_hex(8), account=name, created_at=now, ends_at=now + SESSION_TIME, address=address[:60], browser=browser[:200]
+    )
+    return secret, state.with_session(secret, session)
+
+
+def _stamp(file: Path) -> Stamp:
+    try:
+        details = file.stat()
+    except FileNotFoundError:
+        return 0, 0, 0
+    return details.st_ino, details.st_mtime_ns, details.st_ctime_ns
+
+
+def _write(file: Path, content: bytes) -> None:
+    """Replace a file at once by one that only its user may read."""
+    new_file = file.with_name(f"{file.name}.new")
+    new_file.unlink(missing_ok=True)
+    descriptor = os.open(new_file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, PRIVATE)
+    with os.fdopen(descriptor, "wb") as output:
+        output.write(content)
+        output.flush()
+        os.fsync(output.fileno())
+    new_file.replace(file)

@@ -1,0 +1,42 @@
+"""Who one is, in the header of every page, with the way out."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from somrs.access.identity import Identity, sender
+from somrs.access.rights import Right
+
+_SIGN_OUT = (
+    "(() => { const form = document.createElement('form'); form.method = 'post'; form.action = '/sign-out';"
+    " document.body.append(form); form.submit(); })()"
+)
+
+INSECURE_TEXT = "Insecure: whoever reaches this address may do everything. Without `--insecure`, people sign in."
+
+
+def who() -> Identity | None:
+    """Who has opened the page; None if anybody may, without saying who they are."""
+    identity = sender.get()
+    return identity if identity is not None and identity.name else None
+
+
+def add_account_menu() -> None:
+    """The menu of who is signed in, or a sign that nobody has to."""
+    identity = who()
+    if identity is None:
+        mark = ui.icon("lock_open").classes("somrs-insecure").props(f'role="img" aria-label="{INSECURE_TEXT}"')
+        mark.tooltip(INSECURE_TEXT)
+        return
+    with ui.button(icon="person").props("flat dense no-caps").classes("somrs-account") as button:
+        button.props(f'aria-label="{identity.name}: account"')
+        ui.label(identity.name).classes("somrs-account-name")
+        with ui.menu().props("auto-close"):
+            ui.item(identity.name).props("header").classes("somrs-account-head")
+            ui.menu_item("Sign out", lambda: ui.run_javascript(_SIGN_OUT))
+
+
+def may(required_right: Right) -> bool:
+    """Whether who has opened the page has a right."""
+    identity = sender.get()
+    return identity is None or required_right in identity.rights
