@@ -71,10 +71,11 @@ def _answers(answer: Message, request: Message) -> bool:
 
 
 def in_session(answer: Message, message: Message) -> Message:
-    """Return the answer related to the message and in its session. The Fault of a node that could not read the message has neither."""
+    """Return the answer related to the message, from its recipient and in its session, as far as the answer does not say."""
     request_header, answer_header = message.header, answer.header
     header = structs.replace(
         answer_header,
+        sender=answer_header.sender if answer_header.sender != ANONYMOUS else request_header.recipient,
         relates_to=answer_header.relates_to or request_header.message_id,
         transaction=answer_header.transaction or request_header.transaction,
         participant=answer_header.participant or request_header.participant,

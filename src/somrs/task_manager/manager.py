@@ -32,7 +32,7 @@ from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.task_manager.context import TaskManagerContext, find_task_error
 from somrs.task_manager.device_queue import AtWork
-from somrs.task_manager.execution.participants import answer_stranger
+from somrs.task_manager.execution.senders import answer_stranger
 from somrs.task_manager.migrations import MIGRATIONS
 from somrs.task_manager.preview import PreviewExecutor
 from somrs.task_manager.preview_state import new_preview, preview_of_plan

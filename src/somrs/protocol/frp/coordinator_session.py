@@ -69,6 +69,9 @@ class CoordinatorSession(Session, tag="coordinator", kw_only=True):
         """Return the meaning of the message: it moves the session, it is a repetition to be answered again, or it is too late."""
         self._check(message)
         state_before, kind = self.state, type(message.body)
+        if message.header.sender != self.peer:
+            text = f"{kind.__name__} comes from {message.header.sender}, and {self.participant} is at {self.peer}"
+            return self._refuse_foreign(message, text)
         entry = states.COORDINATOR[state_before].get(kind)
         if entry is None or self._belongs_elsewhere(message):
             return ReceiveResult(kind=Kind.LATE, state_before=state_before, state=state_before)

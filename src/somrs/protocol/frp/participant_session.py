@@ -6,9 +6,18 @@ from msgspec import structs
 
 from somrs.errors import WireError
 from somrs.protocol.frp import states
-from somrs.protocol.frp.session import FLEETING, NOT_ALLOWED, ParticipantBody, ReceiveResult, Session, body_of_type, unstated_condition
+from somrs.protocol.frp.session import (
+    FLEETING,
+    NOT_ALLOWED,
+    ParticipantBody,
+    ReceiveResult,
+    Session,
+    body_of_type,
+    reply_address,
+    unstated_condition,
+)
 from somrs.protocol.frp.states import Entry, Kind
-from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
+from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import (
     Accept,
     Arrange,
@@ -30,7 +39,13 @@ _BOUND = states.WORKING | {State.COMMITTED}
 
 
 class ParticipantSession(Session, tag="participant", kw_only=True):
-    """A service's view of its part in one step of one transaction."""
+    """A service's view of its part in one step of one transaction.
+
+    `peer`: where its reports go. `coordinator`: the sender of the first message, from whom all orders have to come; empty in a session of
+    an earlier version, whose coordinator is its `peer`.
+    """
+
+    coordinator: str = ""
 
     @classmethod
     def from_message(cls, message: Message, me: str) -> ParticipantSession:
@@ -42,7 +57,13 @@ class ParticipantSession(Session, tag="participant", kw_only=True):
         header = message.header
         if header.transaction is None or header.participant is None:
             raise WireError(NOT_ALLOWED, f"{type(message.body).__name__} needs a transaction and a participant in its header")
-        return cls(transaction=header.transaction, participant=header.participant, me=me, peer=_reply_address(header))
+        return cls(
+            transaction=header.transaction,
+            participant=header.participant,
+            me=me,
+            peer=reply_address(header),
+            coordinator=header.sender,
+        )
 
     def copy(self) -> ParticipantSession:
         return structs.replace(self)
@@ -65,9 +86,13 @@ class ParticipantSession(Session, tag="participant", kw_only=True):
     def receive(self, message: Message) -> ReceiveResult:
         """Return the meaning of the message. A message that a coordinator may not send is ignored or answered with a Fault."""
         self._check(message)
-        if not isinstance(message.body, Query | Fault):  # any node may send a Query; its sender does not become the coordinator
-            self.peer = _reply_address(message.header)
         state_before, kind = self.state, type(message.body)
+        if self.is_foreign(message):
+            coordinator = self.coordinator or self.peer
+            text = f"{kind.__name__} comes from {message.header.sender}, and {self.participant} takes orders from {coordinator} only"
+            return self._refuse_foreign(message, text)
+        if kind is not Query:
+            self.peer = reply_address(message.header)
         entry = states.PARTICIPANT[state_before].get(kind)
         if entry is None:
             return self._fault(message, f"{kind.__name__} is not for a participant")
@@ -79,6 +104,10 @@ class ParticipantSession(Session, tag="participant", kw_only=True):
         if entry.kind is Kind.MOVES and entry.next_state is State.ENDED:
             self.reason = message.body.reason if isinstance(message.body, Cancel) else "ended"
         return ReceiveResult(kind=entry.kind, state_before=state_before, state=self.state, answers=self._answers(message, entry))
+
+    def is_foreign(self, message: Message) -> bool:
+        """Whether the message is an order of somebody else than the coordinator. Any node may ask for the state."""
+        return not isinstance(message.body, Query) and message.header.sender != (self.coordinator or self.peer)
 
     def send(self, body: ParticipantBody) -> Message:
         """Create a message that answers no other, and move. Raises UsageError when the state does not allow it."""
@@ -145,7 +174,3 @@ class ParticipantSession(Session, tag="participant", kw_only=True):
             return ReceiveResult(kind=Kind.LATE, state_before=self.state, state=self.state)
         fault = self._create_message("participant", Fault(code=NOT_ALLOWED, text=text), message.header.message_id)
         return ReceiveResult(kind=Kind.LATE, state_before=self.state, state=self.state, answers=(fault,))
-
-
-def _reply_address(header: Header) -> str:
-    return header.sender if header.reply_to == ANONYMOUS else header.reply_to

@@ -17,7 +17,7 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError, UsageError
 from somrs.protocol.frp.states import Entry, Kind
 from somrs.protocol.messages.bodies import FrpBody
-from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
 from somrs.protocol.messages.frp import (
     Accept,
     Arrange,
@@ -122,6 +122,14 @@ class Session(Struct, kw_only=True):
                 f"and this is the session of {self.participant} in {self.transaction}: look sessions up by these two ids"
             )
 
+    def _refuse_foreign(self, message: Message, text: str) -> ReceiveResult:
+        """Refuse a message of somebody else than the other side, without a trace in the session. A Fault is never answered."""
+        answers: tuple[Message, ...] = ()
+        if not isinstance(message.body, Fault):
+            answer = reply(message, Fault(code=NOT_ALLOWED, text=text), self.me)
+            answers = (structs.replace(answer, header=structs.replace(answer.header, recipient=reply_address(message.header))),)
+        return ReceiveResult(kind=Kind.FOREIGN, state_before=self.state, state=self.state, answers=answers)
+
     def _create_message(self, side: str, body: FrpBody, relates_to: str | None = None) -> Message:
         """Create a message. Its id is made from the transaction, the participant, the side, a number and the type."""
         name = type(body).__name__
@@ -188,6 +196,11 @@ class Session(Struct, kw_only=True):
     def copy(self) -> Session:
         """Return a copy that later changes do not affect."""
         return structs.replace(self)
+
+
+def reply_address(header: Header) -> str:
+    """Where the answer to a message goes."""
+    return header.sender if header.reply_to == ANONYMOUS else header.reply_to
 
 
 def unstated_condition(terms: Terms | None, execute: Execute) -> str | None:

@@ -48,6 +48,8 @@ class Kind(Enum):
     """The state changes, or the message brings new information in the same state."""
     REPEATED = "already done: answer again"
     LATE = "too late: ignore"
+    FOREIGN = "from somebody else than the other side of the session: refuse"
+    """In no table: it depends on the sender, and not on the state."""
 
 
 class Entry(NamedTuple):

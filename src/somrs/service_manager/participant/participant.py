@@ -130,6 +130,10 @@ class ServiceManager:
                 if kind is not frp.Fault:
                     yield Send(reply(message, frp.Fault(code=NOT_ALLOWED, text=error.text), self.address))
                 return
+        if job.session.is_foreign(message):
+            for answer in job.session.receive(message).answers:
+                yield Send(answer)
+            return
         objection = job.session.objection(message, now)
         if lapse := self._negotiation.lapse(job, message.body, now):
             yield from self._send_message(job, frp.Refuse(reason=lapse, not_now=True, lapsed=True), now)

@@ -6,19 +6,20 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 
 from msgspec import Struct, field, structs
 
-from somrs.kernel.component import Effect, Effects, EffectsReturning, Send, SetTimer
+from somrs.kernel.component import Effects, EffectsReturning, Send, SetTimer
 from somrs.ontology.modes import stands_still
 from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.frp.session import CoordinatorBody, ReceiveResult, participant_id
-from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDING_STATES, REPORTED_STATES, UNREACHED_STATES, WORKING
+from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDING_STATES, REPORTED_STATES, UNREACHED_STATES, WORKING, Kind
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.directory import Offer
-from somrs.protocol.messages.envelope import ANONYMOUS, Message
+from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.member import INTERRUPTED, Member
+from somrs.task_manager.execution.senders import answer_stranger, follow_address
 from somrs.task_manager.execution.translation import Translation
 from somrs.task_manager.timers import OverdueDue, SilenceDue
 
@@ -229,14 +230,19 @@ class Participants:
     # Receiving
 
     def receive(self, message: Message, now: float) -> EffectsReturning[tuple[Member, ReceiveResult, Message] | None]:
-        """Handle a message. Returns its participant, its meaning and itself, in the names of the map here; None if the sender is no
-        participant."""
+        """Handle a message. Returns its participant, its meaning and itself in the names of the map here; None for a stranger's."""
         member = self._members.find_member(message.header.participant)
         if member is None:
             yield from answer_stranger(message, self._context.address)
             return None
         message = self._translation(member).incoming(message)
+        if message.header.sender != member.session.peer:
+            follow_address(member, self._context.directory)
         transition = member.session.receive(message)
+        if transition.kind is Kind.FOREIGN:
+            for answer in transition.answers:
+                yield Send(answer)
+            return None
         if transition.state is not transition.state_before:
             self._mark_changed(member)
         self._log_message(now, message)
@@ -338,6 +344,15 @@ class Participants:
             if member.offer.provider in devices and not member.halting:
                 yield from self._watch(member, now)
 
+    def services_joined(self, services: Iterable[str], now: float) -> Effects:
+        """Follow devices to other addresses. Those at work are asked how far they are: what they reported from there was refused."""
+        joined = {*services}
+        for member in self._members:
+            if member.offer.service in joined and follow_address(member, self._context.directory):
+                self._mark_changed(member)
+                if member.state in WORKING:
+                    yield from self._send(member, frp.Query(), now, self._silence_time)
+
     def hindered(self, member: Member, now: float) -> Effects:
         """Give the work of a participant that cannot go on now its whole time again."""
         if member.state in (State.EXECUTING, State.COMPENSATING) and not member.halting:
@@ -383,13 +398,3 @@ class Participants:
 
     def _overdue(self, member: Member) -> OverdueDue:
         return OverdueDue(self._transaction, member.id)
-
-
-def answer_stranger(message: Message, address: str) -> list[Effect]:
-    """The answers to a sender that is no participant here, for example of a transaction that ended long ago."""
-    header = message.header
-    if header.transaction is None or header.participant is None:
-        return []
-    peer = header.sender if header.reply_to == ANONYMOUS else header.reply_to
-    session = CoordinatorSession(transaction=header.transaction, participant=header.participant, me=address, peer=peer)
-    return [Send(answer) for answer in session.receive(message).answers]

@@ -166,8 +166,9 @@ class Transaction:
             yield from self.proceed(now)
 
     def services_joined(self, services: Iterable[str], now: float) -> Effects:
-        """Handle the arrival of services: a task that waits tries again."""
+        """Handle the arrival of services: participants are followed to new addresses, and a task that waits tries again."""
         self._scope.services.returned(services)
+        yield from self._scope.participants.services_joined(services, now)
         yield from RetryWait(self.state.goal, self._scope).hasten(now)
 
     def clock_adjusted(self, now: float) -> Effects:

@@ -5,11 +5,17 @@ from __future__ import annotations
 import pytest
 
 from somrs.errors import UsageError
-from somrs.protocol.frp.session import MessageRecord
+from somrs.protocol.frp.session import NOT_ALLOWED, MessageRecord
 from somrs.protocol.frp.states import Kind
 from somrs.protocol.messages.bodies import FrpBody
+from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.protocol.messages.frp import Accept, Cancel, Completed, End, Fault, Outcome, Progress, Query, Refuse, State, Status, Stop
-from tests.support.sessions import ARRANGE, COMPENSATE, END, EXECUTE, IDENTITY, STOP, TERMS, coordinator, executing, message
+from tests.support.sessions import ARRANGE, COMPENSATE, END, EXECUTE, IDENTITY, SM, STOP, TERMS, TM, coordinator, executing
+from tests.support.sessions import message as message_from
+
+
+def message(body: FrpBody, relates_to: str | None = None) -> Message:
+    return message_from(body, relates_to, sender=SM)
 
 
 @pytest.mark.parametrize(
@@ -172,3 +178,16 @@ def test_nothing_can_be_accepted_where_nothing_was_offered(state: State, allowed
     with pytest.raises(UsageError) as error:
         coordinator(state).accept()
     assert str(error.value) == f"{IDENTITY} in t1 is {state.value}: Accept is not allowed; allowed: {allowed}"
+
+
+@pytest.mark.parametrize("sender", [TM, ANONYMOUS, "http://there/other"])
+@pytest.mark.parametrize("body", [Completed(situation=""), Progress(fraction=0.5), Status(state=State.NEW), Fault(code="c", text="t")])
+def test_only_the_participant_reports_its_work(body: FrpBody, sender: str) -> None:
+    session, _ = executing()
+    query = session.send(Query())
+    before = session.copy()
+    result = session.receive(message_from(body, query.header.message_id, sender=sender, reply_to="http://there/other"))
+    assert (result.kind, result.moved, session) == (Kind.FOREIGN, False, before)
+    text = f"{type(body).__name__} comes from {sender}, and {IDENTITY} is at {SM}"
+    expected = [] if isinstance(body, Fault) else [("http://there/other", Fault(code=NOT_ALLOWED, text=text))]
+    assert [(answer.header.recipient, answer.body) for answer in result.answers] == expected

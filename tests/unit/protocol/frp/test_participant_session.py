@@ -140,19 +140,26 @@ def test_a_fault_is_never_answered(state: State) -> None:
 
 
 @pytest.mark.parametrize(
-    ("body", "sender", "reply_to", "peer"),
-    [
-        (Query(), OTHER_ADDRESS, OTHER_ADDRESS, TM),
-        (Fault(code="c", text="t"), OTHER_ADDRESS, OTHER_ADDRESS, TM),
-        (STOP, OTHER_ADDRESS, OTHER_ADDRESS, OTHER_ADDRESS),
-        (STOP, OTHER_ADDRESS, TM, TM),
-        (STOP, OTHER_ADDRESS, ANONYMOUS, OTHER_ADDRESS),
-    ],
+    ("body", "reply_to", "peer"),
+    [(Query(), OTHER_ADDRESS, TM), (STOP, OTHER_ADDRESS, OTHER_ADDRESS), (STOP, ANONYMOUS, TM), (STOP, TM, TM)],
 )
-def test_whoever_gives_orders_is_answered_from_then_on(body: FrpBody, sender: str, reply_to: str, peer: str) -> None:
+def test_the_coordinator_is_answered_where_it_wants_its_answers(body: FrpBody, reply_to: str, peer: str) -> None:
     _, session = executing()
-    session.receive(message(body, sender=sender, reply_to=reply_to))
+    session.receive(message(body, reply_to=reply_to))
     assert session.peer == peer
+
+
+@pytest.mark.parametrize("sender", [OTHER_ADDRESS, SM, ANONYMOUS])
+@pytest.mark.parametrize("body", [ARRANGE, STOP, END, COMPENSATE, Cancel(reason="r"), Fault(code="c", text="t")])
+def test_only_the_coordinator_gives_orders(body: FrpBody, sender: str) -> None:
+    session = ParticipantSession.from_message(message(ARRANGE), SM)
+    session.receive(message(ARRANGE))
+    session.send(TERMS)
+    before = session.copy()
+    result = session.receive(message(body, sender=sender, reply_to=TM))
+    assert (result.kind, result.moved, session) == (Kind.FOREIGN, False, before)
+    text = f"{type(body).__name__} comes from {sender}, and {IDENTITY} takes orders from {TM} only"
+    assert [answer.body for answer in result.answers] == ([] if isinstance(body, Fault) else [Fault(code=NOT_ALLOWED, text=text)])
 
 
 def test_whoever_asks_for_the_state_is_told_where_it_wants() -> None:
@@ -213,7 +220,7 @@ def test_a_message_of_another_contract_is_no_business_of_a_session(header: dict[
 @pytest.mark.parametrize("header", [{"transaction": None}, {"participant": None}])
 def test_a_session_is_opened_by_a_message_with_both_ids(header: dict[str, None]) -> None:
     plain = message(ARRANGE)
-    assert ParticipantSession.from_message(plain, SM) == participant()
+    assert ParticipantSession.from_message(plain, SM) == structs.replace(participant(), coordinator=TM)
     with pytest.raises(WireError) as error:
         ParticipantSession.from_message(Message(header=structs.replace(plain.header, **header), body=ARRANGE), SM)
     assert (error.value.code, error.value.text) == (NOT_ALLOWED, "Arrange needs a transaction and a participant in its header")

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import pytest
+from msgspec import structs
 
 from somrs.kernel.component import Effect, Send, SetTimer
+from somrs.kernel.offers import Offers
 from somrs.kernel.replica import Replica
+from somrs.kernel.service_replica import ServiceReplica
 from somrs.ontology.services import ServiceType
 from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.frp.session import ReceiveResult
@@ -20,7 +23,8 @@ from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from somrs.task_manager.discovery import Discovery
 from somrs.task_manager.execution.bids import Bid
 from somrs.task_manager.execution.member import Member
-from somrs.task_manager.execution.participants import Members, Participants, answer_stranger
+from somrs.task_manager.execution.participants import Members, Participants
+from somrs.task_manager.execution.senders import answer_stranger
 from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.timers import OverdueDue, SilenceDue
@@ -43,12 +47,13 @@ class TransactionHarness:
         self.logged_events: list[tuple[Event, float]] = []
         self.logged_messages: list[tuple[float, Message]] = []
         self.replica = Replica(ME, "repository", version=7)
+        self.directory = ServiceReplica(ME, "registry")
         self.touched: dict[str, None] = {}
         context = TaskManagerContext(
             replica=self.replica,
             requests=Requests(address=ME, repository="repository", registry="registry"),
             local_reservations=None,
-            discovery=Discovery(),
+            discovery=Discovery(directory=self.directory),
             queues=self.queues,
             quotes=Quotes(),
             pace=Pace(),
@@ -71,13 +76,13 @@ class TransactionHarness:
     def invited(self, step: str = "1.1/step1", now: float = 0.0) -> Member:
         return run_effects(self.participants.invite(OFFER, "step1", step, ARRANGE, now, 10.0))[1]
 
-    def message(self, participant: str | None, body: FrpBody) -> Message:
+    def message(self, participant: str | None, body: FrpBody, sender: str = OFFER.address) -> Message:
         self._message_count += 1
         header = Header(
-            sender=OFFER.address,
+            sender=sender,
             recipient=ME,
             message_id=f"said {self._message_count}",
-            reply_to=OFFER.address,
+            reply_to=sender,
             transaction="task1",
             participant=participant,
         )
@@ -86,7 +91,7 @@ class TransactionHarness:
     def member_says(
         self, member: Member, body: FrpBody, now: float = 0.0
     ) -> tuple[list[Effect], tuple[Member, ReceiveResult, Message] | None]:
-        return run_effects(self.participants.receive(self.message(member.id, body), now))
+        return run_effects(self.participants.receive(self.message(member.id, body, sender=member.offer.address), now))
 
     def offered(self, duration: float = 30.0) -> Member:
         member = self.invited()
@@ -541,3 +546,40 @@ def test_who_is_given_up_twice_is_lost_once() -> None:
     assert run_effects(transaction.participants.give_up_member(member)) == ([], None)
     assert (member.lost_version, transaction.members.change_count) == (7, changes)
     assert isinstance(member.session, CoordinatorSession)
+
+
+COMPLETED = frp.Completed(situation="Jar1.Clean = TRUE")
+
+
+def test_what_a_stranger_reports_is_refused_and_no_news() -> None:
+    transaction = TransactionHarness()
+    member = transaction.executing(100.0)
+    logged = [*transaction.logged_messages]
+    effects, received = run_effects(transaction.participants.receive(transaction.message(member.id, COMPLETED, "stranger"), 110.0))
+    [fault] = [effect.message for effect in effects if isinstance(effect, Send)]
+    assert (received, member.state, member.last_heard_time, transaction.logged_messages) == (None, State.EXECUTING, 100.0, logged)
+    assert isinstance(fault.body, frp.Fault)
+    assert fault.header.recipient == "stranger"
+
+
+def test_a_device_reports_from_where_its_service_is_on_offer_now() -> None:
+    transaction = TransactionHarness()
+    member = transaction.executing(100.0)
+    transaction.directory.offers = Offers([structs.replace(OFFER, address="moved")])
+    run_effects(transaction.participants.receive(transaction.message(member.id, COMPLETED, "moved"), 110.0))
+    assert (member.state, member.session.peer) == (State.COMPLETED, "moved")
+
+
+@pytest.mark.parametrize(
+    ("state", "address", "bodies"),
+    [(State.EXECUTING, "moved", [frp.Query()]), (State.OFFERED, "moved", []), (State.EXECUTING, OFFER.address, [])],
+)
+def test_a_device_at_work_that_is_elsewhere_is_asked_there(state: State, address: str, bodies: list[FrpBody]) -> None:
+    transaction = TransactionHarness()
+    member = transaction.in_state(state)
+    transaction.directory.offers = Offers([structs.replace(OFFER, address=address)])
+    effects, _ = run_effects(transaction.participants.services_joined([OFFER.service], 110.0))
+    messages = [effect.message for effect in effects if isinstance(effect, Send)]
+    assert [message.body for message in messages] == bodies
+    assert {message.header.recipient for message in messages} <= {address}
+    assert member.session.peer == address
