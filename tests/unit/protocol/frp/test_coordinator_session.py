@@ -185,9 +185,9 @@ def test_nothing_can_be_accepted_where_nothing_was_offered(state: State, allowed
 def test_only_the_participant_reports_its_work(body: FrpBody, sender: str) -> None:
     session, _ = executing()
     query = session.send(Query())
-    before = session.copy()
+    session_before = session.copy()
     result = session.receive(message_from(body, query.header.message_id, sender=sender, reply_to="http://there/other"))
-    assert (result.kind, result.moved, session) == (Kind.FOREIGN, False, before)
+    assert (result.kind, result.moved, session) == (Kind.FOREIGN, False, session_before)
     text = f"{type(body).__name__} comes from {sender}, and {IDENTITY} is at {SM}"
     expected = [] if isinstance(body, Fault) else [("http://there/other", Fault(code=NOT_ALLOWED, text=text))]
     assert [(answer.header.recipient, answer.body) for answer in result.answers] == expected

@@ -155,9 +155,9 @@ def test_only_the_coordinator_gives_orders(body: FrpBody, sender: str) -> None:
     session = ParticipantSession.from_message(message(ARRANGE), SM)
     session.receive(message(ARRANGE))
     session.send(TERMS)
-    before = session.copy()
+    session_before = session.copy()
     result = session.receive(message(body, sender=sender, reply_to=TM))
-    assert (result.kind, result.moved, session) == (Kind.FOREIGN, False, before)
+    assert (result.kind, result.moved, session) == (Kind.FOREIGN, False, session_before)
     text = f"{type(body).__name__} comes from {sender}, and {IDENTITY} takes orders from {TM} only"
     assert [answer.body for answer in result.answers] == ([] if isinstance(body, Fault) else [Fault(code=NOT_ALLOWED, text=text)])
 

@@ -1,0 +1,147 @@
+"""The commands of the site's certificate authority: who has a certificate, and which."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from somrs.cli.options import DEFAULT_FOLDER, Data, Json, guarded
+
+if TYPE_CHECKING:
+    from somrs.trust.authority import Authority
+
+trust_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+"""The commands of certificates."""
+
+Name = Annotated[str, typer.Argument(help="The name of a device or program, as it publishes itself.")]
+Hosts = Annotated[
+    list[str], typer.Option("--host", help="A name or IP address at which it is reached; may be repeated.", show_default=False)
+]
+Out = Annotated[Path, typer.Option("--out", help="The folder for NAME.pem, NAME.key and authority.pem.")]
+
+
+def _authority(data: Path) -> Authority:
+    from somrs.trust.authority import Authority
+
+    return Authority.of_data(data)
+
+
+@trust_app.command()
+def init(
+    site: Annotated[str, typer.Option(help="The name of the site, for people.")] = "site",
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Make the certificate authority of a site, in its data folder."""
+    authority = _authority(data)
+    guarded(lambda: authority.create(site, _now()))
+    print(f"made the authority of {site} in {authority.folder}")
+
+
+@trust_app.command(name="list")
+def list_certificates(
+    all: Annotated[bool, typer.Option("--all", help="Those that were revoked or have expired, too.")] = False,
+    data: Data = DEFAULT_FOLDER,
+    json: Json = False,
+) -> None:
+    """Show who has a certificate, and until when."""
+    from somrs.client import terminal
+
+    issued, now = guarded(_authority(data).read).certificates, _now().timestamp()
+    shown = [entry for entry in issued if all or (entry.revoked_at is None and entry.ends > now)]
+    if json:
+        terminal.print_json(shown)
+        return
+    if not shown:
+        print("nobody has a certificate; `somrs trust invite NAME` invites a device")
+    for entry in shown:
+        print(f"{entry.name}: {_text(entry.roles)}, until {_time(entry.ends)}, serial number {entry.serial}{_state(entry.revoked_at)}")
+        if entry.speaks_for:
+            print(f"  speaks for {_text(entry.speaks_for)}")
+
+
+@trust_app.command()
+def invite(
+    name: Name,
+    role: Annotated[list[str], typer.Option("--role", help="What it is; may be repeated.")] = ["device"],  # noqa: B006  # typer copies it
+    speaks_for: Annotated[
+        list[str], typer.Option("--speaks-for", help="A device in whose name it speaks, too; may be repeated.", show_default=False)
+    ] = [],  # noqa: B006
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Let a device or program enrol itself once, within an hour. Prints the word that it needs for that."""
+    from somrs.trust.identity import Identity, role_named
+
+    def invited() -> str:
+        identity = Identity(name=name, roles=frozenset(map(role_named, role)), speaks_for=frozenset(speaks_for))
+        return _authority(data).invite(identity, _now())
+
+    print(guarded(invited))
+
+
+@trust_app.command()
+def enrol(
+    word: Annotated[str, typer.Argument(help="The word that `somrs trust invite` has printed.")],
+    host: Hosts = [],  # noqa: B006
+    request: Annotated[
+        Path | None,
+        typer.Option(help="A certificate request (PEM), of a device that keeps its key; by default, a key is made.", show_default=False),
+    ] = None,
+    out: Out = Path("."),
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Get the certificate to which a word invites."""
+    from somrs.trust.enrolment import enrol
+
+    written = guarded(lambda: enrol(_authority(data), word, tuple(host), out, _now(), request))
+    print("\n".join(map(str, written)))
+
+
+@trust_app.command()
+def renew(
+    certificate: Annotated[Path, typer.Argument(help="A certificate that still holds. It is replaced, and so is the key beside it.")],
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Get a new key and a new certificate for who has one."""
+    from somrs.trust.enrolment import renew
+
+    written = guarded(lambda: renew(_authority(data), certificate, _now()))
+    print("\n".join(map(str, written)))
+
+
+@trust_app.command()
+def revoke(name: Name, data: Data = DEFAULT_FOLDER) -> None:
+    """Revoke all certificates and invitations of a name."""
+    serials = guarded(lambda: _authority(data).revoke(name, _now()))
+    print(f"revoked {_text(serials)}" if serials else f"{name} had an invitation only, which is withdrawn")
+
+
+@trust_app.command()
+def show(
+    certificate: Annotated[Path, typer.Argument(help="A certificate (PEM).")],
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Check a certificate, and show whose it is and what it is for."""
+    identity = guarded(lambda: _authority(data).check(certificate.read_bytes(), _now()))
+    print(f"{identity.name}: {_text(sorted(identity.roles))}")
+    if identity.speaks_for:
+        print(f"  speaks for {_text(sorted(identity.speaks_for))}")
+
+
+def _now() -> datetime:
+    return datetime.now(UTC)
+
+
+def _time(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="minutes")
+
+
+def _text(words: object) -> str:
+    assert isinstance(words, tuple | list), "these are names"
+    return ", ".join(words)
+
+
+def _state(revoked_at: float | None) -> str:
+    return f", revoked at {_time(revoked_at)}" if revoked_at is not None else ""

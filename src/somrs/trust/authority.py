@@ -1,0 +1,259 @@
+"""The certificate authority of a site, in the folder `trust` of its data folder.
+
+| file | content |
+|---|---|
+| `authority.key`, `authority.pem` | the key and the certificate of the authority |
+| `register.json` | the certificates that it has issued, the invitations that are open, and what is revoked |
+| `revoked.pem` | the list of revoked certificates, which programs read again when it changes |
+| `programs/NAME.key`, `.pem` | keys and certificates of the site's own programs |
+
+All are for the user of the system alone. Changes of the register are made one after the other, under a lock.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import hmac
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import msgspec
+
+from somrs.errors import UsageError
+from somrs.trust import certificates
+from somrs.trust.certificates import CERTIFICATE_DAYS, Issued
+from somrs.trust.identity import Identity, Role
+
+FOLDER = "trust"
+INVITATION_SECONDS = 3600.0
+"""For how long an invitation can be used."""
+
+
+class IssuedCertificate(msgspec.Struct, frozen=True, kw_only=True):
+    """A certificate that was issued. `begins`, `ends`: seconds since 1970."""
+
+    serial: str
+    name: str
+    roles: tuple[Role, ...]
+    speaks_for: tuple[str, ...] = ()
+    hosts: tuple[str, ...] = ()
+    begins: float
+    ends: float
+    revoked_at: float | None = None
+
+    @property
+    def identity(self) -> Identity:
+        return Identity(name=self.name, roles=frozenset(self.roles), speaks_for=frozenset(self.speaks_for))
+
+
+class Invitation(msgspec.Struct, frozen=True, kw_only=True):
+    """Who may ask once for a certificate. Of the word, only the hash is kept."""
+
+    word_hash: str
+    name: str
+    roles: tuple[Role, ...]
+    speaks_for: tuple[str, ...] = ()
+    ends: float
+
+
+class Register(msgspec.Struct, kw_only=True):
+    """What the authority keeps. `version`: of this format."""
+
+    version: int = 1
+    site: str
+    certificates: list[IssuedCertificate] = []
+    invitations: list[Invitation] = []
+
+
+@dataclass(frozen=True, slots=True)
+class Authority:
+    """The authority in a folder. Its methods raise UsageError if there is none."""
+
+    folder: Path
+
+    @classmethod
+    def of_data(cls, data: Path) -> Authority:
+        """The authority of the system with this data folder."""
+        return cls(data / FOLDER)
+
+    @property
+    def exists(self) -> bool:
+        return (self.folder / "register.json").exists()
+
+    @property
+    def certificate_file(self) -> Path:
+        return self.folder / "authority.pem"
+
+    @property
+    def revocation_file(self) -> Path:
+        return self.folder / "revoked.pem"
+
+    def create(self, site: str, now: datetime) -> None:
+        """Make the authority of a site. Raises UsageError if there is one: its certificates would become worthless."""
+        if self.exists:
+            raise UsageError(f"{self.folder} has an authority already, whose certificates are in use; remove the folder to begin anew")
+        (self.folder / "programs").mkdir(mode=0o700, parents=True, exist_ok=True)
+        self.folder.chmod(0o700)
+        issued = certificates.make_authority(site, now)
+        write_private(self.folder / "authority.key", issued.key)
+        write_private(self.certificate_file, issued.certificate)
+        self._write_revoked(Register(site=site), now)
+        write_private(self.folder / "register.json", msgspec.json.format(msgspec.json.encode(Register(site=site))))
+
+    def read(self) -> Register:
+        """What has been issued."""
+        self._check_exists()
+        try:
+            return msgspec.json.decode((self.folder / "register.json").read_bytes(), type=Register)
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            raise UsageError(f"{self.folder / 'register.json'} cannot be read: {error}; restore it from a backup") from None
+
+    def issue(self, identity: Identity, request: bytes, hosts: tuple[str, ...], now: datetime) -> bytes:
+        """Issue a certificate for an identity that the caller has proven. Returns it in PEM."""
+        with self._changing() as register:
+            return self._issue(register, identity, request, hosts, now)
+
+    def issue_program(self, identity: Identity, hosts: tuple[str, ...], now: datetime) -> tuple[Path, Path]:
+        """The files of the certificate and the key of a program of this site; made if there are none, or if they are due for renewal."""
+        certificate_file, key_file = (self.folder / "programs" / f"{identity.name}.{kind}" for kind in ("pem", "key"))
+        if certificate_file.exists() and key_file.exists() and self._is_usable(certificate_file, identity, hosts, now):
+            return certificate_file, key_file
+        request = certificates.make_request()
+        certificate = self.issue(identity, request.certificate, hosts, now)
+        write_private(key_file, request.key)
+        write_private(certificate_file, certificate)
+        return certificate_file, key_file
+
+    def invite(self, identity: Identity, now: datetime, seconds: float = INVITATION_SECONDS) -> str:
+        """Let an identity enrol itself once. Returns the word that proves it; it is not kept."""
+        word = secrets.token_urlsafe(18)
+        with self._changing() as register:
+            invitation = Invitation(
+                word_hash=_hash(word),
+                name=identity.name,
+                roles=tuple(sorted(identity.roles)),
+                speaks_for=tuple(sorted(identity.speaks_for)),
+                ends=now.timestamp() + seconds,
+            )
+            open_invitations = [
+                invited for invited in register.invitations if invited.ends > now.timestamp() and invited.name != identity.name
+            ]
+            register.invitations = [*open_invitations, invitation]
+        return word
+
+    def enrol(self, word: str, request: bytes, hosts: tuple[str, ...], now: datetime) -> bytes:
+        """Issue the certificate that a word invites to, and use it up. Returns it in PEM."""
+        with self._changing() as register:
+            word_hash = _hash(word)
+            invitation = next(
+                (invitation for invitation in register.invitations if hmac.compare_digest(invitation.word_hash, word_hash)), None
+            )
+            if invitation is None:
+                raise UsageError("this invitation is unknown or was used: get another one with `somrs trust invite NAME`")
+            if invitation.ends <= now.timestamp():
+                raise UsageError(
+                    f"the invitation of {invitation.name} has expired: get another one with `somrs trust invite {invitation.name}`"
+                )
+            identity = Identity(name=invitation.name, roles=frozenset(invitation.roles), speaks_for=frozenset(invitation.speaks_for))
+            certificate = self._issue(register, identity, request, hosts, now)
+            register.invitations.remove(invitation)
+            return certificate
+
+    def renew(self, certificate: bytes, request: bytes, now: datetime) -> bytes:
+        """Issue a certificate to follow one that still holds, for the same identity and hosts. Returns it in PEM."""
+        with self._changing() as register:
+            identity = self.check(certificate, now)
+            number = certificates.serial(certificates.load(certificate, "the certificate"))
+            hosts = next((entry.hosts for entry in register.certificates if entry.serial == number), ())
+            return self._issue(register, identity, request, hosts, now)
+
+    def revoke(self, name: str, now: datetime) -> list[str]:
+        """Revoke all certificates and invitations of a name. Returns the serial numbers."""
+        with self._changing() as register:
+            holding = [entry.serial for entry in register.certificates if entry.name == name and entry.revoked_at is None]
+            invited = [invitation for invitation in register.invitations if invitation.name == name]
+            if not holding and not invited:
+                known_names = ", ".join(sorted({entry.name for entry in register.certificates if entry.revoked_at is None})) or "none"
+                raise UsageError(f"{name} has no certificate that holds; there are those of: {known_names}")
+            register.certificates = [
+                msgspec.structs.replace(entry, revoked_at=now.timestamp()) if entry.serial in holding else entry
+                for entry in register.certificates
+            ]
+            register.invitations = [invitation for invitation in register.invitations if invitation not in invited]
+            self._write_revoked(register, now)
+            return holding
+
+    def check(self, certificate: bytes, now: datetime) -> Identity:
+        """The identity of a certificate of this site that holds now. Raises UsageError that says who, what, and what to do next."""
+        register = self.read()
+        authority = certificates.load(self.certificate_file.read_bytes(), str(self.certificate_file))
+        return certificates.check(certificates.load(certificate, "the certificate"), authority, _revoked(register), now)
+
+    def _issue(self, register: Register, identity: Identity, request: bytes, hosts: tuple[str, ...], now: datetime) -> bytes:
+        lifetime = timedelta(days=CERTIFICATE_DAYS)
+        issued = certificates.issue(self._signer(), request, identity, hosts, now, lifetime)
+        register.certificates.append(
+            IssuedCertificate(
+                serial=certificates.serial(issued),
+                name=identity.name,
+                roles=tuple(sorted(identity.roles)),
+                speaks_for=tuple(sorted(identity.speaks_for)),
+                hosts=hosts,
+                begins=issued.not_valid_before_utc.timestamp(),
+                ends=issued.not_valid_after_utc.timestamp(),
+            )
+        )
+        return certificates.pem(issued)
+
+    def _is_usable(self, file: Path, identity: Identity, hosts: tuple[str, ...], now: datetime) -> bool:
+        certificate = certificates.load(file.read_bytes(), str(file))
+        entry = {issued.serial: issued for issued in self.read().certificates}.get(certificates.serial(certificate))
+        if entry is None or entry.revoked_at is not None or entry.identity != identity or entry.hosts != hosts:
+            return False
+        return not certificates.is_renewal_due(certificate, now)
+
+    def _signer(self) -> Issued:
+        return Issued(certificate=self.certificate_file.read_bytes(), key=(self.folder / "authority.key").read_bytes())
+
+    def _write_revoked(self, register: Register, now: datetime) -> None:
+        lifetime = timedelta(days=certificates.AUTHORITY_DAYS)  # it is read from this folder, where no older one takes its place
+        write_private(self.revocation_file, certificates.revocation_list(self._signer(), _revoked(register), now, lifetime))
+
+    @contextmanager
+    def _changing(self) -> Iterator[Register]:
+        """Yield the register, and write what has become of it. Nothing is written after an error."""
+        self._check_exists()
+        with (self.folder / "lock").open("a") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            register = self.read()
+            yield register
+            write_private(self.folder / "register.json", msgspec.json.format(msgspec.json.encode(register)))
+
+    def _check_exists(self) -> None:
+        if not self.exists:
+            raise UsageError(f"{self.folder} has no certificate authority: make one with `somrs trust init`")
+
+
+def _revoked(register: Register) -> frozenset[str]:
+    return frozenset(entry.serial for entry in register.certificates if entry.revoked_at is not None)
+
+
+def _hash(word: str) -> str:
+    return hashlib.sha256(word.strip().encode()).hexdigest()  # of 144 random bits: nothing is gained by trying words
+
+
+def write_private(file: Path, content: bytes) -> None:
+    """Replace a file, which only its user may read, in one step."""
+    draft = file.with_name(f".{file.name}.{os.getpid()}")
+    descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    with os.fdopen(descriptor, "wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    draft.replace(file)
