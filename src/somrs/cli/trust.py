@@ -20,7 +20,7 @@ Name = Annotated[str, typer.Argument(help="The name of a device or program, as i
 Hosts = Annotated[
     list[str], typer.Option("--host", help="A name or IP address at which it is reached; may be repeated.", show_default=False)
 ]
-Out = Annotated[Path, typer.Option("--out", help="The folder for NAME.pem, NAME.key and authority.pem.")]
+OutFolder = Annotated[Path, typer.Option("--out", help="The folder for NAME.pem, NAME.key and authority.pem.")]
 
 
 def _authority(data: Path) -> Authority:
@@ -42,7 +42,7 @@ def init(
 
 @trust_app.command(name="list")
 def list_certificates(
-    all: Annotated[bool, typer.Option("--all", help="Those that were revoked or have expired, too.")] = False,
+    with_former: Annotated[bool, typer.Option("--all", help="Those that were revoked or have expired, too.")] = False,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
@@ -50,13 +50,13 @@ def list_certificates(
     from somrs.client import terminal
 
     issued, now = guarded(_authority(data).read).certificates, _now().timestamp()
-    shown = [entry for entry in issued if all or (entry.revoked_at is None and entry.ends > now)]
+    listed_certificates = [entry for entry in issued if with_former or (entry.revoked_at is None and entry.ends > now)]
     if json:
-        terminal.print_json(shown)
+        terminal.print_json(listed_certificates)
         return
-    if not shown:
+    if not listed_certificates:
         print("nobody has a certificate; `somrs trust invite NAME` invites a device")
-    for entry in shown:
+    for entry in listed_certificates:
         print(f"{entry.name}: {_text(entry.roles)}, until {_time(entry.ends)}, serial number {entry.serial}{_state(entry.revoked_at)}")
         if entry.speaks_for:
             print(f"  speaks for {_text(entry.speaks_for)}")
@@ -89,7 +89,7 @@ def enrol(
         Path | None,
         typer.Option(help="A certificate request (PEM), of a device that keeps its key; by default, a key is made.", show_default=False),
     ] = None,
-    out: Out = Path("."),
+    out: OutFolder = Path("."),
     data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Get the certificate to which a word invites."""

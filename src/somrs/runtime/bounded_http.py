@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from http import HTTPStatus
 from typing import Any
 
@@ -25,6 +25,10 @@ DATE_TIME = 1.0
 
 LINGER_TIME = 5
 """Seconds for which a client that was refused may still send, so that it reads why. Nothing of it is kept."""
+
+
+PEER_CERTIFICATE = "peer_certificate"
+"""Where the state of a request has the certificate of its sender, as `ssl.SSLSocket.getpeercert` returns it; None without TLS."""
 
 
 class BoundedConfig(uvicorn.Config):
@@ -73,6 +77,8 @@ class BoundedProtocol(HttpToolsProtocol):
         """Whether the application has been given the request that is arriving."""
         self._seconds = 0
         """For how long the connection has been in its present phase."""
+        self._peer_certificate: Mapping[str, Any] | None = None
+        """What the other end has proven itself with; None without TLS."""
         self._header_bytes = self._body_bytes = self._raw_bytes = self._held_bytes = 0
         self._unsent_bytes = self._unsent_seconds = 0
 
@@ -88,6 +94,7 @@ class BoundedProtocol(HttpToolsProtocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
+        self._peer_certificate = transport.get_extra_info("peercert")
         if len(self.connections) <= self._bounds.connections:
             return
         siblings = (connection for connection in self.connections if isinstance(connection, BoundedProtocol) and connection is not self)
@@ -139,6 +146,10 @@ class BoundedProtocol(HttpToolsProtocol):
             self._refuse_body()  # hardly any of it is content: chunks of a byte, their extensions, trailers
 
     # What the parser calls
+
+    def on_message_begin(self) -> None:
+        super().on_message_begin()
+        self.scope["state"][PEER_CERTIFICATE] = self._peer_certificate
 
     def on_header(self, name: bytes, value: bytes) -> None:
         if self._in_headers:  # and not in the trailers of a body, which mean nothing here

@@ -22,6 +22,7 @@ from somrs.runtime.outbox import Outboxes, OutgoingMessage, Transport
 from somrs.runtime.reception import Handler
 from somrs.runtime.wire import Wire
 from somrs.storage.journal import Journal
+from somrs.trust.credentials import Credentials
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +31,8 @@ class Host:
     """The components of one process behind one port, by default at the loopback address: a context manager. `clock` is the clock of all
     components.
 
-    `bus`: where the components are instead, and how they reach those of the same site.
+    `bus`: where the components are instead, and how they reach those of the same site. `credentials`: with what they prove who they are to
+    others, over HTTPS; by default, those of the environment.
     """
 
     def __init__(
@@ -40,12 +42,14 @@ class Host:
         watch: Watch | None = None,
         clock: Clock | None = None,
         bus: BusAddress | None = None,
+        credentials: Credentials | None = None,
     ) -> None:
+        credentials = credentials if credentials is not None else Credentials.of_environment()
         self.clock = clock if clock is not None else Clock()
-        self._wire, self._bus = Wire(), Bus(bus) if bus is not None else None
+        self._wire, self._bus = Wire(credentials), Bus(bus) if bus is not None else None
         self._nodes: dict[str, Node] = {}
         self._parts: dict[str, Handler] = self._bus.parts if self._bus is not None else {}
-        self._server = self._bus or Server(host, port, self._parts)
+        self._server = self._bus or Server(host, port, self._parts, credentials=credentials)
         self._watch = watch
         self._local: deque[tuple[Node, OutgoingMessage]] = deque()
         self._outboxes = Outboxes(self._route, self._post_separately, self.clock.now)

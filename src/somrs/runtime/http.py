@@ -23,8 +23,10 @@ from somrs.protocol.soap.document import MOST_BYTES
 from somrs.protocol.soap.wsdl import description, schema
 from somrs.runtime import batches
 from somrs.runtime.batches import Outcome
-from somrs.runtime.bounded_http import BoundedConfig, QuietServer
+from somrs.runtime.bounded_http import PEER_CERTIFICATE, BoundedConfig, QuietServer
+from somrs.runtime.proofs import Source, proof_of
 from somrs.runtime.reception import Format, Handler, Reception, unavailable
+from somrs.trust.credentials import Credentials
 
 SOAP = Format(soap.encode, soap.decode, soap.fault)
 
@@ -40,7 +42,8 @@ _STARTING = "no component is available yet; this process is starting"
 class Server:
     """Serves `parts`, the handlers by path, at one port. Runs in the present event loop.
 
-    `public_url`: how others reach it, if that is not its own host and port. `bounds`: by default those of the environment.
+    `public_url`: how others reach it, if that is not its own host and port. `bounds`: by default those of the environment. `credentials`:
+    with them, it speaks HTTPS only, with who has a certificate of the same authority, and checks the rights of the sender of each message.
     """
 
     def __init__(
@@ -50,8 +53,10 @@ class Server:
         parts: Mapping[str, Handler] | None = None,
         public_url: str | None = None,
         bounds: Limits | None = None,
+        credentials: Credentials | None = None,
     ) -> None:
         self.host, self.port, self._public_url, self._bounds = host, port, public_url, bounds
+        self._credentials = credentials
         self.parts: Mapping[str, Handler] = parts if parts is not None else {}
         self._serving: asyncio.Task[None] | None = None
         self._server: QuietServer | None = None
@@ -59,7 +64,7 @@ class Server:
 
     @property
     def url(self) -> str:
-        return f"http://{self.host}:{self.port}"
+        return f"{'http' if self._credentials is None else 'https'}://{self.host}:{self.port}"
 
     @property
     def open_count(self) -> int:
@@ -80,6 +85,7 @@ class Server:
             timeout_keep_alive=KEPT_TIME + 15,
             proxy_headers=False,
             headers=[("Accept-Post", batches.ACCEPTED)],
+            ssl_context_factory=(lambda *_: credentials.server) if (credentials := self._credentials) is not None else None,
         )
         self._server = QuietServer(config)
         self._serving = asyncio.create_task(self._server.serve(sockets=[server_socket]))
@@ -126,16 +132,23 @@ class Server:
             return Response(status_code=400)
         except RemoteError as error:
             return _response(unavailable(error))
-        peer: str = scope["client"][0] if scope["client"] else ""
-        return await self._take_batch(document, peer) if is_batch else _response(await self._reception.outcome(document, handler, peer))
+        source = self._source(scope)
+        return await self._take_batch(document, source) if is_batch else _response(await self._reception.outcome(document, handler, source))
 
-    async def _take_batch(self, batch: bytes, peer: str) -> Response:
+    def _source(self, scope: Scope) -> Source:
+        """Where a request comes from. Who is proven to send it is checked for each of its messages."""
+        host: str = scope["client"][0] if scope["client"] else ""
+        if self._credentials is None:
+            return Source(host)
+        return Source(host, proof_of(self._credentials, scope["state"][PEER_CERTIFICATE]))
+
+    async def _take_batch(self, batch: bytes, source: Source) -> Response:
         """Handle the messages of a batch in order, each at the component to which it is addressed."""
         try:
             documents = batches.documents_of(batch)
         except ValueError as error:
             return PlainTextResponse(f"this is not a batch of messages: {error}\n", 400)
-        outcomes = await self._reception.outcomes(documents, peer)
+        outcomes = await self._reception.outcomes(documents, source)
         return Response(batches.answer(outcomes), media_type=batches.MEDIA_TYPE)
 
     async def _handle_get(self, request: Request) -> Response:

@@ -19,6 +19,7 @@ from somrs.protocol.messages.ranges import check_ranges
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import SENDER
 from somrs.runtime.batches import Outcome
+from somrs.runtime.proofs import Denials, Source
 from somrs.runtime.reply_hosts import ReplyHosts
 
 log = logging.getLogger(__name__)
@@ -28,6 +29,7 @@ T = TypeVar("T")
 Handler = Callable[[Message], Awaitable[Message | None]]
 """Handles a message; returns the answer, when it goes back on the same connection."""
 
+_KNOWN = Source()
 _STOPPING = "this component is stopping"
 
 
@@ -55,7 +57,7 @@ class Reception:
     """
 
     def __init__(self, format: Format, parts: Mapping[str, Handler]) -> None:
-        self._format, self._parts, self._reply_hosts = format, parts, ReplyHosts()
+        self._format, self._parts, self._reply_hosts, self._denials = format, parts, ReplyHosts(), Denials()
         self._open: set[asyncio.Task[object]] = set()
         self.is_stopping = False
 
@@ -75,27 +77,29 @@ class Reception:
         if self.is_stopping:
             raise NotTaken(_STOPPING)
 
-    async def outcomes(self, documents: Iterable[bytes], peer: str | None = None) -> list[Outcome]:
-        """Handle messages in order, each at the component to which it is addressed. `peer`: see `outcome`."""
-        messages = [await self._read(document, peer) for document in documents]
+    async def outcomes(self, documents: Iterable[bytes], source: Source = _KNOWN) -> list[Outcome]:
+        """Handle messages in order, each at the component to which it is addressed. `source`: see `outcome`."""
+        messages = [await self._read(document, source) for document in documents]
         return await asyncio.gather(*map(self._handle, messages))
 
-    async def outcome(self, document: bytes, handler: Handler | None = None, peer: str | None = None) -> Outcome:
+    async def outcome(self, document: bytes, handler: Handler | None = None, source: Source = _KNOWN) -> Outcome:
         """Return the outcome of a message at the handler; without a handler, at the component to which it is addressed.
 
-        `peer`: the IP address from which it comes; None in a binding whose members are known.
+        `source`: where it comes from; by default, from a binding whose members are known.
         """
-        return await self._handle(await self._read(document, peer), handler)
+        return await self._handle(await self._read(document, source), handler)
 
-    async def _read(self, document: bytes, peer: str | None) -> Message | Outcome:
+    async def _read(self, document: bytes, source: Source) -> Message | Outcome:
         """The message in a document; or the outcome, if it is not one that is handled."""
         message: Message | None = None
         try:
             message = self._format.decode(document)
             if type(message.body) in REQUESTS or isinstance(message.body, FrpBody):
                 check_ranges(message.body)
-            if peer is not None:
-                await self._reply_hosts.check(message, peer)
+            if source.proof is not None:
+                self._denials.check(message, source.proof)
+            if source.host is not None:
+                await self._reply_hosts.check(message, source.host)
         except Exception as error:  # noqa: BLE001  # `_refusal` logs a defect
             return self._refusal(error, message)
         return message

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import ssl
 from collections.abc import Awaitable, Callable, Sequence
+from datetime import UTC, datetime
 from typing import NamedTuple, TypeVar
 
 import aiohttp
@@ -18,6 +20,7 @@ from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime import batches
 from somrs.runtime.batches import Outcome
 from somrs.runtime.http import CONTENT_TYPE, KEPT_TIME
+from somrs.trust.credentials import Credentials, advice
 
 log = logging.getLogger(__name__)
 
@@ -83,9 +86,10 @@ class _Response(NamedTuple):
 
 
 class Wire:
-    """Sends messages to components in other processes, over persistent connections."""
+    """Sends messages to components in other processes, over persistent connections. `credentials`: those for HTTPS."""
 
-    def __init__(self) -> None:
+    def __init__(self, credentials: Credentials | None = None) -> None:
+        self._credentials = credentials
         self._session: aiohttp.ClientSession | None = None
         self._batching: set[str] = set()
 
@@ -137,8 +141,11 @@ class Wire:
         return await self._send(message.header.recipient, kind, document, timeout)
 
     async def _send(self, address: str, content_type: str, document: bytes, timeout: float) -> _Response:
+        if self._credentials is not None:
+            self._credentials.renew()
         if self._session is None:
-            connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT_TIME)
+            tls = self._credentials.client if self._credentials is not None else True
+            connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT_TIME, ssl=tls)
             self._session = aiohttp.ClientSession(
                 connector=connector, cookie_jar=aiohttp.DummyCookieJar(), auto_decompress=False, skip_auto_headers=_OMITTED_HEADERS
             )
@@ -155,20 +162,38 @@ class Wire:
                     content += chunk
         except TimeoutError:
             raise Unanswered(f"{address} did not answer within {timeout:g} s") from None
-        except aiohttp.ClientConnectorError as error:
-            raise Unanswered(f"{address} cannot be reached: {error.os_error.strerror or 'no connection'}") from None
         except aiohttp.ClientError as error:
-            raise Unanswered(f"{address} cannot be reached: {error}") from None
+            raise Unanswered(f"{address} cannot be reached: {self._connection_problem(error)}") from None
         except ValueError as error:
             raise RemoteError(f"{address} cannot be reached: {error}") from None
         accepts_batches = batches.MEDIA_TYPE in response.headers.get("Accept-Post", "")
         (self._batching.add if accepts_batches else self._batching.discard)(origin(address))
         return _Response(response.status, response.content_type, content)
 
+    def _connection_problem(self, error: aiohttp.ClientError) -> str:
+        """Why there is no connection, for people."""
+        if (tls_error := _tls_error(error)) is not None:
+            return advice(tls_error)
+        if self._credentials is not None and (own_problem := self._credentials.own_problem(datetime.now(UTC))):
+            return own_problem
+        if isinstance(error, aiohttp.ClientConnectorError):
+            return error.os_error.strerror or "no connection"
+        return str(error)
+
     async def close(self) -> None:
         if self._session is not None:
             await self._session.close()
             self._session = None
+
+
+def _tls_error(error: BaseException | None) -> ssl.SSLError | None:
+    """The error of TLS from which another one comes, if there is one."""
+    while error is not None:
+        for cause in (getattr(error, "certificate_error", None), getattr(error, "os_error", None), error):
+            if isinstance(cause, ssl.SSLError) and not isinstance(cause, aiohttp.ClientError):
+                return cause
+        error = error.__cause__ or error.__context__
+    return None
 
 
 def batch_documents(messages: Sequence[Message], encode: Encode) -> list[bytes]:

@@ -4,7 +4,8 @@
 |---|---|
 | `authority.key`, `authority.pem` | the key and the certificate of the authority |
 | `register.json` | the certificates that it has issued, the invitations that are open, and what is revoked |
-| `revoked.pem` | the list of revoked certificates, which programs read again when it changes |
+| `revoked.txt` | the serial numbers of revoked certificates, which programs read again when it changes |
+| `revoked.pem` | the same as a list that the authority has signed (RFC 5280, 5), for programs of other makes |
 | `programs/NAME.key`, `.pem` | keys and certificates of the site's own programs |
 
 All are for the user of the system alone. Changes of the register are made one after the other, under a lock.
@@ -132,7 +133,7 @@ class Authority:
 
     def invite(self, identity: Identity, now: datetime, seconds: float = INVITATION_SECONDS) -> str:
         """Let an identity enrol itself once. Returns the word that proves it; it is not kept."""
-        word = secrets.token_urlsafe(18)
+        word = secrets.token_hex(18)
         with self._changing() as register:
             invitation = Invitation(
                 word_hash=_hash(word),
@@ -223,6 +224,7 @@ class Authority:
 
     def _write_revoked(self, register: Register, now: datetime) -> None:
         lifetime = timedelta(days=certificates.AUTHORITY_DAYS)  # it is read from this folder, where no older one takes its place
+        write_private(self.folder / "revoked.txt", "".join(f"{serial}\n" for serial in sorted(_revoked(register))).encode())
         write_private(self.revocation_file, certificates.revocation_list(self._signer(), _revoked(register), now, lifetime))
 
     @contextmanager

@@ -37,7 +37,7 @@ def test_each_type_of_message_has_a_right() -> None:
 @settings(max_examples=3, suppress_health_check=[*HealthCheck], deadline=None)
 @given(st.data())
 def test_a_role_sends_what_is_its_own_and_nothing_else(data: st.DataObject) -> None:
-    for kind in BODY_TYPES:
+    for kind in KINDS:
         drawn = data.draw(messages(kind))
         for role in Role:
             right = RIGHTS[kind].get(role)

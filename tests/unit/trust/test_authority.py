@@ -42,7 +42,7 @@ def test_a_certificate_says_who_one_is(authority: Authority) -> None:
 def test_only_its_user_can_read_what_the_authority_keeps(authority: Authority) -> None:
     authority.issue_program(Identity(name="registry", roles=frozenset({Role.REGISTRY})), ("127.0.0.1",), NOW)
     modes = {path.name: path.stat().st_mode & 0o777 for path in authority.folder.rglob("*") if path.is_file() and path.name != "lock"}
-    assert set(modes) == {"authority.key", "authority.pem", "revoked.pem", "register.json", "registry.key", "registry.pem"}
+    assert set(modes) == {"authority.key", "authority.pem", "revoked.pem", "revoked.txt", "register.json", "registry.key", "registry.pem"}
     assert set(modes.values()) == {0o600}
     assert authority.folder.stat().st_mode & 0o777 == 0o700
 

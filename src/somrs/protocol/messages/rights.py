@@ -33,7 +33,7 @@ DENIED = "frp:Denied"
 Names = Callable[[Message], Iterable[str]]
 """The names in which a message speaks."""
 
-Right = Mapping[Role, Names]
+Right = dict[Role, Names]
 """The roles that may send a message, each with the names for which its sender has to speak."""
 
 BODY_TYPES: tuple[type[Any], ...] = tuple(
@@ -91,8 +91,8 @@ _RESERVING = _OF_TASK_MANAGERS | _OF_REPOSITORIES
 _CHANGING = _PEOPLE | _OF_REPOSITORIES
 
 
-def _all(right: Right, *kinds: type[Any]) -> dict[type[Any], Right]:
-    return dict.fromkeys(kinds, right)
+def _all(needed_right: Right, *kinds: type[Any]) -> dict[type[Any], Right]:
+    return dict.fromkeys(kinds, needed_right)
 
 
 RIGHTS: dict[type[Any], Right] = {
@@ -153,12 +153,12 @@ def missing_rights(rights: Mapping[type[Any], Right]) -> list[str]:
 def check_right(message: Message, identity: Identity) -> None:
     """Raises WireError with the code `DENIED`, which says what right is missing, if an identity may not send a message."""
     kind = type(message.body)
-    right = RIGHTS[kind]
-    permitted = [right[role] for role in identity.roles if role in right]
+    needed_right = RIGHTS[kind]
+    permitted = [needed_right[role] for role in identity.roles if role in needed_right]
     if not permitted:
         raise WireError(
             DENIED,
-            f"{_text(identity)} may not send {kind.__name__}: that is for the roles {', '.join(sorted(right))}; "
+            f"{_text(identity)} may not send {kind.__name__}: that is for the roles {', '.join(sorted(needed_right))}; "
             "a certificate with another role is needed",
         )
     strange_names = [[name for name in names(message) if not identity.may_speak_for(name)] for names in permitted]

@@ -1,0 +1,93 @@
+"""Whether the sender of a message may send it: by the certificate of the connection on which it came."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from somrs.errors import UsageError, WireError
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.rights import DENIED, check_right
+from somrs.trust.credentials import Credentials, Peer, peer_of
+from somrs.trust.identity import Identity
+
+log = logging.getLogger(__name__)
+
+MOST_DENIALS = 1000
+"""How many senders with types of messages are counted."""
+
+Proof = Callable[[], Identity]
+"""Returns the identity that is proven now. Raises UsageError if its certificate does not hold any more."""
+
+
+class Source(NamedTuple):
+    """Where messages come from. `host`: the IP address of the connection; None in a binding whose members are known. `proof`: who the
+    sender is; None if nobody has to prove it."""
+
+    host: str | None = None
+    proof: Proof | None = None
+
+
+def proof_of(credentials: Credentials, certificate: Mapping[str, Any] | None) -> Proof:
+    """The proof of who has the certificate of a connection."""
+
+    def prove() -> Identity:
+        if certificate is None:
+            raise UsageError("this connection has no certificate; only messages with one are accepted here")
+        peer = _peer(_Hashable(certificate))
+        credentials.check(peer, time.time())
+        return peer.identity
+
+    return prove
+
+
+class Denials:
+    """Refuses what senders have no right to send. The first time that a sender sends such a type of message is logged, and then each
+    tenth, hundredth and so on."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[tuple[str, str]] = Counter()
+
+    def check(self, message: Message, proof: Proof) -> None:
+        """Raises WireError if the message is denied."""
+        name = "?"
+        try:
+            identity = proof()
+            name = identity.name
+            check_right(message, identity)
+        except UsageError as error:
+            self._note(name, message, str(error))
+            raise WireError(DENIED, str(error)) from None
+        except WireError as error:
+            self._note(name, message, error.text)
+            raise
+
+    def _note(self, name: str, message: Message, text: str) -> None:
+        key = (name, type(message.body).__name__)
+        if key not in self.counts and len(self.counts) >= MOST_DENIALS:
+            self.counts.clear()
+        self.counts[key] += 1
+        if (count := self.counts[key]) == 10 ** (len(str(count)) - 1):
+            log.warning("denied: %s (%d times)", text, count)
+
+
+class _Hashable:
+    """A certificate of a connection. The same object is the same certificate."""
+
+    def __init__(self, certificate: Mapping[str, Any]) -> None:
+        self.certificate = certificate
+
+    def __hash__(self) -> int:
+        return id(self.certificate)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Hashable) and other.certificate is self.certificate
+
+
+@lru_cache(maxsize=2000)
+def _peer(certificate: _Hashable) -> Peer:
+    return peer_of(certificate.certificate)
