@@ -31,13 +31,24 @@ _reserved: set[int] = set()
 """The ports that this process has reserved."""
 
 
-def bound(host: str, port: int) -> socket.socket:
-    """A socket bound to the port, or to a free port if `port` is 0. Raises UsageError when the port cannot be bound."""
-    is_ours = port in _reserved or str(port) in os.environ.get(RESERVED, "").split(",")
+def listen_at(host: str, port: int) -> socket.socket:
+    """A socket that listens at the port, or at a free port if `port` is 0. Raises UsageError when the port is taken."""
+    sock = None
     try:
-        return _bound(host, port, socket.SO_REUSEADDR, *([socket.SO_REUSEPORT] if is_ours else []))
+        sock = _bound(host, port, socket.SO_REUSEADDR, *([socket.SO_REUSEPORT] if is_reserved(port) else []))
+        # With SO_REUSEADDR, several sockets may be bound to a port, of which one can listen. A server on uvloop whose socket cannot listen
+        # says nothing of it, and serves nobody.
+        sock.listen()
+        return sock
     except OSError as error:
+        if sock is not None:
+            sock.close()
         raise UsageError(f"cannot listen at {host}:{port}: {error.strerror}; another --port may be free") from None
+
+
+def is_reserved(port: int) -> bool:
+    """Whether the port is reserved for a program of this system: for the one that is told to listen there, as others could do so, too."""
+    return port in _reserved or str(port) in os.environ.get(RESERVED, "").split(",")
 
 
 class Reservation:

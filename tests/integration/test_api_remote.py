@@ -33,7 +33,7 @@ from somrs.client.refusals import NotFound, Refused
 from somrs.errors import FormulaError, UsageError
 from somrs.gui.proxy import Proxy
 from somrs.ontology.objects import Object, ObjectAdded, ValueSet
-from somrs.ports import bound
+from somrs.ports import listen_at
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.orders import TemplateSaved
 from somrs.protocol.messages.submission import Submit
@@ -53,7 +53,7 @@ class Program:
     async def start(self) -> str:
         await self._stack.enter_async_context(scheduler_at(self._system))
         api = await self._stack.enter_async_context(open_api_service(self._system.addresses, self._system.data))
-        url = await self._stack.enter_async_context(served(api, bound(LOOPBACK, self._port)))
+        url = await self._stack.enter_async_context(served(api, listen_at(LOOPBACK, self._port)))
         self._port = urlsplit(url).port or 0
         return url
 
@@ -223,7 +223,7 @@ def test_answers_of_all_operations_can_be_read() -> None:
 @asynccontextmanager
 async def proxy(url: str) -> AsyncIterator[str]:
     """A server that has the API of another below its own `/api`."""
-    listening = bound(LOOPBACK, 0)
+    listening = listen_at(LOOPBACK, 0)
     async with ApiClient(url) as client:
         server = QuietServer(uvicorn.Config(Starlette(routes=[Mount("/api", Proxy(client))]), log_level="warning", ws="websockets-sansio"))
         serving = asyncio.create_task(server.serve(sockets=[listening]))

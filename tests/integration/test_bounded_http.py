@@ -15,7 +15,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from somrs.limits import Limits
-from somrs.ports import bound
+from somrs.ports import listen_at
 from somrs.runtime.bounded_http import BoundedConfig, QuietServer
 from tests.support.hang import HANG_TIME
 
@@ -107,7 +107,7 @@ def run_scenario(bounds: Limits, scenario: Scenario) -> None:
 async def _served(bounds: Limits) -> AsyncIterator[tuple[QuietServer, BoundedConfig, int]]:
     routes = [Route("/", _measure, methods=["POST"]), Route("/much", _write_much), WebSocketRoute("/echo", _echo)]
     config = BoundedConfig(Starlette(routes=routes), bounds=bounds, lifespan="off", ws="websockets-sansio")
-    listener, server = bound("127.0.0.1", 0), QuietServer(config)
+    listener, server = listen_at("127.0.0.1", 0), QuietServer(config)
     serving = asyncio.create_task(server.serve(sockets=[listener]))
     while not server.started:
         await asyncio.sleep(0.01)

@@ -21,7 +21,7 @@ from somrs.errors import InputError, RemoteError, UsageError
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Notified, Received, Send
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.ports import bound
+from somrs.ports import Reservation
 from somrs.protocol.messages import frp, knowledge
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id, reply
@@ -386,8 +386,8 @@ def test_a_bus_that_cannot_be_reached_is_reported_once_and_joined_when_it_is_the
             await starting
             await bus.close()
             caplog.clear()
-            with bound("127.0.0.1", 0) as free:
-                absent = f"nats://127.0.0.1:{free.getsockname()[1]}"
+            with Reservation("127.0.0.1", 1) as reserved:
+                absent = f"nats://127.0.0.1:{reserved.ports[0]}"
                 for servers in (f"{absent},{server.address.servers}",) * 5:  # in an order that is chosen at random
                     bus = Bus(structs.replace(server.address, servers=servers))
                     await bus.start()

@@ -9,13 +9,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import uvloop
 
 from somrs.client.addresses import Addresses
-from somrs.deployment.device import DeviceRunner, device_journal, load, request
+from somrs.deployment.device import DeviceRunner, device_journal, listen, load, request
 from somrs.errors import DeviceError, UsageError
 from somrs.kernel.component import Effect, Input, Received, Send, Started, TimerFired
 from somrs.kernel.durability import JournaledComponent
 from somrs.ontology.types import AttributeType, Kind
+from somrs.ports import Reservation
 from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.frp.participant_session import ParticipantSession
 from somrs.protocol.frp.session import CoordinatorBody
@@ -226,6 +228,23 @@ def test_a_device_asks_until_the_repository_is_there(caplog: pytest.LogCaptureFi
     answer, messages = asyncio.run(_asked_for_hours(caplog))
     assert isinstance(answer, Rows), answer
     assert re.search(r"/repository cannot be reached: .*; it is asked again until it answers$", messages[0])
+
+
+async def _ports_of_devices(last_port: int) -> list[int]:
+    """The ports of two devices that start at the same time."""
+    hosts = await asyncio.gather(*(listen("127.0.0.1", last_port, name) for name in ("Robot1", "Robot2")))
+    for host in hosts:
+        await host.stop()
+    return [host.port for host in hosts]
+
+
+@pytest.mark.parametrize("loop", [asyncio.run, uvloop.run])
+def test_a_device_does_not_take_the_port_of_another_program(loop: Callable[..., list[int]]) -> None:
+    """Devices that were on a bus know the port of its gateway as theirs: it may be reserved for a component of the system now, or free."""
+    with Reservation("127.0.0.1", 1) as reservation:
+        (port,) = reservation.ports
+        assert len({port, *loop(_ports_of_devices(port))}) == 3
+    assert len({*loop(_ports_of_devices(port))}) == 2
 
 
 class FaultyHardware(Carrier):

@@ -16,7 +16,7 @@ from starlette.types import Receive, Scope, Send
 
 from somrs.errors import RemoteError, UsageError
 from somrs.limits import Limits
-from somrs.ports import bound
+from somrs.ports import listen_at
 from somrs.protocol.messages import directory, frp, knowledge
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
@@ -239,7 +239,7 @@ def test_a_server_with_nothing_to_do_sleeps_and_ends_when_it_is_told_to(monkeypa
         await PlainTextResponse("here")(scope, receive, send)
 
     async def run() -> None:
-        listener = bound("127.0.0.1", 0)
+        listener = listen_at("127.0.0.1", 0)
         server = CountingServer(uvicorn.Config(app, lifespan="off", log_level="warning"))
         serving = asyncio.create_task(server.serve(sockets=[listener]))
         while not server.started:

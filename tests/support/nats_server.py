@@ -10,7 +10,7 @@ import sysconfig
 import time
 from pathlib import Path
 
-from somrs.ports import bound
+from somrs.ports import listen_at
 from somrs.runtime.bus import BusAddress
 from tests.support.hang import HANG_TIME
 
@@ -19,7 +19,7 @@ class NatsServer:
     """A context manager. `gateway`: the URL below which the addresses of the site are."""
 
     def __init__(self, folder: Path, gateway: str = "http://127.0.0.1:1") -> None:
-        with bound("127.0.0.1", 0) as free:
+        with listen_at("127.0.0.1", 0) as free:
             self.port: int = free.getsockname()[1]
         self.address = BusAddress(servers=f"nats://127.0.0.1:{self.port}", site="yard", gateway=gateway)
         self._settings = folder / "nats.json"

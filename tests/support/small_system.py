@@ -23,7 +23,7 @@ from somrs.kernel.component import TimerFired
 from somrs.ontology.files.loading import load_text
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.ports import Reservation, bound
+from somrs.ports import Reservation, listen_at
 from somrs.protocol.messages.orders import RunState
 from somrs.protocol.messages.records import ReadRecords
 from somrs.registry.component import Registry
@@ -211,7 +211,7 @@ async def api_at(system: SmallSystem, clock: Clock | None = None, access: Access
     async with (
         scheduler_at(system, clock),
         open_api_service(system.addresses, system.data) as api_service,
-        served(api_service, bound(LOOPBACK, 0), access=access) as url,
+        served(api_service, listen_at(LOOPBACK, 0), access=access) as url,
     ):
         yield url
 

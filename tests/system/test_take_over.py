@@ -16,7 +16,7 @@ from somrs.client.addresses import Addresses
 from somrs.client.client import Client
 from somrs.deployment.bus import find_site
 from somrs.deployment.device import DeviceRunner
-from somrs.ports import bound
+from somrs.ports import listen_at
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
@@ -83,7 +83,7 @@ class TwoHosts:
 
 @asynccontextmanager
 async def two_hosts(folder: Path) -> AsyncIterator[TwoHosts]:
-    with bound("127.0.0.1", 0) as free:
+    with listen_at("127.0.0.1", 0) as free:
         port = free.getsockname()[1]
     with NatsServer(folder, f"http://127.0.0.1:{port}") as server:
         log = folder / "gateway.log"

@@ -9,12 +9,10 @@ import sys
 import pytest
 
 from somrs.errors import UsageError
-from somrs.ports import Reservation, bound
+from somrs.ports import Reservation, listen_at
 
 HOST = "127.0.0.1"
-LISTEN = (
-    "import sys; from somrs.ports import bound; s = bound('127.0.0.1', int(sys.argv[1])); s.listen(); print('here', flush=True); input()"
-)
+LISTEN = "import sys; from somrs.ports import listen_at; s = listen_at('127.0.0.1', int(sys.argv[1])); print('here', flush=True); input()"
 
 
 def connects(port: int) -> bool:
@@ -27,8 +25,7 @@ def test_who_reserved_it_listens_there_again_and_again() -> None:
         (port,) = reserved.ports
         for _ in range(3):
             assert not connects(port)
-            with bound(HOST, port) as listener:
-                listener.listen()
+            with listen_at(HOST, port):
                 assert connects(port)
 
 
@@ -52,14 +49,12 @@ def test_nobody_is_given_a_reserved_port_by_chance() -> None:
 def test_a_port_is_had_again_unless_somebody_else_has_it_now() -> None:
     with Reservation(HOST, 2) as earlier_reservation:
         ports = earlier_reservation.ports
-    with bound(HOST, ports[0]) as listener:
-        listener.listen()
-        with Reservation(HOST, 3, ports) as now:
-            assert now.ports[0] != ports[0]
-            assert now.ports[1] == ports[1]
-            assert len({*now.ports}) == 3
-            with Reservation(HOST, 1, now.ports[2:]) as other_reservation:
-                assert other_reservation.ports != now.ports[2:]
+    with listen_at(HOST, ports[0]), Reservation(HOST, 3, ports) as now:
+        assert now.ports[0] != ports[0]
+        assert now.ports[1] == ports[1]
+        assert len({*now.ports}) == 3
+        with Reservation(HOST, 1, now.ports[2:]) as other_reservation:
+            assert other_reservation.ports != now.ports[2:]
 
 
 @pytest.mark.parametrize("is_reserved", [True, False])
@@ -67,22 +62,19 @@ def test_connections_that_linger_do_not_keep_it(is_reserved: bool) -> None:
     with Reservation(HOST, 1) as earlier_reservation:
         if not is_reserved:
             earlier_reservation.close()
-        with bound(HOST, earlier_reservation.ports[0]) as listener:
-            listener.listen()
-            with (
-                socket.create_connection((HOST, earlier_reservation.ports[0])),
-                listener.accept()[0],
-            ):  # the server hangs up first: its end lingers
-                pass
+        with (
+            listen_at(HOST, earlier_reservation.ports[0]) as listener,
+            socket.create_connection((HOST, earlier_reservation.ports[0])),
+            listener.accept()[0],
+        ):  # the server hangs up first: its end lingers
+            pass
     with Reservation(HOST, 1, earlier_reservation.ports) as now:
         assert now.ports == earlier_reservation.ports
-        bound(HOST, now.ports[0]).close()
+        listen_at(HOST, now.ports[0]).close()
 
 
 def test_when_it_is_over_the_port_is_like_any_other() -> None:
     with Reservation(HOST, 1) as reserved:
         (port,) = reserved.ports
-    with bound(HOST, port) as listener:
-        listener.listen()
-        with pytest.raises(UsageError, match=f"cannot listen at {HOST}:{port}.*another --port"):
-            bound(HOST, port)
+    with listen_at(HOST, port), pytest.raises(UsageError, match=f"cannot listen at {HOST}:{port}.*another --port"):
+        listen_at(HOST, port)

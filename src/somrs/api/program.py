@@ -20,7 +20,7 @@ from somrs.api.rest import application
 from somrs.api.service import ApiService, open_api_service
 from somrs.client.addresses import Addresses
 from somrs.deployment.programs import until_stopped
-from somrs.ports import bound
+from somrs.ports import listen_at
 from somrs.runtime.bounded_http import BoundedConfig, QuietServer
 from somrs.runtime.http import KEPT_TIME
 
@@ -31,7 +31,7 @@ async def run_api(
     data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = (), *, secure: bool = False
 ) -> None:
     """Serve the API until this process is asked to stop. `allowed_hosts`: see `Edge`. `secure`: only those have access who may."""
-    server_socket, access = bound(host, port), AccessStore(data) if secure else None
+    server_socket, access = listen_at(host, port), AccessStore(data) if secure else None
     async with open_api_service(addresses, data, host) as service, served(service, server_socket, allowed_hosts, access) as url:
         await until_stopped("api", url)
 

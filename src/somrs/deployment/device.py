@@ -27,6 +27,7 @@ from somrs.deployment.shared_map import SharedMap
 from somrs.devices.passage import PassageDevice
 from somrs.errors import DeviceError, InputError, RemoteError
 from somrs.kernel.component import Notified
+from somrs.ports import is_reserved
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.knowledge import QueryMap, ReadMap, UpdateMap
@@ -69,8 +70,8 @@ def last_port(journal: Journal) -> int:
 
 async def listen(host: str, port: int, name: str, bus: BusAddress | None = None) -> Host:
     """Listen on the bus, or else at the port of the last run if it is free: coordinators that have a contract know the device by that
-    address."""
-    for candidate in dict.fromkeys((port, 0)):
+    address. After a run on a bus, it is the port of the bus's gateway, and may be reserved for another program."""
+    for candidate in dict.fromkeys((0 if is_reserved(port) else port, 0)):
         runtime = Host(host, candidate, bus=bus)
         try:
             await runtime.start()

@@ -21,7 +21,7 @@ from somrs.deployment.programs import until_stopped
 from somrs.gui.cache import FILES, Cache
 from somrs.gui.proxy import Proxy
 from somrs.gui.sign_in import SIGN_IN, SIGN_OUT, SignIn, sign_in_first
-from somrs.ports import bound
+from somrs.ports import listen_at
 from somrs.runtime.bounded_http import BoundedConfig, QuietServer
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ async def run_gui(
 ) -> None:
     """Serve the windows until the process is stopped. `allowed_hosts`: see `Edge`. `secure`: people have to sign in."""
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str((data / "gui").resolve()))  # NiceGUI reads this when it is imported
-    listener, access = bound(host, port), AccessStore(data) if secure else None
+    listener, access = listen_at(host, port), AccessStore(data) if secure else None
     # What is done for nobody in particular only sees.
     async with live_api(address_of(addresses), local_token_reader(data, only_sees=True)) as api:
         guard = Guard(Cache(_application(api, data, access)), access, is_open=_is_open, refuse=sign_in_first)

@@ -17,7 +17,7 @@ from starlette.types import Send as SendPart
 
 from somrs.errors import RemoteError, UsageError
 from somrs.limits import Limits
-from somrs.ports import bound
+from somrs.ports import listen_at
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.protocol.soap.wsdl import description, schema
@@ -73,7 +73,7 @@ class Server:
 
     async def start(self) -> None:
         """Listen. Port 0 becomes a free port. Raises UsageError when the port is not available."""
-        server_socket = bound(self.host, self.port)
+        server_socket = listen_at(self.host, self.port)
         self.port = server_socket.getsockname()[1]
         config = BoundedConfig(
             self._serve,

@@ -24,7 +24,7 @@ from somrs.devices.symbolic.lines import (
 )
 from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.errors import WireError
-from somrs.ports import bound
+from somrs.ports import listen_at
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +38,7 @@ class WorldServer:
 
     async def start(self) -> None:
         """Listen, and set `port` to the actual port."""
-        self._listener = await asyncio.start_server(self._serve, sock=bound(self.host, self.port), limit=LONGEST)
+        self._listener = await asyncio.start_server(self._serve, sock=listen_at(self.host, self.port), limit=LONGEST)
         self.port = self._listener.sockets[0].getsockname()[1]
 
     async def stop(self) -> None:

@@ -56,7 +56,7 @@ from somrs.devices.simulator.server.pace import Pace
 from somrs.devices.simulator.server.pictures import Pictures
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.errors import InputError, SimulationError, WireError
-from somrs.ports import bound
+from somrs.ports import listen_at
 
 log = logging.getLogger(__name__)
 
@@ -90,7 +90,7 @@ class Server:
 
     async def start(self) -> None:
         """Listen, start the simulated time, and set `port` to the actual port."""
-        self._listener = await asyncio.start_server(self._serve, sock=bound(self.host, self.port), limit=LONGEST)
+        self._listener = await asyncio.start_server(self._serve, sock=listen_at(self.host, self.port), limit=LONGEST)
         self.port = self._listener.sockets[0].getsockname()[1]
         self._running = asyncio.create_task(self._run())
 
