@@ -78,7 +78,7 @@ class Processes:
         self.addresses.write(self.folder)
         self.start("repository", self.ports[0], "--site", str(self.folder / "hall.yaml"))
         self.start("registry", self.ports[1])
-        self.servers = [self.start("api", self.ports[4]), self.start("gui", self.ports[3])]
+        self.servers = [self.start("api", self.ports[4], "--insecure"), self.start("gui", self.ports[3], "--insecure")]
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -75,7 +75,7 @@ class Running:
     def __init__(self, site: list[Path], data: Path) -> None:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever)
-        self._system = System(site, data, speed="max", windows=True)
+        self._system = System(site, data, speed="max", windows=True, secure=False)
 
     def __enter__(self) -> Addresses:
         self._thread.start()

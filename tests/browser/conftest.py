@@ -15,12 +15,14 @@ from typing import Literal
 
 import pytest
 
+from somrs.access.rights import Role
 from somrs.client.addresses import Addresses
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
 from tests.conftest import WORKER_GROUPS
 from tests.support import warm
 from tests.support.paths import ROOT, SCENARIO_1
+from tests.support.signed_in import TESTER, note, session_cookie
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Locator, Page, expect, sync_playwright  # noqa: E402  # behind the skip
@@ -132,6 +134,7 @@ class RunningSystem:
         self._process = warm.Program(arguments, self.log)
         try:
             self.addresses = self._addresses()
+            note(data, self.addresses.gui, self.addresses.api)
         except BaseException:  # also an interrupt: no process may be left
             self.stop()
             raise
@@ -275,6 +278,12 @@ def empty_page(profile: BrowserContext) -> Page:
     return opened.value
 
 
+def sign_in(profile: BrowserContext, url: str, role: Role = Role.ADMINISTRATOR, name: str = TESTER) -> None:
+    """Sign a person in at the system with this page, if it is of a running system, in all pages of a profile."""
+    if (cookie := session_cookie(url, role, name)) is not None:
+        profile.add_cookies([{"name": cookie[0], "value": cookie[1], "url": url}])
+
+
 FAILED = pytest.StashKey[bool]()
 FAILURES = ROOT / "out" / "failures"
 """The folder for screenshots and logs of failed tests."""
@@ -303,7 +312,9 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
     def open_page(url: str, size: str = SIZE, *, dark: bool = False, may_reload: bool = False, webgl: bool = True) -> Page:
         if len(pages) == len(profiles):
             profiles.append(new_profile(browser))
-        page = empty_page(profiles[len(pages)])
+        profile = profiles[len(pages)]
+        sign_in(profile, url)
+        page = empty_page(profile)
         pages.append(page)
         page.set_default_timeout(1000 * PATIENCE)
         if not webgl:

@@ -12,6 +12,8 @@ import msgspec
 import pytest
 from websockets.sync.client import connect
 
+from tests.support.signed_in import authorization
+
 from .conftest import PATIENCE, RunningSystem
 
 
@@ -69,7 +71,7 @@ def test_a_parameter_that_is_none_is_not_passed_over(system: RunningSystem) -> N
 
 
 def test_a_change_of_the_map_is_news_to_whoever_follows_it(system: RunningSystem) -> None:
-    with connect(system.url.replace("http", "ws") + "/api/live") as socket:
+    with connect(system.url.replace("http", "ws") + "/api/live", additional_headers=authorization(system.data)) as socket:
         socket.send(json.dumps({"follow": ["map"]}))
         status, _ = call(system, "POST", "/map/changes", {"situation": 'Table002.Label = "By the window"', "author": "test"})
         assert status == 200
@@ -82,7 +84,7 @@ def test_a_change_of_the_map_is_news_to_whoever_follows_it(system: RunningSystem
 
 @pytest.mark.parametrize("message", ["", "{}", '{"follow": "map"}', "[1"])
 def test_whoever_follows_nothing_is_told_how(system: RunningSystem, message: str) -> None:
-    with connect(system.url.replace("http", "ws") + "/api/live") as socket:
+    with connect(system.url.replace("http", "ws") + "/api/live", additional_headers=authorization(system.data)) as socket:
         socket.send(message)
         with pytest.raises(Exception, match="follow"):
             socket.recv(timeout=PATIENCE)

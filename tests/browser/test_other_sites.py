@@ -11,7 +11,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 
 from playwright.sync_api import Browser
 
-from .conftest import RunningSystem
+from .conftest import RunningSystem, sign_in
 
 ATTACK = """async url => {
   const body = '{"effect": "Jar002 isOn Platform001"}';
@@ -80,6 +80,7 @@ def tasks(system: RunningSystem) -> list[object]:
 
 def test_the_page_of_another_site_has_no_power_here(system: RunningSystem, browser: Browser) -> None:
     earlier_tasks, profile = tasks(system), browser.new_context()
+    sign_in(profile, system.url)
     page = profile.new_page()
     with another_site() as address:
         page.goto(address)

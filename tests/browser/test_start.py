@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from somrs.gui.shell import PAGE_LINKS
 
-from .conftest import WIDTHS, RunningSystem, fits, resize
+from .conftest import WIDTHS, RunningSystem, fits, resize, sign_in
 
 
 def test_every_page_is_one_click_away_and_fits_every_window(system: RunningSystem, window: Callable[..., Page]) -> None:
@@ -93,6 +93,7 @@ def test_what_is_wrong_in_the_address_is_left_behind_by_the_link(system: Running
 def test_an_address_without_a_page_says_so_and_what_was_meant(system: RunningSystem, browser: Browser) -> None:
     """Not in a `window`, in which the status 404 would be an error."""
     with browser.new_context() as profile:
+        sign_in(profile, system.url)
         page = profile.new_page()
         answer = page.goto(f"{system.url}/flet")
         assert answer is not None

@@ -22,7 +22,7 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from tests.support.paths import SCENARIO_1
 
-from .conftest import HOLDING_NEWS, WIDTHS, WORK_TIME, RunningSystem, every_look, fits, resize, take_screenshot
+from .conftest import HOLDING_NEWS, WIDTHS, WORK_TIME, RunningSystem, every_look, fits, resize, sign_in, take_screenshot
 
 pytestmark = pytest.mark.long
 
@@ -351,6 +351,7 @@ def test_the_list_is_found_in_and_folded_panels_stay_so(system: RunningSystem, w
 def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: RunningSystem, browser: Browser) -> None:
     task = submit_task(system, "Jar002 isOn Table001")
     context = browser.new_context()  # whose console may tell of what did not answer for a while
+    sign_in(context, system.url)
     page = context.new_page()
     page.goto(f"{system.url}/tasks/{task}")
     show_floor_plan(page)

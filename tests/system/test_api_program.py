@@ -14,6 +14,7 @@ import pytest
 
 from somrs.api.remote import api_of, live_api
 from somrs.client.addresses import Addresses
+from somrs.client.api_client import local_token_reader
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError
@@ -21,6 +22,7 @@ from somrs.protocol.messages.submission import Submit
 from tests.support import warm
 from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1
+from tests.support.signed_in import authorization
 
 CORE_ONLY_PROGRAM = """
 import sys
@@ -54,12 +56,12 @@ def test_it_runs_with_the_core_alone(tmp_path: Path) -> None:
                 assert process.stdout is not None
                 first_line = await asyncio.wait_for(asyncio.to_thread(process.stdout.readline), HANG_TIME)
                 url = httpx.Response(200, text=first_line).json()["at"]
-                async with httpx.AsyncClient(base_url=url) as client:
+                async with httpx.AsyncClient(base_url=url, headers=authorization(system.data)) as client:
                     assert (await client.get("/scene")).json()["bodies"]
                     assert (await client.get("/", follow_redirects=True)).json()["openapi"] == "3.1.0"
                     owl = await client.get("/ontology/export.ttl")
                     assert (owl.status_code, "pip install 'somrs[api]'" in owl.json()["problem"]) == (400, True)
-                async with live_api(url) as api:
+                async with live_api(url, local_token_reader(system.data)) as api:
                     assert (await api.tasks.submit(Submit(effect="Jar002 isOn ?Shelf: Cupboard"))).task
             finally:
                 process.terminate()
@@ -81,6 +83,7 @@ def test_the_windows_and_the_api_do_not_take_each_other_along(tmp_path: Path) ->
             api, gui = system.addresses.api, system.addresses.gui
             assert api is not None
             assert gui is not None
+            browser.headers.update(authorization(system.data))
             assert (await browser.get(f"{gui}/api/system")).json()["site"]
             os.kill(system.programs["gui"].process.pid, signal.SIGKILL)
             await system.programs["gui"].process.wait()

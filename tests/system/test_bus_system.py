@@ -9,6 +9,7 @@ import pytest
 
 from somrs.api.remote import live_api
 from somrs.client.addresses import Addresses
+from somrs.client.api_client import local_token_reader
 from somrs.client.client import Client
 from somrs.deployment.bus import find_site
 from somrs.deployment.system import OWN_BUS, System
@@ -53,7 +54,7 @@ def test_a_system_on_a_bus_goes_on_when_the_server_of_the_bus_or_the_gateway_is_
             # The API, and so the windows, need no gateway.
             system.programs["gateway"].process.kill()
             assert system.addresses.api is not None
-            async with live_api(system.addresses.api) as api:
+            async with live_api(system.addresses.api, local_token_reader(system.data)) as api:
                 assert [task.effect for task in (await api.tasks.list()).rows] == ["Jar002 isOn Table001", "Jar002 isOn Platform001"]
 
     asyncio.run(asyncio.wait_for(run(), HANG_TIME))

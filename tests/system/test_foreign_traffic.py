@@ -21,6 +21,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from tests.support import warm
 from tests.support.foreign_robot import ForeignRobot
 from tests.support.paths import SCENARIO_1
+from tests.support.signed_in import note
 from tests.support.simulated_tower import tower
 from tests.support.simulator_room import box, robot
 
@@ -68,6 +69,7 @@ def test_a_robot_of_another_make_drives_in_a_simulated_building(tmp_path: Path) 
         system = System([SCENARIO_1], tmp_path, world=WorldKind.KINEMATIC, launcher=warm.launcher())
         async with asyncio.timeout(LONGEST), system:
             addresses = Addresses.read(tmp_path)
+            note(tmp_path, addresses.api)
             await asyncio.to_thread(travel, addresses)
             async with Client(addresses) as client:
                 await build(client, addresses.traffic or "")
@@ -99,6 +101,7 @@ def test_a_building_without_a_simulator_has_traffic_as_a_program_of_its_own(tmp_
         system = System([site], tmp_path / "data", simulates=False, launcher=warm.launcher())
         async with asyncio.timeout(LONGEST), system:
             addresses = Addresses.read(tmp_path / "data")
+            note(tmp_path / "data", addresses.api)
             assert addresses.simulator is None
             await asyncio.to_thread(travel, addresses)
 

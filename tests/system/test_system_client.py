@@ -11,6 +11,7 @@ import pytest
 
 import somrs
 from somrs import Client
+from somrs.access.store import local_token
 from somrs.client.addresses import Addresses
 from somrs.errors import UsageError
 from somrs.protocol.messages.frp import Outcome
@@ -50,7 +51,7 @@ def test_a_task_is_submitted_watched_and_seen_on_the_map(tmp_path: Path) -> None
 
             url = Addresses.read(tmp_path).api
             assert url is not None
-            async with Client(url) as by_url:
+            async with Client(url, token=local_token(tmp_path)) as by_url:
                 assert len(await by_url.tasks()) == 2
 
     asyncio.run(scenario())

@@ -20,6 +20,7 @@ from tests.support import warm
 from tests.support.command import somrs
 from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1
+from tests.support.signed_in import authorization
 
 pytestmark = pytest.mark.long
 
@@ -51,7 +52,8 @@ def wait_until(condition: Callable[[], bool], output: Callable[[], str]) -> None
 
 def call(data: Path, path: str, body: object = None) -> Any:
     content = json.dumps(body).encode() if body is not None else None
-    request = urllib.request.Request(f"{Addresses.read(data).api}{path}", content, {"Content-Type": "application/json"})
+    headers = {"Content-Type": "application/json"} | authorization(data)
+    request = urllib.request.Request(f"{Addresses.read(data).api}{path}", content, headers)
     with urllib.request.urlopen(request) as answer:
         return json.load(answer)
 

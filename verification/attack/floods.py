@@ -76,7 +76,7 @@ async def large_headers_are_not_kept(target: Target) -> None:
 
 async def large_bodies_are_refused(target: Target) -> None:
     for server, url in target.web.items():
-        head = request_bytes(url, "POST", {**JSON, "Content-Length": str(300 * 2**20)}, path="/api/tasks")
+        head = request_bytes(url, "POST", {**JSON, **target.authorization(url), "Content-Length": str(300 * 2**20)}, path="/api/tasks")
         async with target.connection(url) as line:
             await line.send(head)
             answer = await line.answer()
@@ -91,7 +91,9 @@ async def endless_bodies_end(target: Target) -> None:
     for server, url in {**target.web, **target.soap}.items():
         kind = JSON if server in target.web else SOAP
         path = "/api/tasks" if server in target.web else None
-        head = request_bytes(url, "POST", {**kind, "Transfer-Encoding": "chunked"}, path=path).replace(b"Content-Length: 0\r\n", b"")
+        head = request_bytes(url, "POST", {**kind, **target.authorization(url), "Transfer-Encoding": "chunked"}, path=path).replace(
+            b"Content-Length: 0\r\n", b""
+        )
         async with target.connection(url) as line:
             sending = asyncio.create_task(_repeat(line, head, chunk))
             answer = await line.answer()
@@ -111,7 +113,7 @@ async def websockets_are_bounded(target: Target) -> None:
         refused = 0
         for _ in range(BOUNDS.websockets + 50):
             try:
-                await stack.enter_async_context(websockets.connect(url))
+                await stack.enter_async_context(websockets.connect(url, additional_headers=target.authorization(target.api)))
             except websockets.InvalidStatus as error:
                 expect(error.response.status_code == 503, f"one WebSocket too many gets {error.response.status_code}")
                 refused += 1
@@ -134,7 +136,7 @@ async def websockets_take_no_nonsense(target: Target) -> None:
         texts += [msgspec.json.encode({"follow": [f"task {number}" for number in range(20_000)]}).decode(), "x" * (2 * BOUNDS.frame_bytes)]
         for text in texts:
             with contextlib.suppress(websockets.ConnectionClosed):
-                async with websockets.connect(url) as socket:
+                async with websockets.connect(url, additional_headers=target.authorization(base)) as socket:
                     await socket.send(text)
                     async with asyncio.timeout(60):
                         await socket.recv()
@@ -146,7 +148,7 @@ async def topics_are_bounded(target: Target) -> None:
     url = f"{target.api.replace('http', 'ws', 1)}/live"
     async with contextlib.AsyncExitStack() as stack:
         for number in range(5):
-            socket = await stack.enter_async_context(websockets.connect(url))
+            socket = await stack.enter_async_context(websockets.connect(url, additional_headers=target.authorization(target.api)))
             await socket.send(msgspec.json.encode({"follow": [f"task {number}-{task}" for task in range(5000)]}).decode())
             problem = await socket.recv()
             expect("limit" in str(problem) or "at most" in str(problem), f"5,000 topics get {problem!r:.100}")

@@ -14,6 +14,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
+from somrs.access.store import local_token
 from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
@@ -139,12 +140,16 @@ class Target:
         finally:
             line.close()
 
+    def authorization(self, url: str) -> dict[str, str]:
+        """The header of an honest client: attacks have its rights, as a browser would send its cookie."""
+        return {"Authorization": f"Bearer {local_token(self.system.data)}"} if url in self.web.values() else {}
+
     async def request(
         self, url: str, method: str = "GET", headers: Mapping[str, str] | None = None, body: bytes = b"", *, path: str | None = None
     ) -> Answer:
         """Send a request as it is given here, whatever HTTP allows."""
         async with self.connection(url) as line:
-            await line.send(request_bytes(url, method, headers, body, path=path))
+            await line.send(request_bytes(url, method, self.authorization(url) | dict(headers or {}), body, path=path))
             return await line.answer()
 
     async def post_message(self, address: str, body: Body, **header: str | None) -> Answer:

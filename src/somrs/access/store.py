@@ -160,6 +160,11 @@ class AccessStore:
         """Make a new token for the programs on this computer; the one before is worth nothing any more."""
         _write(self._data / LOCAL_FILE, new_secret().encode())
 
+    def ensure_local_token(self) -> None:
+        """Make a token for the programs on this computer if there is none: no `somrs up` has started them."""
+        if local_token(self._data) is None:
+            self.renew_local_token()
+
     def _read_local_tokens(self) -> dict[str, frozenset[Right]]:
         """The tokens of the programs on this computer with their rights."""
         if (stamp := _stamp(self._data / LOCAL_FILE)) != self._local_stamp:

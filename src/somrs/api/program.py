@@ -28,10 +28,12 @@ PATH = "/api"
 
 
 async def run_api(
-    data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = (), *, secure: bool = False
+    data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = (), *, secure: bool = True
 ) -> None:
     """Serve the API until this process is asked to stop. `allowed_hosts`: see `Edge`. `secure`: only those have access who may."""
     server_socket, access = listen_at(host, port), AccessStore(data) if secure else None
+    if access is not None:
+        access.ensure_local_token()
     async with open_api_service(addresses, data, host) as service, served(service, server_socket, allowed_hosts, access) as url:
         await until_stopped("api", url)
 

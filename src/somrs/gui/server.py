@@ -36,7 +36,7 @@ RECONNECT_TIME = 60.0
 
 
 async def run_gui(
-    data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = (), *, secure: bool = False
+    data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = (), *, secure: bool = True
 ) -> None:
     """Serve the windows until the process is stopped. `allowed_hosts`: see `Edge`. `secure`: people have to sign in."""
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str((data / "gui").resolve()))  # NiceGUI reads this when it is imported

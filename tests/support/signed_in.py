@@ -1,0 +1,56 @@
+"""Tests as people and programs that have access: what they send to the systems that they have started."""
+
+from __future__ import annotations
+
+import urllib.request
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from somrs.access.rights import Role
+from somrs.access.store import AccessStore, local_token
+
+TESTER = "Tester"
+"""Who has signed in in the browsers of tests."""
+
+_FOLDERS: dict[str, Path] = {}
+"""The data folders of systems, by the addresses of their servers."""
+
+
+def authorization(data: Path) -> dict[str, str]:
+    """The header of a program on this computer."""
+    token = local_token(data)
+    return {"Authorization": f"Bearer {token}"} if token is not None else {}
+
+
+def authorization_at(url: str) -> dict[str, str]:
+    """The header of a program on this computer for a server of a system that was `noted`."""
+    folder = _FOLDERS.get(urlsplit(url).netloc)
+    return authorization(folder) if folder is not None else {}
+
+
+def note(data: Path, *urls: str | None) -> None:
+    """From now on, `urlopen` has access to these servers of the system with this data folder."""
+    _FOLDERS.update({urlsplit(url).netloc: data for url in urls if url is not None})
+
+
+def session_cookie(url: str, role: Role = Role.ADMINISTRATOR, name: str = TESTER) -> tuple[str, str] | None:
+    """The name and the content of the cookie of a person who has signed in at a system that was `noted`; None for other addresses."""
+    if (folder := _FOLDERS.get(urlsplit(url).netloc)) is None:
+        return None
+    store = AccessStore(folder)
+    if name not in store.read().accounts:
+        store.add_account(name, role)
+    return store.read().cookie, store.open_session(name)
+
+
+class _Access(urllib.request.BaseHandler):
+    """Adds the header to requests that have none."""
+
+    def http_request(self, request: urllib.request.Request) -> urllib.request.Request:
+        if not request.has_header("Authorization"):
+            for name, value in authorization_at(request.full_url).items():
+                request.add_unredirected_header(name, value)
+        return request
+
+
+urllib.request.install_opener(urllib.request.build_opener(_Access))
