@@ -22,7 +22,7 @@ from somrs.errors import UsageError
 from tests.conftest import WORKER_GROUPS
 from tests.support import warm
 from tests.support.paths import ROOT, SCENARIO_1
-from tests.support.signed_in import TESTER, note, session_cookie
+from tests.support.signed_in import TESTER, note, session_cookies
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Locator, Page, expect, sync_playwright  # noqa: E402  # behind the skip
@@ -279,9 +279,9 @@ def empty_page(profile: BrowserContext) -> Page:
 
 
 def sign_in(profile: BrowserContext, url: str, role: Role = Role.ADMINISTRATOR, name: str = TESTER) -> None:
-    """Sign a person in at the system with this page, if it is of a running system, in all pages of a profile."""
-    if (cookie := session_cookie(url, role, name)) is not None:
-        profile.add_cookies([{"name": cookie[0], "value": cookie[1], "url": url}])
+    """Sign a person in in all pages of a profile: at the system with this page, or, for an empty page, at all."""
+    for cookie, secret, address in session_cookies(url, role, name):
+        profile.add_cookies([{"name": cookie, "value": secret, "url": address}])
 
 
 FAILED = pytest.StashKey[bool]()

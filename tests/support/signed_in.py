@@ -33,14 +33,18 @@ def note(data: Path, *urls: str | None) -> None:
     _FOLDERS.update({urlsplit(url).netloc: data for url in urls if url is not None})
 
 
-def session_cookie(url: str, role: Role = Role.ADMINISTRATOR, name: str = TESTER) -> tuple[str, str] | None:
-    """The name and the content of the cookie of a person who has signed in at a system that was `noted`; None for other addresses."""
-    if (folder := _FOLDERS.get(urlsplit(url).netloc)) is None:
-        return None
-    store = AccessStore(folder)
+def session_cookies(url: str, role: Role = Role.ADMINISTRATOR, name: str = TESTER) -> list[tuple[str, str, str]]:
+    """The cookies of a person who has signed in at the system with this page, or, for an empty page, at all systems that were `noted`: the
+    name and the content of each, and the address for which it is."""
+    servers = [server for server, folder in _FOLDERS.items() if folder.exists()]
+    return [_session_cookie(server, role, name) for server in servers if urlsplit(url).netloc in ("", server)]
+
+
+def _session_cookie(server: str, role: Role, name: str) -> tuple[str, str, str]:
+    store = AccessStore(_FOLDERS[server])
     if name not in store.read().accounts:
         store.add_account(name, role)
-    return store.read().cookie, store.open_session(name)
+    return store.read().cookie, store.open_session(name), f"http://{server}"
 
 
 class _Access(urllib.request.BaseHandler):

@@ -26,13 +26,15 @@ class Identity(Struct, frozen=True, kw_only=True):
         """Why it may not do what needs this right; None if it may."""
         if required_right in self.rights:
             return None
+        if not self.name:
+            return "nobody signs in at this system, so nobody can be given access; start it without `--insecure`"
         role = least_role(required_right)
         article = "an" if role[0] in "aeio" else "a"
         needed = f"the right to {required_right}, which {article} {role} has"
         return f"{self.name} does not have {needed}; an administrator can give it on the page People and access"
 
 
-ANYBODY = Identity(name="", rights=frozenset(Right), speaks_for_others=True)
+ANYBODY = Identity(name="", rights=frozenset(Right) - {Right.ADMINISTER}, speaks_for_others=True)
 """Who sends requests to a server that asks nobody who they are."""
 
 sender: ContextVar[Identity | None] = ContextVar("sender", default=None)

@@ -111,18 +111,18 @@ class AccessState(Struct, frozen=True, kw_only=True):
     def with_role(self, name: str, role: Role) -> AccessState:
         """The state with another role of a person. Raises UsageError for the last administrator."""
         changed = replace(self, accounts=self.accounts | {name: replace(self.account(name), role=role)})
-        return changed._administered(name)
+        return self._unless_last(name, changed)
 
-    def with_password(self, name: str, hashed: str | None) -> AccessState:
-        """The state with another password of a person, who stays signed in nowhere."""
+    def with_password(self, name: str, hashed: str | None, kept_session: str | None = None) -> AccessState:
+        """The state with another password of a person, who stays signed in nowhere but in one session."""
         account = replace(self.account(name), password=hashed)
-        return replace(self._signed_out(name), accounts=self.accounts | {name: account})
+        return replace(self._signed_out(name, kept_session), accounts=self.accounts | {name: account})
 
     def without_account(self, name: str) -> AccessState:
         """The state without a person, and without the person's sessions and links. Raises UsageError for the last administrator."""
         self.account(name)
         removed = replace(self._signed_out(name), accounts={key: account for key, account in self.accounts.items() if key != name})
-        return removed._administered(name)
+        return self._unless_last(name, removed)
 
     def with_session(self, secret: str, session: Session) -> AccessState:
         oldest_first = sorted((key for key, other in self.sessions.items() if other.account == session.account), key=self._session_start)
@@ -174,17 +174,17 @@ class AccessState(Struct, frozen=True, kw_only=True):
     def _session_start(self, key: str) -> float:
         return self.sessions[key].created_at
 
-    def _signed_out(self, name: str) -> AccessState:
+    def _signed_out(self, name: str, kept_session: str | None = None) -> AccessState:
         return replace(
             self,
-            sessions={key: session for key, session in self.sessions.items() if session.account != name},
+            sessions={key: session for key, session in self.sessions.items() if session.account != name or session.id == kept_session},
             links={key: link for key, link in self.links.items() if link.account != name},
         )
 
-    def _administered(self, name: str) -> AccessState:
-        if self.first_administrator() is None:
+    def _unless_last(self, name: str, changed: AccessState) -> AccessState:
+        if self.first_administrator() is not None and changed.first_administrator() is None:
             raise UsageError(f"{name} is the last administrator; make somebody else one first")
-        return self
+        return changed
 
 
 def new_secret() -> str:

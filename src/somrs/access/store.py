@@ -94,10 +94,10 @@ class AccessStore:
         with self._changing() as change:
             change.state = change.state.with_role(name, role)
 
-    def set_password(self, name: str, password_hash: str | None) -> None:
-        """Set a password, and sign the person out everywhere."""
+    def set_password(self, name: str, password_hash: str | None, kept_session: str | None = None) -> None:
+        """Set a password, and sign the person out everywhere but in one session."""
         with self._changing() as change:
-            change.state = change.state.with_password(name, password_hash)
+            change.state = change.state.with_password(name, password_hash, kept_session)
 
     def remove_account(self, name: str) -> None:
         with self._changing() as change:

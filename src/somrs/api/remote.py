@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import get_type_hints
 
+from somrs.api.access import AccessService
 from somrs.api.control import ControlService
 from somrs.api.fleet import FleetService
 from somrs.api.formulas import FormulaService
@@ -40,6 +41,7 @@ STARTUP_TIMEOUT = 60.0
 class Api:
     """The parts of the API. The class of each attribute declares the operations; the API's process carries them out."""
 
+    access: AccessService
     ontology: OwlService
     map: MapService
     tasks: TaskService

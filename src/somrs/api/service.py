@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+from somrs.api.access import AccessService
 from somrs.api.context import Context
 from somrs.api.control import ControlService
 from somrs.api.fleet import FleetService
@@ -36,6 +37,7 @@ class ApiService:
 
     def __init__(self, context: Context) -> None:
         self.context = context
+        self.access = AccessService(context)
         orders, traffic = OrderService(context), TrafficService(context)
         self.ontology = OwlService(context, orders)
         self.map = MapService(context)

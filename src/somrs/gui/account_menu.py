@@ -7,6 +7,8 @@ from nicegui import ui
 from somrs.access.identity import Identity, sender
 from somrs.access.rights import Right
 
+ACCESS_PAGE = "/access"
+
 _SIGN_OUT = (
     "(() => { const form = document.createElement('form'); form.method = 'post'; form.action = '/sign-out';"
     " document.body.append(form); form.submit(); })()"
@@ -33,7 +35,18 @@ def add_account_menu() -> None:
         ui.label(identity.name).classes("somrs-account-name")
         with ui.menu().props("auto-close"):
             ui.item(identity.name).props("header").classes("somrs-account-head")
+            text = "People and access" if Right.ADMINISTER in identity.rights else "My account"
+            ui.menu_item(text, lambda: ui.navigate.to(ACCESS_PAGE))
             ui.menu_item("Sign out", lambda: ui.run_javascript(_SIGN_OUT))
+
+
+def only_with(required_right: Right, *controls: ui.element) -> None:
+    """Disable controls for who does not have a right, and say why."""
+    identity = sender.get()
+    if identity is not None and (problem := identity.lacks(required_right)) is not None:
+        for control in controls:
+            control.props("disable")
+            control.tooltip(problem)
 
 
 def may(required_right: Right) -> bool:

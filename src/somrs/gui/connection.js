@@ -8,3 +8,16 @@ Object.defineProperty(window, "did_handshake", {
   get: () => isConnected || Boolean(window.socket?.io.opts.query.implicit_handshake),
   set(value) { isConnected = value; },
 });
+
+// Where the session has ended, there is no connection. The page is loaded again, and so shows the form to sign in.
+const CHECK_PAUSE = 1000;
+
+async function reloadIfSignedOut() {
+  if (window.socket?.disconnected) {
+    const answer = await fetch("/api/access/me", { cache: "no-store" }).catch(() => null);
+    if (answer?.status === 401) location.reload();
+  }
+  setTimeout(reloadIfSignedOut, CHECK_PAUSE);
+}
+
+reloadIfSignedOut();

@@ -64,6 +64,7 @@ def _application(api: LiveApi, data: Path, access: AccessStore | None) -> FastAP
     from fastapi import FastAPI
     from nicegui import app, ui
 
+    from somrs.gui.pages import access as access_page
     from somrs.gui.pages import define, fleet, history, map, missing, ontology, person, start, tasks
     from somrs.gui.shell import LOOK
 
@@ -72,7 +73,7 @@ def _application(api: LiveApi, data: Path, access: AccessStore | None) -> FastAP
     if access is not None:
         pages.router.routes.extend(SignIn(access, LOOK).routes())
     app.config.quasar_config["loadingBar"]["skipHijack"] = True  # no bar for requests: it has no name, and no page waits for one
-    for page_module in (start, map, ontology, define, tasks, fleet, history, person, missing):
+    for page_module in (access_page, start, map, ontology, define, tasks, fleet, history, person, missing):
         page_module.register(api)
     ui.run_with(
         pages,

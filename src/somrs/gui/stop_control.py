@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from nicegui import ui
 
+from somrs.access.rights import Right
 from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
+from somrs.gui.account_menu import only_with
 from somrs.gui.author import author
 from somrs.gui.news import follow_values
 from somrs.ontology.types import PAUSED
@@ -20,6 +22,7 @@ class StopControl:
             "unelevated no-caps dense icon=play_arrow color=warning text-color=black"
         )
         self._release.classes("somrs-release").tooltip("Let all stopped devices go on")
+        only_with(Right.OPERATE, self._release)
         self._stop = ui.button("Stop", on_click=self._stop_all).props("unelevated no-caps dense icon=front_hand color=negative")
         self._stop.classes("somrs-stop").props('aria-label="Stop all devices"').tooltip("Stop all devices at once")
         self._show()

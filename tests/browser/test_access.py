@@ -1,0 +1,112 @@
+"""People and access: signing in and out, roles, and what one may not do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from somrs.access.rights import Role
+from somrs.access.store import AccessStore
+
+from .conftest import RunningSystem, every_look, fits, sign_in, take_screenshot
+
+
+@pytest.fixture
+def profile(browser: Browser) -> Iterator[BrowserContext]:
+    """A browser in which nobody has signed in, and whose console may tell of what is refused."""
+    with browser.new_context() as context:
+        yield context
+
+
+def test_a_new_system_makes_who_opens_the_link_its_administrator(system: RunningSystem, profile: BrowserContext) -> None:
+    link = re.search(r"once:\s+(\S+/sign-in\?link=\S+)", system.log_text())
+    assert link is not None
+    page = profile.new_page()
+    page.goto(f"{system.url}/map?storey=Storey001")
+    expect(page).to_have_url(re.compile(r"/sign-in\?next="))
+    page.goto(link[1])
+    page.get_by_label("Your name").fill("Tester")
+    page.get_by_role("button", name="Begin").click()
+    if page.get_by_role("alert").count():  # another test has signed in as the tester
+        expect(page.get_by_role("alert")).to_contain_text("there is Tester already")
+        page.get_by_label("Your name").fill("Ada Lovelace")
+        page.get_by_role("button", name="Begin").click()
+    expect(page.get_by_role("button", name="account")).to_be_visible()
+    page.goto(link[1])
+    expect(page).to_have_url(f"{system.url}/")  # the link was used, but one is signed in
+    page.get_by_role("button", name="account").click()
+    page.get_by_role("menuitem", name="Sign out").click()
+    expect(page.get_by_role("button", name="Sign in")).to_be_visible()
+    page.goto(link[1])
+    expect(page.get_by_role("alert")).to_contain_text("This link was used")
+
+
+def test_one_signs_in_with_a_password_and_gets_where_one_wanted(system: RunningSystem, profile: BrowserContext) -> None:
+    store = AccessStore(system.data)
+    store.add_account("Grace", Role.OPERATOR)
+    sign_in(profile, system.url, name="Grace")
+    page = profile.new_page()
+    page.goto(f"{system.url}/access")
+    expect(page.get_by_role("heading", name="Grace")).to_be_visible()
+    expect(page.get_by_text("Tokens of programs")).to_have_count(0)
+    page.get_by_label("New password").fill("short")
+    page.get_by_role("button", name="Set password").click()
+    expect(page.get_by_text("a password has 10 to 1024 characters")).to_be_visible()
+    page.get_by_label("New password").fill("a few easy words")
+    page.get_by_role("button", name="Set password").click()
+    expect(page.get_by_role("button", name="Change password")).to_be_visible()
+    profile.clear_cookies()
+    page.goto(f"{system.url}/fleet")
+    for password in ("a few wrong words", "a few easy words"):
+        page.get_by_label("Name").fill("Grace")
+        page.get_by_label("Password").fill(password)
+        page.get_by_role("button", name="Sign in").click()
+        if password == "a few wrong words":
+            expect(page.get_by_role("alert")).to_have_text("The name or the password is wrong.")
+    expect(page).to_have_url(f"{system.url}/fleet")
+    store.remove_account("Grace")  # the open page ends
+    expect(page.get_by_role("button", name="Sign in")).to_be_visible()
+
+
+def test_administrators_add_people_and_tokens(system: RunningSystem, window: Callable[..., Page]) -> None:
+    page = window(f"{system.url}/access")
+    page.get_by_label("Name", exact=True).fill("Katherine")
+    page.get_by_role("button", name="Add person").click()
+    secret = page.get_by_role("dialog").locator(".somrs-access-secret")
+    expect(secret).to_contain_text("/sign-in?link=")
+    page.get_by_role("button", name="Close").click()
+    row = page.get_by_role("group", name="Katherine")
+    expect(row).to_contain_text("0 sessions, without password")
+    page.get_by_label("Name of the program").fill("stock keeping")
+    page.get_by_role("button", name="Make token").click()
+    token = page.get_by_role("dialog").locator(".somrs-access-secret").text_content() or ""
+    page.get_by_role("button", name="Close").click()
+    expect(page.get_by_role("group", name="stock keeping")).to_contain_text("see; until")
+    answer = page.request.get(f"{system.url}/api/access/me", headers={"Authorization": f"Bearer {token}"})
+    assert answer.json()["name"] == "stock keeping"
+    for look in every_look(page):
+        assert fits(page), look
+        take_screenshot(page, f"access-{look}")
+    row.get_by_role("button", name="Remove Katherine").click()
+    page.get_by_role("button", name="Remove Katherine").last.click()
+    expect(row).to_have_count(0)
+
+
+def test_a_viewer_sees_and_stops_and_changes_nothing_else(system: RunningSystem, profile: BrowserContext) -> None:
+    sign_in(profile, system.url, Role.VIEWER, "Viewer")
+    page = profile.new_page()
+    page.goto(f"{system.url}/fleet")
+    page.get_by_role("button", name="Stop all devices").click()
+    release = page.locator(".somrs-release")
+    expect(release).to_be_visible()
+    expect(release).to_be_disabled()
+    sign_in(profile, system.url, Role.OPERATOR, "Operator")
+    page.goto(f"{system.url}/map")
+    release.click()
+    expect(release).to_be_hidden()
+    page.get_by_text("Changes").first.click()
+    expect(page.get_by_text("Operator").first).to_be_visible()
+    expect(page.get_by_text("Viewer").first).to_be_visible()
