@@ -53,41 +53,41 @@ class _AccessPage:
         self._content = ui.element("div").classes("somrs-access")
 
     async def build(self) -> None:
-        own = await self._api.access.me()
+        own_access = await self._api.access.me()
         view = await self._api.access.read() if may(Right.ADMINISTER) else None
         self._content.clear()
         with self._content:
-            with panel(own.name, "person", "access-own") as own_panel:
-                own_panel.note.text = own.role or ""
-                self._build_own(own)
+            with panel(own_access.name, "person", "access-own") as own_panel:
+                own_panel.note.text = own_access.role or ""
+                self._build_own(own_access)
             if view is not None:
-                self._build_all(view, own)
+                self._build_all(view, own_access)
 
-    def _build_own(self, own: OwnAccess) -> None:
-        ui.label(f"You may {', '.join(RIGHTS_TEXT[right] for right in Right if right in own.rights)}.")
-        if own.session is None:
+    def _build_own(self, own_access: OwnAccess) -> None:
+        ui.label(f"You may {', '.join(RIGHTS_TEXT[right] for right in Right if right in own_access.rights)}.")
+        if own_access.session is None:
             return
         with ui.element("div").classes("somrs-access-form"):
-            current = _password("Current password", "current-password") if own.has_password else None
-            new = _password("New password", "new-password")
+            current = _password("Current password", "current-password") if own_access.has_password else None
+            new_password = _password("New password", "new-password")
 
             async def save() -> None:
-                typed = current.value if current is not None else ""
-                await self._api.access.set_own_password(NewPassword(password=new.value, current=typed))
+                current_text = current.value if current is not None else ""
+                await self._api.access.set_own_password(NewPassword(password=new_password.value, current=current_text))
                 notify("The password is set; your other sessions have ended")
                 await self.build()
 
-            ui.button("Change password" if own.has_password else "Set password", on_click=guarded(save)).props("unelevated no-caps")
-        self._build_sessions(own.sessions, own.session, self._api.access.end_own_session, with_names=False)
+            ui.button("Change password" if own_access.has_password else "Set password", on_click=guarded(save)).props("unelevated no-caps")
+        self._build_sessions(own_access.sessions, own_access.session, self._api.access.end_own_session, with_names=False)
 
-    def _build_all(self, view: AccessView, own: OwnAccess) -> None:
+    def _build_all(self, view: AccessView, own_access: OwnAccess) -> None:
         with panel("People", "group", "access-people"):
             for person in view.people:
                 self._build_person(person, sum(session.account == person.name for session in view.sessions))
             self._build_new_person()
-        others = tuple(session for session in view.sessions if session.account != own.name)
+        other_sessions = tuple(session for session in view.sessions if session.account != own_access.name)
         with panel("Sessions of others", "devices", "access-sessions"):
-            self._build_sessions(others, None, self._api.access.end_session, with_names=True)
+            self._build_sessions(other_sessions, None, self._api.access.end_session, with_names=True)
         with panel("Tokens of programs", "key", "access-tokens"):
             for token in view.tokens:
                 self._build_token(token)
