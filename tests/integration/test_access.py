@@ -159,7 +159,6 @@ def test_each_operation_that_changes_something_says_by_whom() -> None:
         "people.reply",
         "people.set_availability",
         "questions.answer",
-        "tasks.cancel",
         "tasks.preview",
     }
 

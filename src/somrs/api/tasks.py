@@ -20,6 +20,7 @@ from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.findings import Findings
+from somrs.protocol.messages.people import person_name
 from somrs.protocol.messages.previews import Preview, Previewed
 from somrs.protocol.messages.records import ReadRecords
 from somrs.protocol.messages.submission import Submit, Submitted
@@ -141,9 +142,11 @@ class TaskService:
         return Document(content=svg.encode(), media_type="image/svg+xml", name=f"messages-{short_id(task)}.svg")
 
     @operation("POST", "/tasks/{id}/cancel", Right.OPERATE)
-    async def cancel(self, id: str, reason: str = "cancelled by the client") -> None:
-        """Cancel a task: stop its running steps, and compensate the completed ones."""
-        await self._client.cancel(await self._complete_id(id), reason)
+    async def cancel(self, id: str, reason: str = "", by: str = "") -> None:
+        """Cancel a task: stop its running steps, and compensate the completed ones. `reason` and `by` are recorded with it."""
+        author = person_name(by) if by else "the client"
+        text = f"{reason} ({author})" if reason and by else reason or f"cancelled by {author}"
+        await self._client.cancel(await self._complete_id(id), text)
 
     @operation("POST", "/tasks/{id}/pause", Right.OPERATE)
     async def pause(self, id: str, by: str = "") -> PauseState:

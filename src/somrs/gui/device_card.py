@@ -7,9 +7,11 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
+from somrs.access.rights import Right
 from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
 from somrs.api.fleet import BUSY, Assignment, DeviceView, Presence, ServiceView
 from somrs.devices.simulator.link.commands import Fault
+from somrs.gui.account_menu import only_with
 from somrs.gui.components.rebuilt import RebuiltElement
 from somrs.gui.device_orders import DeviceOrders
 from somrs.gui.icons import Badge, Gauge, Sign, format_time, join_names
@@ -161,6 +163,7 @@ class DeviceCard:
     def _build_menu(self, faults: tuple[Fault, ...], possible_faults: tuple[Fault, ...]) -> None:
         with ui.button(icon="bolt").props(f'flat round dense aria-label="Faults of {self.device.name}"') as button:
             button.classes("somrs-turn")
+            only_with(Right.OPERATE, button)
             ui.tooltip("Cause or repair a fault of this simulated device").props('anchor="top middle" self="bottom middle"')
             with ui.menu():
                 for fault in possible_faults:

@@ -7,8 +7,10 @@ from functools import partial
 
 from nicegui import ui
 
+from somrs.access.rights import Right
 from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
+from somrs.gui.account_menu import only_with
 from somrs.gui.author import author
 from somrs.gui.components.confirm_dialog import confirm
 from somrs.gui.components.fields.picker import Choice, Picker
@@ -58,6 +60,7 @@ class ModeControl:
             button.props('flat round dense aria-label="Fire, emergency, out of order"').classes("somrs-turn")
             ui.tooltip("Fire, emergency, out of order")
             self._menu = ui.menu().props("auto-close no-parent-event")
+        only_with(Right.OPERATE, button)
 
     def _build(self) -> None:
         self._menu.clear()

@@ -7,11 +7,13 @@ from collections.abc import Callable
 
 from nicegui import ui
 
+from somrs.access.rights import Right
 from somrs.api.questions import Answer, OpenQuestions
 from somrs.api.remote import LiveApi
 from somrs.client.durations import format_duration
 from somrs.client.hub import News
 from somrs.devices.person.questions import Question
+from somrs.gui.account_menu import only_with
 from somrs.gui.examples import examples
 from somrs.gui.news import follow
 from somrs.gui.places import PlacePicker
@@ -93,8 +95,9 @@ class _QuestionCard:
             self._formula = ui.input("Situation (formula)", placeholder=f"e.g. {example}").props("outlined dense")
             self._formula.classes("somrs-formula").on("keydown.enter", guarded(self._answer))
             with ui.element("div").classes("somrs-question-ways"):
-                ui.button("Answer", on_click=guarded(self._answer)).props("unelevated dense no-caps color=primary")
-                ui.button("I don't know", on_click=guarded(self._answer_unknown)).props("flat dense no-caps")
+                answer = ui.button("Answer", on_click=guarded(self._answer)).props("unelevated dense no-caps color=primary")
+                no_answer = ui.button("I don't know", on_click=guarded(self._answer_unknown)).props("flat dense no-caps")
+                only_with(Right.OPERATE, answer, no_answer)
         self.tick()
 
     def tick(self) -> None:

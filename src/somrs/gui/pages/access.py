@@ -19,11 +19,11 @@ from somrs.gui.panel import panel
 from somrs.gui.shell import guarded, notify, page, page_at
 
 RIGHTS_TEXT = {
-    Right.SEE: "see",
+    Right.SEE: "see everything",
     Right.STOP: "stop devices",
-    Right.OPERATE: "operate: tasks, answers, devices",
-    Right.MODEL: "model: maps, ontologies, templates, zones",
-    Right.ADMINISTER: "administer: people, tokens",
+    Right.OPERATE: "operate (tasks, answers, devices)",
+    Right.MODEL: "model (maps, ontologies, templates, zones)",
+    Right.ADMINISTER: "administer (people, tokens)",
 }
 ROLES_TEXT = {
     Role.VIEWER: "viewer: sees, stops in an emergency",
@@ -64,7 +64,7 @@ class _AccessPage:
                 self._build_all(view, own_access)
 
     def _build_own(self, own_access: OwnAccess) -> None:
-        ui.label(f"You may {', '.join(RIGHTS_TEXT[right] for right in Right if right in own_access.rights)}.")
+        ui.label(f"Your rights: {'; '.join(RIGHTS_TEXT[right] for right in Right if right in own_access.rights)}.")
         if own_access.session is None:
             return
         with ui.element("div").classes("somrs-access-form"):
@@ -155,7 +155,8 @@ class _AccessPage:
                 ui.label(session.account if with_names else "This session" if session.id == current else "Session").classes(
                     "somrs-access-name"
                 )
-                ui.label(f"since {format_time(session.created_at)}, {session.address}, {session.browser}").classes("somrs-soft")
+                origin = ", ".join(filter(None, (f"since {format_time(session.created_at)}", session.address, session.browser)))
+                ui.label(origin).classes("somrs-soft")
                 if session.id != current:
                     ui.button("End", on_click=partial(self._end_session, session.id, end)).props("flat dense no-caps")
         if not sessions:

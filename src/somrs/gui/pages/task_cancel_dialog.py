@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
+from somrs.gui.author import author
 from somrs.gui.shell import guarded, notify
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.task_views import Phase, TaskView, WorkView
@@ -84,6 +85,6 @@ class CancelDialog:
         if self._view.phase is Phase.ENDED:
             notify("The task has already ended.")
         else:
-            await self._api.tasks.cancel(self._view.task, str(self._reason.value or "").strip() or "cancelled by the client")
+            await self._api.tasks.cancel(self._view.task, str(self._reason.value or "").strip(), by=author())
             notify("Cancelling: running steps are stopped, and completed work is undone.")
         self._dialog.close()

@@ -6,11 +6,13 @@ import time
 
 from nicegui import ui
 
+from somrs.access.rights import Right
 from somrs.api.remote import LiveApi
 from somrs.client.durations import format_duration
 from somrs.client.state_labels import priority_text
 from somrs.client.task_forecast import cost_text, remaining_text
 from somrs.client.task_report import reasons
+from somrs.gui.account_menu import only_with
 from somrs.gui.author import author
 from somrs.gui.icons import Badge, format_time
 from somrs.gui.pages.task_cancel_dialog import CancelDialog
@@ -77,6 +79,7 @@ class TaskHeader:
                 "outline dense no-caps color=negative"
             )
             self._cancel.props('aria-label="Cancel this task"')
+            only_with(Right.OPERATE, self._pause, self._resume, self._cancel)
             self._retry = RetryButton(self._api, view)
 
     def render(self, view: TaskView) -> None:

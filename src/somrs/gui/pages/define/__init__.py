@@ -6,9 +6,11 @@ import uuid
 
 from nicegui import app, ui
 
+from somrs.access.rights import Right
 from somrs.api.formulas import CheckFormula
 from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
+from somrs.gui.account_menu import only_with
 from somrs.gui.pages.define.draft import NOW, Draft
 from somrs.gui.pages.define.execution_options import ExecutionOptions
 from somrs.gui.pages.define.form import Form
@@ -40,11 +42,14 @@ class _DefinePage:
             self._templates = TemplateMenu(form)
             ui.button("Clear", icon="backspace", on_click=self._clear).props("flat dense no-caps")
             ui.space()
-            ui.button("Preview", icon="preview", on_click=self._previewed).props("outline dense no-caps").classes("somrs-define-act")
+            preview = (
+                ui.button("Preview", icon="preview", on_click=self._previewed).props("outline dense no-caps").classes("somrs-define-act")
+            )
             self._start_button = ui.button("Start", icon="play_arrow", on_click=guarded(self._start)).props(
                 "unelevated dense no-caps color=primary"
             )
             self._start_button.classes("somrs-define-act")
+            only_with(Right.OPERATE, preview, self._start_button)
         with ui.element("div").classes("somrs-define-other somrs-define-earlier").props('role="status"') as self._earlier:
             ui.icon("history").props('aria-hidden="true"')
             ui.label("This is your earlier draft. Its task has not been started.")
