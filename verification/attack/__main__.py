@@ -18,7 +18,7 @@ from pathlib import Path
 from rich.console import Console
 
 from somrs.errors import SomrsError
-from verification.attack import addresses, browsers, documents, floods
+from verification.attack import addresses, browsers, documents, floods, strangers
 from verification.attack.fuzz import Fuzz
 from verification.attack.target import Defect, Target, attacked_system
 
@@ -27,6 +27,9 @@ ATTACKS: tuple[Callable[[Target], Awaitable[None]], ...] = (
     browsers.forms_change_nothing,
     browsers.pages_stay_in_their_frames,
     browsers.paths_lead_nowhere,
+    strangers.strangers_see_nothing,
+    strangers.viewers_change_nothing,
+    strangers.no_file_tells_a_secret,
     documents.xml_is_small,
     documents.json_is_flat,
     documents.formulas_are_read_or_refused,

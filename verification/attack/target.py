@@ -148,8 +148,14 @@ class Target:
         self, url: str, method: str = "GET", headers: Mapping[str, str] | None = None, body: bytes = b"", *, path: str | None = None
     ) -> Answer:
         """Send a request as it is given here, whatever HTTP allows."""
+        return await self.send_as(self.authorization(url) | dict(headers or {}), url, method, body, path=path)
+
+    async def send_as(
+        self, headers: Mapping[str, str], url: str, method: str = "GET", body: bytes = b"", *, path: str | None = None
+    ) -> Answer:
+        """Send a request with these headers, and nothing that proves who sends it besides."""
         async with self.connection(url) as line:
-            await line.send(request_bytes(url, method, self.authorization(url) | dict(headers or {}), body, path=path))
+            await line.send(request_bytes(url, method, headers, body, path=path))
             return await line.answer()
 
     async def post_message(self, address: str, body: Body, **header: str | None) -> Answer:

@@ -38,7 +38,7 @@ LOCAL_NAME = "this computer"
 
 _LOCK_FILE = "access.lock"
 
-PRIVATE = 0o600
+PRIVATE, PRIVATE_FOLDER = 0o600, 0o700
 
 Stamp = tuple[int, int, int]
 """What tells that a file has been replaced."""
@@ -74,6 +74,7 @@ class AccessStore:
     @contextmanager
     def _changing(self) -> Iterator[_Change]:
         """The state, to be replaced; nobody else changes it meanwhile."""
+        self._data.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
         descriptor = os.open(self._data / _LOCK_FILE, os.O_RDWR | os.O_CREAT, PRIVATE)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX)
@@ -210,6 +211,7 @@ def _stamp(file: Path) -> Stamp:
 
 def _write(file: Path, content: bytes) -> None:
     """Replace a file at once by one that only its user may read."""
+    file.parent.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
     new_file = file.with_name(f"{file.name}.new")
     new_file.unlink(missing_ok=True)
     descriptor = os.open(new_file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, PRIVATE)
