@@ -34,8 +34,8 @@ main()
 """
 
 
-async def answering(url: str) -> None:
-    async with asyncio.timeout(HANG_TIME), httpx.AsyncClient() as client:
+async def answering(url: str, data: Path) -> None:
+    async with asyncio.timeout(HANG_TIME), httpx.AsyncClient(headers=authorization(data)) as client:
         while True:
             try:
                 if (await client.get(f"{url}/map")).status_code == 200:
@@ -95,7 +95,7 @@ def test_the_windows_and_the_api_do_not_take_each_other_along(tmp_path: Path) ->
             assert (await browser.get(f"{gui}/api/system")).status_code == 503
             assert "The API does not answer" in (await browser.get(f"{gui}/map")).text
             await system.restart("api")
-            await answering(f"{gui}/api")
+            await answering(f"{gui}/api", system.data)
             async with asyncio.timeout(HANG_TIME):
                 while "The API does not answer" in (await browser.get(f"{gui}/map")).text:
                     await asyncio.sleep(0.2)
