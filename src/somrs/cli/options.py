@@ -40,7 +40,7 @@ Secure = Annotated[
         help="Whether people and programs have to say who they are at the API and the windows, and may do what their role allows.",
     ),
 ]
-SECURE = True
+SECURE = False
 """The default of `Secure`."""
 BusOption = Annotated[
     str | None,

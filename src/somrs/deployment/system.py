@@ -135,7 +135,7 @@ class System:
         neighbours: Path | None = None,
         first_port: int | None = None,
         drivers: Collection[str] = (),
-        secure: bool = True,
+        secure: bool = False,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
         self._bus, self._name, self._first_port = bus, name, first_port
