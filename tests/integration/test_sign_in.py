@@ -30,7 +30,7 @@ def who(request: object) -> PlainTextResponse:
 
 @asynccontextmanager
 async def browser(store: AccessStore, *, scheme: str = "http", address: str = "10.0.0.1") -> AsyncIterator[httpx.AsyncClient]:
-    pages = Starlette(routes=[*SignIn(store, "/look.css").routes(), Route("/map", who)])
+    pages = Starlette(routes=[*SignIn(store, "/look.css", lambda: 100.0).routes(), Route("/map", who)])
     guard = Guard(pages, store, is_open=lambda path: path in (SIGN_IN, SIGN_OUT), refuse=sign_in_first)
     transport = httpx.ASGITransport(app=guard, client=(address, 1))
     async with httpx.AsyncClient(transport=transport, base_url=f"{scheme}://robots.example", headers={"Accept": "text/html"}) as client:

@@ -6,7 +6,7 @@ import asyncio
 import html
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from urllib.parse import parse_qs, quote
 
 from starlette.requests import Request
@@ -45,8 +45,8 @@ _FIRST_FORM = """<p>Nobody has an account here yet. You become the administrator
 class SignIn:
     """The routes to sign in and out. `style`: the address of the style sheet."""
 
-    def __init__(self, store: AccessStore, style: str) -> None:
-        self._store, self._style = store, style
+    def __init__(self, store: AccessStore, style: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._store, self._style, self._clock = store, style, clock
         bounds = limits()
         self._delays = SignInDelays(bounds.sign_in_tries, float(bounds.sign_in_seconds))
 
@@ -85,11 +85,11 @@ class SignIn:
 
     async def _check_password(self, request: Request, fields: Mapping[str, str]) -> Response:
         name, address = " ".join(fields["name"].split()), _address(request)
-        if seconds := self._delays.seconds_left(name, address, time.monotonic()):
+        if seconds := self._delays.seconds_left(name, address, self._clock()):
             problem = f"There were too many wrong tries. The next one is possible in {seconds:.0f} s."
             return self._form(fields, problem, 429, {"Retry-After": f"{seconds:.0f}"})
         # Before the check, which takes a while: tries at the same time count, too.
-        self._delays.note_failure(name, address, time.monotonic())
+        self._delays.note_failure(name, address, self._clock())
         account = self._store.read().accounts.get(name)
         if not await asyncio.to_thread(is_right, fields["password"], account.password if account is not None else None):
             log.warning("somebody at %s tried to sign in as %r with a wrong name or password", address, name[:80])
