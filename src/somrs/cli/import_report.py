@@ -28,6 +28,10 @@ _WORDS = {
     "Pedestrian": ("person", "people"),
     "MobileRobot": ("robot", "robots"),
 }
+_WITHOUT_ROBOTS = (
+    "There is no robot in it, so nothing can be carried there. Add one on the page Map when the system runs, or to the file, "
+    "such as one of the type DeliveryRobot."
+)
 _TITLES = {1: "left out", 2: "assumed", 3: "moved", 4: "note"}
 
 
@@ -37,6 +41,8 @@ def report(site: Site, *, details: bool) -> Group:
     shown_notes = site.notes if details else site.notes[:_LINES]
     if shown_notes:
         parts.append(_table(shown_notes, details=details))
+    if not any(site.ontology.is_subtype(object.type, "MobileRobot") for object in site.map.objects.values()):
+        parts.append(Text(_WITHOUT_ROBOTS))
     parts += [Text(advice) for advice in dict.fromkeys(note.advice for note in shown_notes) if advice]
     if hidden := len(site.notes) - len(shown_notes):
         parts.append(Text(f"and {hidden} more kinds of notes: --details"))

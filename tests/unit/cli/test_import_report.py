@@ -48,3 +48,11 @@ def test_people_of_a_crowd_are_counted_as_people() -> None:
     crowd = "crowd_sim: {agent_groups: [{agents_name: [], agents_number: 3, x: 20, y: -10}]}\n"
     first_line = printed(import_text(HALL + crowd, options=ImportOptions(models=shipped_models(), crowds=True)))[0]
     assert first_line == "hall: 1 storey, 3 people"
+
+
+def test_a_building_without_a_robot_says_so() -> None:
+    spawned = HALL.replace(
+        '[40, 40, 0, ""]', '[40, 40, 0, ""], [20, 20, 0, here, {spawn_robot_type: [1, DeliveryRobot], spawn_robot_name: [1, r1]}]'
+    )
+    assert any("no robot in it" in line for line in printed(import_text(HALL)))
+    assert not any("no robot in it" in line for line in printed(import_text(spawned)))
