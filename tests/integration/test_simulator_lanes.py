@@ -175,6 +175,17 @@ def test_lanes_change_while_the_robots_are_there() -> None:
 
 
 @pytest.mark.skipif(not HOTEL.exists(), reason=f"NOT TESTED: there is no {HOTEL}")
+def test_an_operator_sees_which_way_the_lanes_lead() -> None:
+    run = Run(hall(loop()), WorldKind.KINEMATIC)
+    run.run_for(0.1)
+    roadmap = run.simulation.roadmap()
+    for start, end in pairwise((*CORNERS, CORNERS[0])):
+        drawn = [(roadmap.places[one], roadmap.places[two]) for one, two in roadmap.one_way]
+        on_side = [(one[:2], two[:2]) for one, two in drawn if max(point_distance(point[:2], start, end) for point in (one, two)) < 0.02]
+        assert on_side
+        assert all(math.dist(start, one) < math.dist(start, two) for one, two in on_side)
+
+
 def test_robots_of_the_hotel_keep_to_their_lanes() -> None:
     """Of Open-RMF's hotel, with two graphs; from waypoint to waypoint, nobody is farther from its lanes than where it steps aside."""
     site = import_building(HOTEL)

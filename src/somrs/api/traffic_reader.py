@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from somrs.client.client import Client
 from somrs.client.task_managers import READ_TIME
-from somrs.devices.simulator.link.roads import Roadmap, RoadPoint, TrafficState, driving, road_point
+from somrs.devices.simulator.link.roads import Roadmap, RoadPoint, TrafficState, driving, road_point, undirected
 from somrs.protocol.messages.traffic import ReadRoadmap, ReadTraffic, RoadmapPage, RoadmapPlace, TrafficView
 
 
@@ -70,17 +70,14 @@ class TrafficReader:
 
 def _roadmap(number: int, places: Sequence[RoadmapPlace]) -> Roadmap:
     positions = {place.name: position for position, place in enumerate(places)}
-    lanes: dict[tuple[int, int], bool] = {}
-    """By their ends: whether they are closed, in one direction at least."""
-    for start, place in enumerate(places):
-        for lane in place.lanes:
-            ends = min(start, positions[lane.end]), max(start, positions[lane.end])
-            lanes[ends] = lanes.get(ends, False) or lane.closed
-    all_lanes = sorted(lanes)
+    directed = {(start, positions[lane.end]): lane for start, place in enumerate(places) for lane in place.lanes}
+    closed = {(min(ends), max(ends)) for ends, lane in directed.items() if lane.closed}
+    lanes, one_way = undirected(directed)
     return Roadmap(
         number=number,
         places=tuple(road_point(place.x, place.y, place.level) for place in places),
-        lanes=tuple(all_lanes),
+        lanes=lanes,
+        one_way=one_way,
         closed_places=tuple(position for position, place in enumerate(places) if place.closed),
-        closed_lanes=tuple(position for position, lane in enumerate(all_lanes) if lanes[lane]),
+        closed_lanes=tuple(position for position, lane in enumerate(lanes) if lane in closed),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from msgspec import Struct
 
@@ -23,13 +23,14 @@ class Roadmap(Struct, frozen=True, kw_only=True):
     """The roadmap, and what of it is closed now.
 
     `number` is another one after each change of the roadmap or of what is closed. `lanes`: each once, by the positions of its ends in
-    `places`, counted from 0, whether it leads in one direction or in both. `closed_places`, `closed_lanes`: the positions, in these, of
-    those that nobody uses.
+    `places`, counted from 0, whether it leads in one direction or in both. `one_way`: those of one direction, from the place where they
+    begin. `closed_places`, `closed_lanes`: the positions, in these, of those that nobody uses.
     """
 
     number: int
     places: tuple[RoadPoint, ...]
     lanes: tuple[tuple[int, int], ...]
+    one_way: tuple[tuple[int, int], ...] = ()
     closed_places: tuple[int, ...] = ()
     closed_lanes: tuple[int, ...] = ()
 
@@ -67,6 +68,12 @@ class TrafficState(Struct, frozen=True, kw_only=True):
     hold: str = ""
     closed_lifts: tuple[str, ...] = ()
     shared_lifts: tuple[str, ...] = ()
+
+
+def undirected(directed: Collection[tuple[int, int]]) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]:
+    """The `lanes` and the `one_way` of a roadmap with these directed lanes."""
+    lanes = sorted({(min(lane), max(lane)) for lane in directed})
+    return tuple(lanes), tuple(sorted(lane for lane in directed if lane[::-1] not in directed))
 
 
 def road_point(x: float, y: float, level: float) -> RoadPoint:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from msgspec import structs
 
-from somrs.devices.simulator.link.roads import PointOf, Roadmap, RoadPoint, RobotInTraffic, TrafficState, driving, road_point
+from somrs.devices.simulator.link.roads import PointOf, Roadmap, RoadPoint, RobotInTraffic, TrafficState, driving, road_point, undirected
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.robot_work import RobotWork
 from somrs.devices.simulator.server.simulated_traffic import SimulatedTraffic
@@ -18,13 +18,14 @@ def roadmap_view(traffic: SimulatedTraffic) -> Roadmap:
     """The roadmap, and what of it is closed now."""
     office = traffic.office
     numbers, graph = office.roadmap.numbers, office.roadmap.graph
-    lanes = sorted({(min(start, end), max(start, end)) for start, ends in enumerate(graph.successors) for end in ends})
+    lanes, one_way = undirected({(start, end) for start, ends in enumerate(graph.successors) for end in ends})
     positions = {lane: position for position, lane in enumerate(lanes)}
     closed_lanes = ((numbers[lane.start], numbers[lane.end]) for lane in office.closed_lanes)
     return Roadmap(
         number=office.component.state.roadmap_number,
         places=tuple(road_point(place.x, place.y, place.level) for place in office.roadmap.roadmap.places),
-        lanes=tuple(lanes),
+        lanes=lanes,
+        one_way=one_way,
         closed_places=tuple(sorted(numbers[place] for place in office.closed_places)),
         closed_lanes=tuple(sorted({positions[min(lane), max(lane)] for lane in closed_lanes})),
     )

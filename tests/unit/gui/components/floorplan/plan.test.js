@@ -411,7 +411,7 @@ test("a robot that rides to another storey is drawn there", async () => {
   assert.ok(drawn("Robot1"));
 });
 
-const ROADMAP = { number: 5, places: [[1, 1, 0], [2, 1, 0], [3, 1, 0], [3, 1, 3]], lanes: [[0, 1], [1, 2], [2, 3]], closed_places: [], closed_lanes: [1] };
+const ROADMAP = { number: 5, places: [[1, 1, 0], [2, 1, 0], [3, 1, 0], [3, 1, 3]], lanes: [[0, 1], [1, 2], [2, 3]], one_way: [[1, 0], [2, 3]], closed_places: [], closed_lanes: [1] };
 const TRAFFIC = {
   roadmap: 5, hold: "",
   robots: [
@@ -542,6 +542,7 @@ test("the roadmap of the storey is drawn, and what of it is closed", async () =>
   assert.equal(drawing.querySelector(".fp-road").getAttribute("d"), "M1 1L2 1");
   assert.equal(drawing.querySelector(".fp-road-closed").getAttribute("d"), "M2 1L3 1");
   assert.equal(drawing.querySelector(".fp-road-ride").getAttribute("d"), "M3 1h0");
+  assert.equal(drawing.querySelector(".fp-road-direction").getAttribute("d"), "M1.36 1L1.64 0.86L1.64 1.14Z", "to the place at 1, 1");
   assert.equal(server.asked.filter((address) => address === "/api/traffic/roadmap").length, 1);
   server.answers["/api/traffic/roadmap"] = { ...ROADMAP, number: 6, closed_lanes: [] };
   server.socket("/api/live").say({ topic: "traffic", value: { ...TRAFFIC, roadmap: 6 } });

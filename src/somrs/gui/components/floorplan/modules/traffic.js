@@ -101,8 +101,13 @@ export class RoadmapLayer {
     roadmap.places.forEach((place, i) => {
       if (isHere(place[2]) && !shut.has(i)) places.push(dot(place));
     });
+    const directions = [];
+    for (const [start, end] of roadmap.one_way ?? []) {
+      const [a, b] = [roadmap.places[start], roadmap.places[end]];
+      if (isHere(a[2]) && isHere(b[2])) directions.push(arrow(a, b));
+    }
     const path = (name, parts) => (parts.length ? `<path class="${name}" d="${parts.join("")}"/>` : "");
-    this._group.innerHTML = path("fp-road-closed", closed) + path("fp-road", open) + path("fp-road-place", places) + path("fp-road-ride", rides);
+    this._group.innerHTML = path("fp-road-closed", closed) + path("fp-road", open) + path("fp-road-direction", directions) + path("fp-road-place", places) + path("fp-road-ride", rides);
   }
 }
 
@@ -170,6 +175,15 @@ function wait(robot, blocker, at, spot, view) {
     `<g class="fp-wait"><title>${escape(`${robot.robot} ${robot.waiting}`)}</title><path d="M${n(a.x)} ${n(a.y)}L${n(b.x)} ${n(b.y)}"/>` +
     `<path class="fp-tip" transform="translate(${n(mx)} ${n(my)}) rotate(${n(angle)})" d="M6 0L-5 5V-5Z"/></g>`
   );
+}
+
+// The tip of an arrow in the middle of a lane, for its direction.
+function arrow(a, b) {
+  const length = Math.hypot(b[0] - a[0], b[1] - a[1]);
+  const size = Math.min(0.14, length / 3); // m
+  const [x, y] = [(size * (b[0] - a[0])) / length, (size * (b[1] - a[1])) / length];
+  const [mx, my] = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
+  return `M${n(mx + x)} ${n(my + y)}L${n(mx - x - y)} ${n(my - y + x)}L${n(mx - x + y)} ${n(my - y - x)}Z`;
 }
 
 function dot(place) {
