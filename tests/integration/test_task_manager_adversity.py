@@ -329,11 +329,11 @@ STRANGER = "stranger"
 """The address of somebody else, to which nobody answers."""
 
 
-def interfere(system: VirtualSystem, task: str, body: frp.Stop | frp.End | frp.Execute) -> None:
-    """Somebody else gives the robot of the task an order, as if it were its coordinator."""
+def interfere(system: VirtualSystem, task: str, body: frp.Stop | frp.End | frp.Execute, sender: str | None = None) -> None:
+    """Somebody else gives the robot of the task an order, by default in the name of its coordinator, as a copy of that would do."""
     (member,) = [member for member in system.manager.state.tasks[task].members if member.state is State.EXECUTING]
     header = Header(
-        sender=STRANGER,
+        sender=sender or system.manager.address,
         recipient=ROBOT1,
         message_id=message_id("stranger", type(body).__name__),
         transaction=task,
@@ -362,6 +362,17 @@ def test_a_robot_that_somebody_else_has_stopped_is_found_out_with_the_first_ques
     assert system.world.run(60, lambda: system.view(task).work[0].state is not State.EXECUTING)
     assert [kind for kind, device in system.protocol_messages(task) if device == "Robot1"].count("Query") == 1
     assert system.view(task).work[0].state in (State.STOPPED, State.FAILED)
+
+
+@pytest.mark.parametrize("order", [frp.Stop(reason="mine"), frp.End(outcome=Outcome.CANCELLED), frp.Execute(inputs={})])
+def test_a_robot_obeys_nobody_but_its_coordinator(order: frp.Stop | frp.End | frp.Execute) -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 30))
+    task = system.submit(GOAL)
+    run_until_executing(system, task)
+    interfere(system, task, order, sender=STRANGER)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+    assert [(work.service.partition(".")[0], work.state) for work in view.work] == [("Robot1", State.COMPLETED)]
 
 
 def test_a_report_that_went_to_somebody_else_is_asked_for() -> None:
