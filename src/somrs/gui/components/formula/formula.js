@@ -85,6 +85,7 @@ export default {
   created() {
     this.asked = 0; // number of completion requests; only the last reply counts
     this.given = false; // whether a completion wrote the blank before the cursor
+    this.moved = false; // whether the user has moved in the list since the last input
   },
   mounted() {
     this.check();
@@ -174,7 +175,7 @@ export default {
       this.later(CHECK);
       if (event.isComposing) return;
       if (this.given && [".", ",", ")"].includes(event.data)) this.joinUp(event.data);
-      this.given = false;
+      this.given = this.moved = false;
       this.narrow();
       if (event.inputType?.startsWith("history")) this.close();
       else this.complete();
@@ -221,10 +222,13 @@ export default {
       if (!found.items.length) return this.close();
       this.from = placed(text, found.start);
       this.to = placed(text, found.end);
+      // What the user has chosen in the list that was shown meanwhile stays chosen: Enter takes it.
+      const kept = this.open && this.moved ? found.items.findIndex((item) => item.text === this.items[this.chosen]?.text) : -1;
       this.items = found.items;
       // Without input, Enter and Tab keep their usual meaning until the user moves into the list.
-      this.chosen = cursor > this.from ? 0 : -1;
+      this.chosen = kept >= 0 ? kept : cursor > this.from ? 0 : -1;
       this.open = true;
+      if (kept >= 0) return this.$nextTick(() => this.place());
       this.heard = `${found.items.length} completions${this.chosen === 0 ? `, ${found.items[0].text} first` : ""}`;
       this.$nextTick(() => {
         this.place();
@@ -262,12 +266,14 @@ export default {
       const behind = this.text[this.to];
       const after = item.after === " " && behind === " " ? "" : item.after;
       this.given = after === " ";
+      this.moved = false;
       this.replace(this.from, this.to, item.text + after);
       if (item.after === " " && behind === " ") this.$refs.area.setSelectionRange(this.from + item.text.length + 1, this.from + item.text.length + 1);
       const given = this.given;
       this.complete().then(() => (this.given = given));
     },
     move(by) {
+      this.moved = true;
       const last = this.items.length - 1;
       this.chosen = this.chosen < 0 ? (by > 0 ? 0 : last) : Math.max(0, Math.min(last, this.chosen + by));
       const { text, detail } = this.items[this.chosen];

@@ -85,6 +85,24 @@ test("what can come is offered, and taken by Enter", async () => {
   assert.equal(open(), false);
 });
 
+test("what was chosen stays chosen when a late answer comes", async () => {
+  const jars = ["Jar001", "Jar002"].map((name) => ({ text: name, kind: "object", detail: "Jar", after: " " }));
+  offers = { start: 0, end: 1, items: jars };
+  await type("J");
+  let answer;
+  server.answers["/api/formulas/complete"] = () =>
+    new Promise((done) => {
+      answer = done;
+    });
+  await type("Ja");
+  await press(area, "ArrowDown");
+  answer({ start: 0, end: 2, items: jars });
+  await settled();
+  offers = { start: 7, end: 7, items: [] };
+  await press(area, "Enter");
+  assert.equal(area.value, "Jar002 ");
+});
+
 test("where nothing was begun, Enter takes nothing", async () => {
   offers = { start: 1, end: 1, items: [{ text: "isOn", kind: "relation", detail: "", after: " " }] };
   area.value = "J";
