@@ -17,7 +17,8 @@ import msgspec
 
 from somrs.client.client import Client
 from somrs.deployment.launcher import Launcher
-from somrs.deployment.system import System, discard
+from somrs.deployment.private_files import discard
+from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError, SomrsError

@@ -23,6 +23,7 @@ from somrs.cli.options import (
     LOOPBACK,
     SECURE,
     BusOption,
+    Certificates,
     Data,
     DevicesPerProcess,
     DriverOption,
@@ -158,6 +159,7 @@ def up(
     first_port: FirstPort = None,
     driver: DriverOption = [],  # noqa: B006  # as below
     secure: Secure = SECURE,
+    certificates: Certificates = False,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import run_system as run
@@ -189,6 +191,7 @@ def up(
             first_port=first_port,
             drivers=driver,
             secure=secure,
+            certificates=certificates,
         )
 
     awaited(run(sources, data, make_system, fresh=fresh))

@@ -40,6 +40,14 @@ Secure = Annotated[
         help="Whether people and programs have to say who they are at the API and the windows, and may do what their role allows.",
     ),
 ]
+Certificates = Annotated[
+    bool,
+    typer.Option(
+        "--certificates",
+        envvar="SOMRS_CERTIFICATES",
+        help="Components and devices prove to each other who they are, and may send what their role allows.",
+    ),
+]
 SECURE = False
 """The default of `Secure`."""
 BusOption = Annotated[

@@ -38,6 +38,9 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     further_registries: tuple[str, ...] = ()
     """The Registries besides `registry`, in a system with several."""
 
+    trust: str | None = None
+    """The folder of the site's certificate authority, if the components have certificates."""
+
     @property
     def task_managers(self) -> dict[str, str]:
         """The addresses of all Task Managers, by their names."""

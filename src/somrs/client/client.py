@@ -8,6 +8,7 @@ import socket
 import uuid
 from collections.abc import AsyncIterator, Awaitable, Callable
 from itertools import chain
+from pathlib import Path
 from typing import TypeVar
 
 import msgspec
@@ -24,6 +25,7 @@ from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.neighbours import Neighbours, ReadNeighbours
 from somrs.protocol.messages.people import client_address
 from somrs.runtime.wire import Unanswered, Wire, retry_unanswered
+from somrs.trust.credentials import Credentials
 
 PAGE = 50
 """Number of tasks requested at once."""
@@ -57,6 +59,13 @@ def client_name() -> str:
     return client_address(f"{user}@{socket.gethostname()}")
 
 
+def _credentials(addresses: Addresses) -> Credentials | None:
+    """Those of this program; or else those of clients, for who may read the data folder of a system with certificates."""
+    if (credentials := Credentials.of_environment()) is not None or addresses.trust is None:
+        return credentials
+    return Credentials(Path(addresses.trust) / "programs" / "client.pem")
+
+
 class Client:
     """Sends requests to the components of a running system, and returns their replies.
 
@@ -66,7 +75,7 @@ class Client:
 
     def __init__(self, addresses: Addresses, post: Post | None = None, name: str | None = None) -> None:
         self.addresses = addresses
-        self._own_wire = Wire()
+        self._own_wire = Wire(_credentials(addresses))
         self._post = post if post is not None else self._own_wire.post
         self._client_name = client_address(name) if name is not None else client_name()
         self.task_managers = TaskManagers(addresses.task_managers, self.ask)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
+from pathlib import Path
 from urllib.parse import urlsplit
 
 from somrs.client.addresses import Addresses, registry_path, task_manager_path
@@ -30,9 +31,13 @@ _WITHOUT_BUS = {Part.WORLD, Part.WINDOWS, Part.API}
 
 
 class Ports:
-    """The ports of a system's programs at this host, by the numbers of `Part`. `registries`: how many Registries there are."""
+    """The ports of a system's programs at this host, by the numbers of `Part`. `registries`: how many Registries there are.
 
-    def __init__(self, host: str, ports: Sequence[int], registries: int = 1) -> None:
+    `trust`: the folder of the authority whose certificates the components have; None: they have none.
+    """
+
+    def __init__(self, host: str, ports: Sequence[int], registries: int = 1, trust: Path | None = None) -> None:
+        self._trust = trust
         self._host, self._ports, self._further_start = host, ports, len(ports) - (registries - 1)
 
     def __getitem__(self, part: Part) -> int:
@@ -55,27 +60,35 @@ class Ports:
 
     def traffic(self, bus: BusAddress | None) -> str:
         """The address of traffic."""
-        return f"{self._origin(self[Part.TRAFFIC], bus)}/traffic"
+        return f"{self._component_origin(self[Part.TRAFFIC], bus)}/traffic"
 
     def addresses(self, bus: BusAddress | None, *, has_windows: bool) -> Addresses:
         """The addresses of the components, but for the world's and traffic's, which depend on the map."""
-        first, *further = (self._origin(port, bus) + task_manager_path(number) for number, port in enumerate(self.task_managers, start=1))
-        registries = (self._origin(port, bus) + registry_path(number) for number, port in enumerate(self.registries, start=1))
+        first, *further = (
+            self._component_origin(port, bus) + task_manager_path(number) for number, port in enumerate(self.task_managers, start=1)
+        )
+        registries = (self._component_origin(port, bus) + registry_path(number) for number, port in enumerate(self.registries, start=1))
         registry, *further_registries = registries
         return Addresses(
-            repository=f"{self._origin(self[Part.REPOSITORY], bus)}/repository",
+            repository=f"{self._component_origin(self[Part.REPOSITORY], bus)}/repository",
             registry=registry,
             further_registries=tuple(further_registries),
             task_manager=first,
             further_task_managers=tuple(further),
             gui=self._origin(self[Part.WINDOWS]) if has_windows else None,
             api=f"{self._origin(self[Part.API])}/api",
-            scheduler=f"{self._origin(self[Part.SCHEDULER], bus)}/scheduler",
+            scheduler=f"{self._component_origin(self[Part.SCHEDULER], bus)}/scheduler",
             bus=bus,
+            trust=str(self._trust.resolve()) if self._trust is not None else None,
         )
 
-    def _origin(self, port: int, bus: BusAddress | None = None) -> str:
-        return bus.gateway if bus is not None else f"http://{self._host}:{port}"
+    def _component_origin(self, port: int, bus: BusAddress | None) -> str:
+        if bus is not None:
+            return bus.gateway
+        return self._origin(port) if self._trust is None else f"https://{self._host}:{port}"
+
+    def _origin(self, port: int) -> str:
+        return f"http://{self._host}:{port}"
 
 
 def ports_before(addresses: Addresses, *, task_managers: int, is_on_bus: bool, has_own_bus: bool) -> list[int]:

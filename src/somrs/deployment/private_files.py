@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 from somrs.client.addresses import SYSTEM_FILE
@@ -23,3 +25,15 @@ def make_private(data: Path) -> None:
     is_own = details.st_uid == os.geteuid() and ((data / SYSTEM_FILE).exists() or not any(data.iterdir()))
     if is_own and details.st_mode & OTHERS:
         data.chmod(details.st_mode & 0o7777 & ~OTHERS)
+
+
+def discard(data: Path, keep: Sequence[Path] = ()) -> None:
+    """Delete what a system has kept in its data folder, but for the files in `keep`."""
+    kept = {file.resolve() for file in keep}
+    for entry in data.iterdir() if data.exists() else ():
+        if entry.resolve() in kept:
+            continue
+        if entry.is_dir():
+            shutil.rmtree(entry)
+        else:
+            entry.unlink()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import shutil
 import signal
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
@@ -24,7 +23,7 @@ from somrs.deployment.devices_of_map import DevicePrograms, Selection, devices, 
 from somrs.deployment.incidents import add_incident
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.ports_of_programs import Part, Ports, ports_before
-from somrs.deployment.private_files import make_private
+from somrs.deployment.private_files import discard, make_private
 from somrs.deployment.program import Program
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, has_windows
 from somrs.deployment.task_managers import task_manager_count
@@ -36,6 +35,7 @@ from somrs.ports import Reservation, until_listening
 from somrs.runtime.bus import BusAddress
 from somrs.storage.locking import is_in_use
 from somrs.storage.log_files import empty_if_full
+from somrs.trust.credentials import FOLDER
 
 log = logging.getLogger(__name__)
 
@@ -86,18 +86,6 @@ def check_unused(data: Path) -> None:
     raise UsageError(f"{data} is in use by a system that runs{window}; {advice}")
 
 
-def discard(data: Path, keep: Sequence[Path] = ()) -> None:
-    """Delete what a system has kept in its data folder, but for the files in `keep`."""
-    kept = {file.resolve() for file in keep}
-    for entry in data.iterdir() if data.exists() else ():
-        if entry.resolve() in kept:
-            continue
-        if entry.is_dir():
-            shutil.rmtree(entry)
-        else:
-            entry.unlink()
-
-
 class System:
     """The processes of one system, its data folder, and its addresses. An asynchronous context manager.
 
@@ -111,7 +99,7 @@ class System:
     the site's name there.
     `neighbours`: the file of the neighbours of Registry and Repository; None: they have none.
     `drivers`: programs of devices besides those of SO-MRS and those that the types of the site's files name.
-    `secure`: people and programs have to say who they are at the API and the windows.
+    `secure`: people and programs have to say who they are at the API and the windows. `certificates`: so have components and devices.
     `first_port`: the ports are this one and those that follow, in the order of `Part`; None: those of the last run, where they are free.
     """
 
@@ -136,6 +124,7 @@ class System:
         first_port: int | None = None,
         drivers: Collection[str] = (),
         secure: bool = False,
+        certificates: bool = False,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
         self._bus, self._name, self._first_port = bus, name, first_port
@@ -149,6 +138,11 @@ class System:
         """What was left out at the start, and why, for people."""
         self._listed = False
         self._reservation: Reservation | None = None
+        self._certificates = None
+        if certificates:
+            from somrs.deployment.program_certificates import ProgramCertificates  # loads libraries that others do without
+
+            self._certificates = ProgramCertificates(data, host)
         self._launcher = launcher or Launcher()
 
     def _check_site(self) -> None:
@@ -173,7 +167,7 @@ class System:
         """Delete what its data folder and its bus have kept of it. Raises UsageError if it runs."""
         if self._bus is not None and self._bus != OWN_BUS:
             await discard_site(self._bus, self._name or site_name(self.site))
-        discard(self.data, keep=[*self.site, self.data / ACCESS_FILE])
+        discard(self.data, keep=[*self.site, self.data / ACCESS_FILE, self.data / FOLDER])
 
     async def start(self) -> None:
         """Start all programs. Return when all devices offer their services."""
@@ -181,6 +175,10 @@ class System:
         check_unused(self.data)
         if self.secure:
             AccessStore(self.data).renew_local_token()
+        if self._certificates is not None:
+            if self._bus is not None:
+                raise UsageError("components on a bus have no certificates yet: start the system with --bus or with --certificates")
+            self._certificates.prepare(site_name(self.site))
         ports = self._reserve_ports()
         self._check_site()
         bus = await self._start_bus(ports)
@@ -270,7 +268,7 @@ class System:
                     f"the system needs the ports {wanted_ports[0]} to {wanted_ports[-1]} of {self.host}, and {taken_ports[0]} is in use; "
                     "give it another first port"
                 )
-        return Ports(self.host, self._reservation.ports, registries)
+        return Ports(self.host, self._reservation.ports, registries, self._certificates.folder if self._certificates is not None else None)
 
     async def _start_bus(self, ports: Ports) -> BusAddress | None:
         """Start the bus, if it is to be the system's own, and the site's gateway. Returns where the bus is, if there is one."""
@@ -318,6 +316,8 @@ class System:
         assert self._reservation is not None, "made before the first program is started"
         environment = {name: value for name, value in self._reservation.environment.items() if name not in _SETTINGS}
         beat_file.unlink(missing_ok=True)
+        if self._certificates is not None:
+            environment |= self._certificates.environment(output.stem, arguments)
         return await self._launcher.start(arguments, output, environment | {BEAT_VARIABLE: str(beat_file)})
 
     async def bound_logs(self) -> None:
@@ -346,6 +346,8 @@ class System:
         while True:
             await asyncio.sleep(LOOK_PAUSE)
             await serve_request(self.data, [*self.programs.values()])
+            if self._certificates is not None:
+                self._certificates.renew()
             for program in self.programs.values():
                 if program.process.returncode is None and (reason := program.hang_text()) is not None:
                     report(f"{program.name} hangs: {reason}; ending it, so that it is started again")

@@ -29,9 +29,9 @@ import msgspec
 from somrs.errors import UsageError
 from somrs.trust import certificates
 from somrs.trust.certificates import CERTIFICATE_DAYS, Issued
+from somrs.trust.credentials import FOLDER
 from somrs.trust.identity import Identity, Role
 
-FOLDER = "trust"
 INVITATION_SECONDS = 3600.0
 """For how long an invitation can be used."""
 

@@ -17,6 +17,9 @@ from typing import Any
 from somrs.errors import UsageError
 from somrs.trust.identity import Identity, identity_of_uris
 
+FOLDER = "trust"
+"""The folder of the authority in the data folder."""
+
 VARIABLE = "SOMRS_CREDENTIALS"
 """The environment variable with the certificate of a program, as a path of a file `NAME.pem`."""
 

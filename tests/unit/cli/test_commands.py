@@ -8,7 +8,8 @@ import msgspec
 import pytest
 
 from somrs.cli.commands import DEMO_SITE, site_to_run
-from somrs.deployment.system import SITE_FILE, discard
+from somrs.deployment.private_files import discard
+from somrs.deployment.system import SITE_FILE
 from somrs.errors import UsageError
 from tests.support.paths import SCENARIO_1
 
