@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from somrs.api.service import open_api_service
 from somrs.cli.import_commands import import_sources
 from somrs.client.client import Client
 from somrs.deployment.system import System
@@ -46,6 +47,8 @@ def test_a_system_with_certificates_works_and_keeps_strangers_out(tmp_path: Path
             assert all(address.startswith("https://") for address in components)
             async with Client(addresses) as client:
                 assert await outcome_of(client, GOAL) is Outcome.ACCOMPLISHED
+            async with open_api_service(addresses, data) as service:  # as `somrs status` does, which the Repository tells of changes
+                assert [part.name for part in (await service.system.read()).parts if part.problem] == []
             logs = {file.name: file.read_text() for file in (data / "logs").glob("*.log")}
             assert [name for name, text in logs.items() if "denied" in text] == [], logs
             viewer = Identity(name="guest", roles=frozenset({Role.VIEWER}))

@@ -25,7 +25,7 @@ from somrs.api.tasks import TaskService
 from somrs.api.traffic import TrafficService
 from somrs.api.zones import ZoneService
 from somrs.client.addresses import Addresses
-from somrs.client.client import Client
+from somrs.client.client import Client, credentials_for
 from somrs.client.hub import Hub
 from somrs.client.operations import Operation, operations
 from somrs.deployment.programs import others_ready
@@ -63,7 +63,7 @@ class ApiService:
 @asynccontextmanager
 async def open_api_service(addresses: Addresses, data: Path, host: str = "127.0.0.1") -> AsyncIterator[ApiService]:
     """Follow a running system, and yield its API service when the map has been read."""
-    hub, runtime = Hub(), Host(host, bus=addresses.bus)
+    hub, runtime = Hub(), Host(host, bus=addresses.bus, credentials=credentials_for(addresses))
     await runtime.start()
     # On a bus, there may be several programs that follow the system.
     path = "/news" if addresses.bus is None else f"/news/{uuid.uuid4().hex}"

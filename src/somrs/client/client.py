@@ -59,7 +59,7 @@ def client_name() -> str:
     return client_address(f"{user}@{socket.gethostname()}")
 
 
-def _credentials(addresses: Addresses) -> Credentials | None:
+def credentials_for(addresses: Addresses) -> Credentials | None:
     """Those of this program; or else those of clients, for who may read the data folder of a system with certificates."""
     if (credentials := Credentials.of_environment()) is not None or addresses.trust is None:
         return credentials
@@ -75,7 +75,7 @@ class Client:
 
     def __init__(self, addresses: Addresses, post: Post | None = None, name: str | None = None) -> None:
         self.addresses = addresses
-        self._own_wire = Wire(_credentials(addresses))
+        self._own_wire = Wire(credentials_for(addresses))
         self._post = post if post is not None else self._own_wire.post
         self._client_name = client_address(name) if name is not None else client_name()
         self.task_managers = TaskManagers(addresses.task_managers, self.ask)
