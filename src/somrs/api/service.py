@@ -25,7 +25,8 @@ from somrs.api.tasks import TaskService
 from somrs.api.traffic import TrafficService
 from somrs.api.zones import ZoneService
 from somrs.client.addresses import Addresses
-from somrs.client.client import Client, credentials_for
+from somrs.client.client import Client
+from somrs.client.credentials import credentials_for
 from somrs.client.hub import Hub
 from somrs.client.operations import Operation, operations
 from somrs.deployment.programs import others_ready

@@ -8,12 +8,12 @@ import socket
 import uuid
 from collections.abc import AsyncIterator, Awaitable, Callable
 from itertools import chain
-from pathlib import Path
 from typing import TypeVar
 
 import msgspec
 
 from somrs.client.addresses import Addresses
+from somrs.client.credentials import credentials_for
 from somrs.client.task_managers import READ_TIME, Answers, Listing, TaskManagers, first_answer
 from somrs.errors import FormulaError, RemoteError, UsageError
 from somrs.ontology.map import Map
@@ -25,7 +25,6 @@ from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.neighbours import Neighbours, ReadNeighbours
 from somrs.protocol.messages.people import client_address
 from somrs.runtime.wire import Unanswered, Wire, retry_unanswered
-from somrs.trust.credentials import Credentials
 
 PAGE = 50
 """Number of tasks requested at once."""
@@ -57,13 +56,6 @@ def client_name() -> str:
     except (OSError, KeyError):  # a container may run as a user that has no name
         user = str(os.getuid())
     return client_address(f"{user}@{socket.gethostname()}")
-
-
-def credentials_for(addresses: Addresses) -> Credentials | None:
-    """Those of this program; or else those of clients, for who may read the data folder of a system with certificates."""
-    if (credentials := Credentials.of_environment()) is not None or addresses.trust is None:
-        return credentials
-    return Credentials(Path(addresses.trust) / "programs" / "client.pem")
 
 
 class Client:

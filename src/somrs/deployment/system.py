@@ -127,7 +127,7 @@ class System:
         certificates: bool = False,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
-        self._bus, self._name, self._first_port = bus, name, first_port
+        self._bus, self._name, self._first_port, self._listed = bus, name, first_port, False
         self.speed, self.world, self.simulates, self.secure = speed, world, simulates, secure
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
@@ -136,7 +136,6 @@ class System:
         self._device_programs = DevicePrograms(self.site, drivers)
         self.problems: list[str] = []
         """What was left out at the start, and why, for people."""
-        self._listed = False
         self._reservation: Reservation | None = None
         self._certificates = None
         if certificates:
@@ -169,16 +168,20 @@ class System:
             await discard_site(self._bus, self._name or site_name(self.site))
         discard(self.data, keep=[*self.site, self.data / ACCESS_FILE, self.data / FOLDER])
 
-    async def start(self) -> None:
-        """Start all programs. Return when all devices offer their services."""
-        make_private(self.data)
-        check_unused(self.data)
+    def _prepare_access(self) -> None:
+        """Make what its own programs prove with who they are. Raises UsageError."""
         if self.secure:
             AccessStore(self.data).renew_local_token()
         if self._certificates is not None:
             if self._bus is not None:
                 raise UsageError("components on a bus have no certificates yet: start the system with --bus or with --certificates")
             self._certificates.prepare(site_name(self.site))
+
+    async def start(self) -> None:
+        """Start all programs. Return when all devices offer their services."""
+        make_private(self.data)
+        check_unused(self.data)
+        self._prepare_access()
         ports = self._reserve_ports()
         self._check_site()
         bus = await self._start_bus(ports)

@@ -1,0 +1,15 @@
+"""With what the clients of a system with certificates prove who they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from somrs.client.addresses import Addresses
+from somrs.trust.credentials import Credentials
+
+
+def credentials_for(addresses: Addresses) -> Credentials | None:
+    """Those of this program; or else those of clients, for who may read the data folder of a system with certificates."""
+    if (credentials := Credentials.of_environment()) is not None or addresses.trust is None:
+        return credentials
+    return Credentials(Path(addresses.trust) / "programs" / "client.pem")
