@@ -25,8 +25,8 @@ from tests.support.hang import HANG_TIME
 from tests.support.small_system import running
 
 OPERATIONS: list[Operation] = [operation for group, declared in get_type_hints(Api).items() for operation in operations(group, declared)]
-RIGHTS = {role: role.rights for role in Role}
-READING = {"GET"}
+DAY = 86400.0
+"""[s] The life of a token that is not to end while the slowest of machines asks for everything."""
 
 
 @asynccontextmanager
@@ -58,7 +58,7 @@ def test_every_operation_by_everybody(tmp_path: Path) -> None:
                 store.add_account(f"a person who is {role}", role)
                 rights[store.open_session(f"a person who is {role}")] = role.rights
             for right in Right:
-                rights[store.add_token(f"only {right}", frozenset({right}), 60.0)] = frozenset({right})
+                rights[store.add_token(f"only {right}", frozenset({right}), DAY)] = frozenset({right})
             rights[store.add_token("expired", frozenset(Right), -1.0)] = frozenset()
             store.add_account("Removed", Role.ADMINISTRATOR)
             rights[store.open_session("Removed")] = frozenset()
@@ -106,7 +106,7 @@ def test_a_websocket_ends_when_access_ends(tmp_path: Path) -> None:
                     pass
             assert refused.value.response.status_code == 401
             store.add_account("Ada", Role.VIEWER)
-            only_operates = store.add_token("Program", frozenset({Right.OPERATE}), 60.0)
+            only_operates = store.add_token("Program", frozenset({Right.OPERATE}), DAY)
             with pytest.raises(InvalidStatus) as refused:
                 async with connect(news, additional_headers=bearer(only_operates)):
                     pass
