@@ -30,7 +30,7 @@ class Surroundings:
         self._places: dict[int, tuple[int, ...]] = {}
         """By slot: the places at which another robot would be too near."""
         self._near: dict[int, dict[int, tuple[int, ...]]] = {}
-        """By slot, and by the slot of a berth near there: this if it is too near, and the places through which a robot drives there."""
+        """By slot, and by the slot of a berth near there: this if it is too near, or the places from which that goes past here."""
 
     def put(self, slot: int, entry: UsedBerth) -> set[int]:
         """Add a berth. Returns the slots whose surroundings change."""
@@ -78,7 +78,8 @@ class Surroundings:
         return slots
 
     def _near_berth(self, entry: UsedBerth, slot: int) -> Iterator[int]:
-        """The berth of another robot if it is too near, and the places through which that drives there past this one."""
+        """The berth of another robot if it is too near; otherwise the places through which that drives there past this one. A robot holds
+        its berth all the way to there, and back: while one that is too near is kept free, the places before it need not be."""
         near = self._entries[slot]
         if near.robot == entry.robot or near.level != entry.level:
             return
@@ -86,6 +87,7 @@ class Surroundings:
         room, end = entry.berth.radius + near.berth.radius + GAP, (near.berth.x, near.berth.y)
         if math.dist(point, end) < room:
             yield self._roadmap.graph.size + slot
+            return
         for start, _ in near.lanes:
             place = self._roadmap.roadmap.places[start]
             if point_distance(point, (place.x, place.y), end) < room:
