@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 from random import Random
 
 from somrs.kernel.component import Input, Received
@@ -79,9 +80,11 @@ def _laid_out(hall: Hall) -> tuple[OpenBuilding, Roadmap]:
 
 class Crowd:
     """Robots in a hall. The first `travellers` of them go to `trips` tables each, and work there for `work` seconds; the others stand at
-    tables."""
+    tables. `busy_tables`: all are at so many of the tables, at any points around them; None: at eight points of each table."""
 
-    def __init__(self, hall: Hall, *, robots: int, travellers: int, trips: int, work: float, seed: int) -> None:
+    def __init__(
+        self, hall: Hall, *, robots: int, travellers: int, trips: int, work: float, seed: int, busy_tables: int | None = None
+    ) -> None:
         self._dice = Random(seed)
         building, roadmap = _laid_out(hall)
         self._space, self._roadmap = building.spaces[0.0], NumberedRoadmap(roadmap)
@@ -92,7 +95,7 @@ class Crowd:
         self.journeys: list[Journey] = []
         self._begun: dict[str, tuple[float, float]] = {}
         """By trip: when it began, and how long it takes alone."""
-        stands = self._stands(hall)
+        stands = self._stands(hall) if busy_tables is None else [*self._stands_around(self._dice.sample(hall.tables, busy_tables))]
         self._dice.shuffle(stands)
         parked = self._apart(stands, robots)
         self.robots = [self._robot(number, parked[number], stands, trips * (number < travellers)) for number in range(robots)]
@@ -112,6 +115,14 @@ class Crowd:
         width, depth = TABLE[0] / 2 + RADIUS + MARGIN, TABLE[1] / 2 + RADIUS + MARGIN
         sides = [(along * width / 2, depth * side) for side in (-1, 1) for along in (-1, 0, 1)] + [(-width, 0.0), (width, 0.0)]
         return [(x + dx, y + dy) for x, y in hall.tables for dx, dy in sides]
+
+    def _stands_around(self, tables: list[Point]) -> Iterator[Point]:
+        """Points at which a robot works at a table, anywhere around it."""
+        width, depth = TABLE[0] / 2 + RADIUS + MARGIN, TABLE[1] / 2 + RADIUS + MARGIN
+        for (x, y), _ in product(tables, range(40)):
+            along, side = self._dice.uniform(-1, 1), self._dice.choice((-1, 1))
+            dx, dy = (along * width, side * depth) if self._dice.random() < 0.5 else (side * width, along * depth)
+            yield x + dx, y + dy
 
     def _apart(self, stands: list[Point], count: int) -> list[Point]:
         """So many of the stands, at which robots do not touch each other."""
