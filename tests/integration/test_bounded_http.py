@@ -17,6 +17,7 @@ from starlette.websockets import WebSocket
 from somrs.limits import Limits
 from somrs.ports import listen_at
 from somrs.runtime.bounded_http import BoundedConfig, QuietServer
+from somrs.runtime.websocket_protocol import WebSocketProtocol
 from tests.support.hang import HANG_TIME
 
 LARGE = 4_000_000
@@ -106,7 +107,7 @@ def run_scenario(bounds: Limits, scenario: Scenario) -> None:
 @contextlib.asynccontextmanager
 async def _served(bounds: Limits) -> AsyncIterator[tuple[QuietServer, BoundedConfig, int]]:
     routes = [Route("/", _measure, methods=["POST"]), Route("/much", _write_much), WebSocketRoute("/echo", _echo)]
-    config = BoundedConfig(Starlette(routes=routes), bounds=bounds, lifespan="off", ws="websockets-sansio")
+    config = BoundedConfig(Starlette(routes=routes), bounds=bounds, lifespan="off", ws=WebSocketProtocol)
     listener, server = listen_at("127.0.0.1", 0), QuietServer(config)
     serving = asyncio.create_task(server.serve(sockets=[listener]))
     while not server.started:
@@ -253,3 +254,23 @@ def test_websockets_are_few_and_their_messages_small() -> None:
                 await third.send("x")
 
     run_scenario(Limits(websockets=2, frame_bytes=1000), scenario)
+
+
+HANDSHAKE = b"Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: eHh4eHh4eHh4eHh4eHh4eA==\r\n"
+
+
+@pytest.mark.parametrize(
+    ("path", "header", "code"),
+    [
+        (b"/echo", b"Authorization: Bearer " + b"A" * 10_000, 431),
+        (b"/echo", b"\r\n".join(b"X-%d: 1" % number for number in range(500)), 431),
+        (b"/echo?" + b"a" * 10_000, b"X: 1", 414),
+    ],
+)
+def test_a_handshake_that_is_too_large_is_answered_and_ended(path: bytes, header: bytes, code: int) -> None:
+    async def scenario(servings: Servings) -> None:
+        client = await servings.connect(b"GET " + path + b" HTTP/1.1\r\nHost: robots.example\r\n" + HANDSHAKE + header + b"\r\n\r\n")
+        assert (await client.answer())[0] == code
+        assert await client.end() == b""
+
+    run_scenario(Limits(), scenario)

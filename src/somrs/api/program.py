@@ -23,6 +23,7 @@ from somrs.deployment.programs import until_stopped
 from somrs.ports import listen_at
 from somrs.runtime.bounded_http import BoundedConfig, QuietServer
 from somrs.runtime.http import KEPT_TIME
+from somrs.runtime.websocket_protocol import WebSocketProtocol
 
 PATH = "/api"
 
@@ -45,7 +46,7 @@ async def served(
     """Serve the API at the socket, and yield its URL. `access`: who has access; None: anybody."""
     host, port = server_socket.getsockname()[:2]
     # The server keeps connections longer than clients do, so that it does not close one just as a client sends a request.
-    config = BoundedConfig(Edge(Guard(_site(service), access), allowed_hosts), ws="websockets-sansio", timeout_keep_alive=KEPT_TIME + 15)
+    config = BoundedConfig(Edge(Guard(_site(service), access), allowed_hosts), ws=WebSocketProtocol, timeout_keep_alive=KEPT_TIME + 15)
     server = QuietServer(config)
     serving = asyncio.create_task(server.serve(sockets=[server_socket]))
     while not server.started and not serving.done():

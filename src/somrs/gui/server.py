@@ -23,6 +23,7 @@ from somrs.gui.proxy import Proxy
 from somrs.gui.sign_in import SIGN_IN, SIGN_OUT, SignIn, sign_in_first
 from somrs.ports import listen_at
 from somrs.runtime.bounded_http import BoundedConfig, QuietServer
+from somrs.runtime.websocket_protocol import WebSocketProtocol
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -45,7 +46,7 @@ async def run_gui(
     async with live_api(address_of(addresses), local_token_reader(data, only_sees=True)) as api:
         guard = Guard(Cache(_application(api, data, access)), access, is_open=_is_open, refuse=sign_in_first)
         application = Edge(guard, allowed_hosts)
-        server = QuietServer(BoundedConfig(application, ws="websockets-sansio"))
+        server = QuietServer(BoundedConfig(application, ws=WebSocketProtocol))
         serving = asyncio.create_task(server.serve(sockets=[listener]))
         while not server.started and not serving.done():
             await asyncio.sleep(0.01)
