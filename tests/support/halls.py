@@ -142,12 +142,12 @@ class Crowd:
         self._points[name] = point
         places = [self._roadmap.roadmap.places[number] for number in self._roadmap.near(point, 0.0)]
         near = sorted(places, key=lambda place: math.dist((place.x, place.y), point))
-        seen = [
+        visible_places = [
             place.name
             for place in near
             if math.dist((place.x, place.y), point) < self._roadmap.widest and self._space.is_clear((place.x, place.y), point, RADIUS)
         ]
-        return Berth(name=name, x=point[0], y=point[1], radius=RADIUS, places=tuple(seen))
+        return Berth(name=name, x=point[0], y=point[1], radius=RADIUS, places=tuple(visible_places))
 
     def _seconds(self, start: str, end: str) -> float:
         return self._lengths.get((start, end)) or max(math.dist(self._points[start], self._points[end]) / SPEED, 0.1)

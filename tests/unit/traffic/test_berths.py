@@ -102,10 +102,10 @@ def test_where_nobody_can_go_meanwhile_does_not_shut_in_those_who_stand_there() 
     berths.add("R1", berth("R1/1", 0.62, 0.93, "P1-1", "P1-2"))
     berths.add("R2", berth("R2/1", 1.24, 0.93, "P2-1", "P2-2"))
     first, second = berths.number("R1/1", "R1"), berths.number("R2/1", "R2")
-    before = berths.graph.exclusions[first], berths.graph.exclusions[second]
+    exclusions = berths.graph.exclusions[first], berths.graph.exclusions[second]
     berths.add("R3", berth("R3/1", 0.93, 0.93, "P1-1", "P1-2", "P2-1", "P2-2"))
     between = berths.number("R3/1", "R3")
-    assert (berths.graph.exclusions[first], berths.graph.exclusions[second]) == ((*before[0], between), (*before[1], between))
+    assert (berths.graph.exclusions[first], berths.graph.exclusions[second]) == ((*exclusions[0], between), (*exclusions[1], between))
 
 
 @pytest.mark.parametrize(
