@@ -81,7 +81,7 @@ class Barriers:
 
     def _is_barred(self, number: int, blocker: int, *, fixed: bool) -> bool:
         try:
-            return self._search(self._graph, number, blocker, fixed=fixed) is None
+            return self._search(self._graph, number, blocker, fixed=fixed, fewest_moves=False) is None
         except SearchLimit:
             return False
 
@@ -91,10 +91,11 @@ class Barriers:
         except SearchLimit:
             return None
 
-    def _search(self, graph: Graph, number: int, blocker: int, *, fixed: bool = False) -> list[Pair] | None:
+    def _search(self, graph: Graph, number: int, blocker: int, *, fixed: bool = False, fewest_moves: bool = True) -> list[Pair] | None:
         robot = self._robots[number]
         assert robot.goal is not None, "it is on its way"
-        return search_pair(graph, (robot.place, self._robots[blocker].place), robot.goal, (number, blocker), MOST_PAIRS, fixed=fixed)
+        start, movers = (robot.place, self._robots[blocker].place), (number, blocker)
+        return search_pair(graph, start, robot.goal, movers, MOST_PAIRS, fixed=fixed, fewest_moves=fewest_moves)
 
     def _blocked_on(self, search: Callable[[], Sequence[Configuration] | None]) -> tuple[int, ...]:
         """The blocked places on the ways that there would be without those that cannot move; all of them if it is not known."""

@@ -18,12 +18,12 @@ LIMIT = 10_000
 
 
 @examples(150)
-@given(st.data(), graphs(8), st.booleans())
-def test_ways_are_found_exactly_if_there_are_any(data: st.DataObject, graph: Graph, is_fixed: bool) -> None:
+@given(st.data(), graphs(8), st.booleans(), st.booleans())
+def test_ways_are_found_exactly_if_there_are_any(data: st.DataObject, graph: Graph, is_fixed: bool, has_few_moves: bool) -> None:
     """The plain twin moves both robots at once, and tries all that is possible."""
     places = data.draw(configurations(graph, 2).filter(lambda places: len(places) == 2))
     goal = data.draw(st.integers(0, graph.size - 1))
-    ways = search_pair(graph, (places[0], places[1]), goal, (0, 1), LIMIT, fixed=is_fixed)
+    ways = search_pair(graph, (places[0], places[1]), goal, (0, 1), LIMIT, fixed=is_fixed, fewest_moves=has_few_moves)
     reachable = graph.without([places[1]]) if is_fixed else graph
     start, goals = (places[:1], [goal]) if is_fixed else (places, [goal, None])
     assert (ways is None) == (shortest_course(reachable, start, goals, rotations=False) is None)
@@ -64,3 +64,13 @@ def test_a_search_ends_at_its_limit() -> None:
     graph, named = grid("A......BC")
     with pytest.raises(SearchLimit):
         search_pair(graph, (named["A"], named["B"]), named["C"], (0, 1), 3)
+
+
+def test_any_ways_are_found_after_few_pairs() -> None:
+    """Whether one can get past another in a hall is asked for many robots, and for each plan."""
+    graph, named = grid(*["." * 60] * 20, "." * 30 + "ABC" + "." * 27, *["." * 60] * 20)
+    start, goal = (named["A"], named["B"]), named["C"]
+    assert search_pair(graph, start, goal, (0, 1), 200, fewest_moves=False) is not None
+    assert search_pair(graph, (named["A"], goal), goal, (0, 1), 200, fewest_moves=False) is not None
+    with pytest.raises(SearchLimit):
+        search_pair(graph, (named["A"], goal), goal, (0, 1), 200)
