@@ -130,7 +130,7 @@ class RunningSystem:
     ) -> None:
         self.data = data
         self.log = data.parent / f"{data.name}.log"
-        arguments = ["up", str(site), "--data", str(data), "--speed", speed, "--world", world, "--secure", *options]
+        arguments = ["up", str(site), "--data", str(data), "--speed", speed, "--world", world, *options]
         self._process = warm.Program(arguments, self.log)
         try:
             self.addresses = self._addresses()

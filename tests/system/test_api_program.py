@@ -47,9 +47,7 @@ async def answering(url: str, data: Path) -> None:
 
 def test_it_runs_with_the_core_alone(tmp_path: Path) -> None:
     async def run() -> None:
-        async with System(
-            [SCENARIO_1], tmp_path / "run", speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher(), secure=True
-        ) as system:
+        async with System([SCENARIO_1], tmp_path / "run", speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher()) as system:
             line = [sys.executable, "-c", CORE_ONLY_PROGRAM, "run", "api", "--data", str(tmp_path / "run"), "--port", "0"]
             os.kill(system.programs["api"].process.pid, signal.SIGKILL)  # it has the file of orders
             await system.programs["api"].process.wait()
@@ -78,7 +76,7 @@ def test_the_windows_and_the_api_do_not_take_each_other_along(tmp_path: Path) ->
     async def run() -> None:
         async with (
             System(
-                [SCENARIO_1], tmp_path / "run", speed="max", world=WorldKind.KINEMATIC, windows=True, launcher=warm.launcher(), secure=True
+                [SCENARIO_1], tmp_path / "run", speed="max", world=WorldKind.KINEMATIC, windows=True, launcher=warm.launcher()
             ) as system,
             httpx.AsyncClient() as browser,
         ):

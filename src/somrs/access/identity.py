@@ -27,7 +27,7 @@ class Identity(Struct, frozen=True, kw_only=True):
         if required_right in self.rights:
             return None
         if not self.name:
-            return "nobody signs in at this system, so nobody can be given access; start it with `somrs up --secure`"
+            return "nobody signs in at this system, so nobody can be given access; start it without `--insecure`"
         role = least_role(required_right)
         article = "an" if role[0] in "aeio" else "a"
         needed = f"the right to {required_right}, which {article} {role} has"

@@ -157,7 +157,7 @@ def _print_sign_in(system: System, console: Console) -> None:
     from somrs.cli.access_commands import sign_in_url
 
     if not system.secure:
-        console.print("Whoever reaches these addresses may do everything; with --secure, people sign in.")
+        console.print("Whoever reaches these addresses may do everything (--insecure).")
         return
     store = AccessStore(system.data)
     administrator = store.read().first_administrator()

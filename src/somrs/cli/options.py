@@ -48,7 +48,7 @@ Certificates = Annotated[
         help="Components and devices prove to each other who they are, and may send what their role allows.",
     ),
 ]
-SECURE = False
+SECURE = True
 """The default of `Secure`."""
 BusOption = Annotated[
     str | None,

@@ -123,7 +123,7 @@ class System:
         neighbours: Path | None = None,
         first_port: int | None = None,
         drivers: Collection[str] = (),
-        secure: bool = False,
+        secure: bool = True,
         certificates: bool = False,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host

@@ -14,7 +14,7 @@ _SIGN_OUT = (
     " document.body.append(form); form.submit(); })()"
 )
 
-INSECURE_TEXT = "Insecure: whoever reaches this address may do everything. With `somrs up --secure`, people sign in."
+INSECURE_TEXT = "Insecure: whoever reaches this address may do everything. Without `--insecure`, people sign in."
 
 
 def who() -> Identity | None:
