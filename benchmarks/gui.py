@@ -25,6 +25,7 @@ from pathlib import Path
 import aiohttp
 import pages
 
+from somrs.access.store import AccessStore, local_token
 from somrs.client.addresses import Addresses
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Answer, Ask, Follow, Mover, Poses, RobotStatus, Welcome, encode_line, read_by_server
@@ -57,7 +58,8 @@ def home(robot: int) -> tuple[float, float]:
 
 
 class Processes:
-    """A Repository, a Registry, and the windows of a site without devices. `simulator`: the address of another simulator than its own."""
+    """A Repository, a Registry, and the windows of a site without devices. `simulator`: the address of another simulator than its own.
+    `authorization`: the headers of a program on this computer."""
 
     def __init__(self, folder: Path, simulator: str | None = None) -> None:
         self._reservation = Reservation("127.0.0.1", 6)
@@ -71,6 +73,8 @@ class Processes:
             api=f"http://127.0.0.1:{ports[4]}/api",
             gui=f"http://127.0.0.1:{ports[3]}",
         )
+        AccessStore(folder).renew_local_token()
+        self.authorization = {"Authorization": f"Bearer {local_token(folder)}"}
         self._stack = ExitStack()
 
     def __enter__(self) -> Processes:
@@ -78,7 +82,7 @@ class Processes:
         self.addresses.write(self.folder)
         self.start("repository", self.ports[0], "--site", str(self.folder / "hall.yaml"))
         self.start("registry", self.ports[1])
-        self.servers = [self.start("api", self.ports[4], "--insecure"), self.start("gui", self.ports[3], "--insecure")]
+        self.servers = [self.start("api", self.ports[4]), self.start("gui", self.ports[3])]
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -111,8 +115,9 @@ class ViewerTraffic:
     bytes: float = 0
 
 
-async def watch_poses(url: str, traffic: ViewerTraffic) -> None:
-    async with aiohttp.ClientSession() as session, session.ws_connect(f"{url}/api/poses", compress=15) as socket:
+async def watch_poses(processes: Processes, traffic: ViewerTraffic) -> None:
+    poses = f"{processes.addresses.gui}/api/poses"
+    async with aiohttp.ClientSession(headers=processes.authorization) as session, session.ws_connect(poses, compress=15) as socket:
         async for message in socket:
             if message.type is aiohttp.WSMsgType.BINARY:
                 traffic.ticks += 1
@@ -121,9 +126,9 @@ async def watch_poses(url: str, traffic: ViewerTraffic) -> None:
 
 
 @contextmanager
-def simulate_viewers(url: str, viewers: int) -> Iterator[list[ViewerTraffic]]:
+def simulate_viewers(processes: Processes, viewers: int) -> Iterator[list[ViewerTraffic]]:
     traffic = [ViewerTraffic() for _ in range(viewers)]
-    tasks = [asyncio.create_task(watch_poses(url, viewer_traffic)) for viewer_traffic in traffic]
+    tasks = [asyncio.create_task(watch_poses(processes, viewer_traffic)) for viewer_traffic in traffic]
     yield traffic
     for task in tasks:
         task.cancel()
@@ -131,12 +136,11 @@ def simulate_viewers(url: str, viewers: int) -> Iterator[list[ViewerTraffic]]:
 
 async def measure_viewers(processes: Processes, title: str) -> None:
     """Print the cost of each number of viewers for the two servers."""
-    assert processes.addresses.gui is not None
     shares: dict[int, list[float]] = {viewers: [] for viewers in (0, *VIEWERS)}
     received: dict[int, list[ViewerTraffic]] = {viewers: [] for viewers in VIEWERS}
     for _ in range(ROUNDS):
         for viewers, viewer_shares in shares.items():
-            with simulate_viewers(processes.addresses.gui, viewers) as traffic:
+            with simulate_viewers(processes, viewers) as traffic:
                 await asyncio.sleep(WARM_UP)
                 cpu_before, started_at = processes.spent(), time.monotonic()
                 start = [(viewer_traffic.ticks, viewer_traffic.moved, viewer_traffic.bytes) for viewer_traffic in traffic]

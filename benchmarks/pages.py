@@ -23,8 +23,9 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from rich.console import Console
 from rich.table import Table
 
+from somrs.access.rights import Role
+from somrs.access.store import AccessStore
 from somrs.cli.import_commands import import_site
-from somrs.client.addresses import Addresses
 from somrs.deployment.system import System
 from somrs.ontology.files.dump import dump_map
 from somrs.ontology.files.loading import upper
@@ -70,23 +71,40 @@ def main() -> None:
 
 
 class Running:
-    """A system whose event loop runs in another thread, because Playwright uses the loop of this one."""
+    """A system whose event loop runs in another thread, because Playwright uses the loop of this one. `url`: of its windows."""
 
     def __init__(self, site: list[Path], data: Path) -> None:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever)
-        self._system = System(site, data, speed="max", windows=True, secure=False)
+        self._system = System(site, data, speed="max", windows=True)
+        self.url, self._session, self._cookie = "", "", ""
 
-    def __enter__(self) -> Addresses:
+    def __enter__(self) -> Running:
         self._thread.start()
         asyncio.run_coroutine_threadsafe(self._system.start(), self._loop).result()
-        return self._system.addresses
+        self.url = self._system.addresses.gui or ""
+        store = AccessStore(self._system.data)
+        store.add_account("Benchmark", Role.ADMINISTRATOR)
+        self._session, self._cookie = store.open_session("Benchmark"), store.read().cookie
+        return self
 
     def __exit__(self, *exception: object) -> None:
         asyncio.run_coroutine_threadsafe(self._system.stop(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
+
+    def page(self, browser: Browser) -> Page:
+        """A page of a browser with an empty cache, in which an administrator has signed in."""
+        context = browser.new_context(viewport={"width": 1280, "height": 800})
+        context.add_cookies([{"name": self._cookie, "value": self._session, "url": self.url}])
+        return context.new_page()
+
+    def ask(self, path: str, body: object = None) -> Any:
+        headers = {"Authorization": f"Bearer {self._session}", "Content-Type": "application/json"}
+        data = json.dumps(body).encode() if body is not None else None
+        with urllib.request.urlopen(urllib.request.Request(f"{self.url}/api{path}", data=data, headers=headers), timeout=60) as answer:
+            return json.load(answer)
 
 
 def row(table: Table, name: str, times: list[float]) -> None:
@@ -102,19 +120,8 @@ def open_page(page: Page, url: str, usable: str) -> float:
     return (time.perf_counter() - started_at) * 1000
 
 
-def ask(url: str, path: str, body: object = None) -> Any:
-    request = urllib.request.Request(f"{url}/api{path}", data=json.dumps(body).encode() if body is not None else None)
-    with urllib.request.urlopen(request, timeout=60) as answer:
-        return json.load(answer)
-
-
-def pages(browser: Browser) -> Page:
-    return browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
-
-
 def scenario(browser: Browser, folder: Path, table: Table) -> None:
-    with Running([SCENARIO], folder / "data") as addresses:
-        url = addresses.gui or ""
+    with Running([SCENARIO], folder / "data") as running:
         for name, path, usable in (
             ("first page", "/", "text=Parts of the system"),
             ("map", "/map", "[data-name=Table002]"),
@@ -124,8 +131,8 @@ def scenario(browser: Browser, folder: Path, table: Table) -> None:
             ("fleet", "/fleet", "text=Robot1"),
             ("history", "/history", "text=Export"),
         ):
-            page = pages(browser)  # an empty cache for the first time
-            row(table, name, [open_page(page, url + path, usable) for _ in range(ROUNDS)])
+            page = running.page(browser)
+            row(table, name, [open_page(page, running.url + path, usable) for _ in range(ROUNDS)])
             page.context.close()
 
 
@@ -153,23 +160,22 @@ def hall_map() -> Map:
 def hall(browser: Browser, folder: Path, table: Table) -> None:
     file = folder / "hall.yaml"
     file.write_text(dump_map(hall_map(), upper()), encoding="utf-8")
-    with Running([file], folder / "data") as addresses:
-        url = addresses.gui or ""
-        page, other_page = pages(browser), pages(browser)
+    with Running([file], folder / "data") as running:
+        url, page, other_page = running.url, running.page(browser), running.page(browser)
         row(table, "map of 5,000 objects", [open_page(page, f"{url}/map", "[data-name=Table0]") for _ in range(ROUNDS)])
         open_page(other_page, f"{url}/map", "[data-name=Table0]")
-        row(table, "  a change of one object, until another viewer sees it", [change_object(url, other_page, n) for n in range(ROUNDS)])
+        row(table, "  a change of one object, until another viewer sees it", [change_object(running, other_page, n) for n in range(ROUNDS)])
         open_page(page, f"{url}/map", "[data-name=Table0]")
         row(table, "  one step of the mouse wheel, until it is drawn", [zoom_page(page) for _ in range(ROUNDS)])
         row(table, "new task, 5,000 objects", [open_page(page, f"{url}/define", "[data-name=Table0]") for _ in range(ROUNDS)])
         row(table, "ontology, 5,000 objects", [open_page(page, f"{url}/ontology", "[role=treeitem]") for _ in range(ROUNDS)])
 
 
-def change_object(url: str, other_page: Page, n: int) -> float:
+def change_object(running: Running, other_page: Page, n: int) -> float:
     started_at = time.perf_counter()
     cup = {"name": f"Cup{n}", "type": "Cup", "values": {"PositionX": 3.4, "PositionY": 3.0, "PositionZ": 0.75}}
     placement = {"type": "FactAdded", "fact": {"relation": "isOn", "arguments": [f"Cup{n}", "Table0"]}}
-    ask(url, "/map/changes", {"changes": [{"type": "ObjectAdded", "object": cup}, placement], "author": "benchmark"})
+    running.ask("/map/changes", {"changes": [{"type": "ObjectAdded", "object": cup}, placement], "author": "benchmark"})
     other_page.locator(f"[data-name=Cup{n}]").first.wait_for(state="attached", timeout=60_000)
     return (time.perf_counter() - started_at) * 1000
 
@@ -199,16 +205,15 @@ def long_task(browser: Browser, folder: Path, table: Table) -> None:
     problem.write_text(parcels(), encoding="utf-8")
     with contextlib.redirect_stdout(io.StringIO()):
         import_site([DOMAIN, problem], site)
-    with Running([site], folder / "data") as addresses:
-        url = addresses.gui or ""
+    with Running([site], folder / "data") as running:
         goal = " AND ".join(f"p{n} lies harbour" for n in range(PARCELS))
-        task = ask(url, "/tasks", {"effect": goal})["task"]
+        task = running.ask("/tasks", {"effect": goal})["task"]
         deadline = time.monotonic() + TASK_TIME
-        while (answer := ask(url, f"/tasks/{task}"))["view"]["outcome"] is None and time.monotonic() < deadline:
+        while (answer := running.ask(f"/tasks/{task}"))["view"]["outcome"] is None and time.monotonic() < deadline:
             time.sleep(0.5)
-        page = pages(browser)
+        page = running.page(browser)
         name = f"a task with {answer['messages']} messages and {len(answer['view']['steps'])} steps"
-        row(table, name, [open_page(page, f"{url}/tasks/{task}", ".somrs-msg") for _ in range(ROUNDS)])
+        row(table, name, [open_page(page, f"{running.url}/tasks/{task}", ".somrs-msg") for _ in range(ROUNDS)])
 
 
 if __name__ == "__main__":
