@@ -53,6 +53,8 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     until the next try."""
     sign_in_seconds: Count = 60
     """That time at most."""
+    audit_entries: Count = 1_000_000
+    """Entries of the audit log. When there are more, the oldest tenth is removed."""
     log_bytes: Count = 64 * 2**20
     """A log file. When it is full, its content goes to a file beside it."""
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import getpass
+import os
+import socket
 from contextvars import ContextVar
 
 from msgspec import Struct
@@ -14,6 +17,7 @@ class Identity(Struct, frozen=True, kw_only=True):
 
     `name`: a person, or the program that a token was made for; empty if nobody is asked who they are. `secret`: what it has proven itself
     with, for requests on its behalf. `speaks_for_others`: the author that a request states counts. `session`: the id of the session.
+    `address`: the address from which it signed in, or from which the request comes.
     """
 
     name: str
@@ -21,6 +25,7 @@ class Identity(Struct, frozen=True, kw_only=True):
     secret: str = ""
     speaks_for_others: bool = False
     session: str | None = None
+    address: str = ""
 
     def lacks(self, required_right: Right) -> str | None:
         """Why it may not do what needs this right; None if it may."""
@@ -39,3 +44,12 @@ ANYBODY = Identity(name="", rights=frozenset(Right) - {Right.ADMINISTER}, speaks
 
 sender: ContextVar[Identity | None] = ContextVar("sender", default=None)
 """Who sent the request that is worked on. Tasks that work on it begin with the same."""
+
+
+def user_of_process() -> str:
+    """The user who runs this process: `user@host`."""
+    try:
+        user = getpass.getuser()
+    except (OSError, KeyError):  # a container may run as a user that has no name
+        user = str(os.getuid())
+    return f"{user}@{socket.gethostname()}"

@@ -88,7 +88,7 @@ class AccessState(Struct, frozen=True, kw_only=True):
             account = self.accounts.get(session.account)
             if account is None or session.ends_at <= now:
                 return None
-            return Identity(name=account.name, rights=account.role.rights, secret=secret, session=session.id)
+            return Identity(name=account.name, rights=account.role.rights, secret=secret, session=session.id, address=session.address)
         if (token := self.tokens.get(hashed)) is not None and now < token.ends_at:
             return Identity(name=token.name, rights=token.rights, secret=secret)
         return None

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import msgspec
 
+from somrs.access.auditor import Auditor, current_actor
 from somrs.access.identity import Identity
 from somrs.access.rights import Right, Role
 from somrs.access.state import (
@@ -27,6 +28,7 @@ from somrs.access.state import (
     new_secret,
 )
 from somrs.errors import UsageError
+from somrs.storage.audit_log import Actor
 
 FILE = "access.json"
 """The file in the data folder with accounts, sessions, tokens and links."""
@@ -38,6 +40,9 @@ LOCAL_NAME = "this computer"
 
 _LOCK_FILE = "access.lock"
 
+MOST_BROWSER = 200
+"""Characters of what a browser says it is."""
+
 PRIVATE, PRIVATE_FOLDER = 0o600, 0o700
 
 Stamp = tuple[int, int, int]
@@ -45,10 +50,10 @@ Stamp = tuple[int, int, int]
 
 
 class AccessStore:
-    """Who has access to the system with this data folder."""
+    """Who has access to the system with this data folder. Each change is recorded in its audit log, by `auditor`."""
 
     def __init__(self, data: Path) -> None:
-        self._data = data
+        self._data, self.auditor = data, Auditor(data)
         self._state, self._stamp = AccessState(), (-1, -1, -1)
         self._local_tokens: dict[str, frozenset[Right]] = {}
         self._local_stamp: Stamp = (-1, -1, -1)
@@ -72,65 +77,70 @@ class AccessStore:
         return self.read().identity(secret, time.time())
 
     @contextmanager
-    def _changing(self) -> Iterator[_Change]:
-        """The state, to be replaced; nobody else changes it meanwhile."""
+    def _changing(self, act: str, **details: object) -> Iterator[_Change]:
+        """The state, to be replaced; nobody else changes it meanwhile. The act is recorded."""
         self._data.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
         descriptor = os.open(self._data / _LOCK_FILE, os.O_RDWR | os.O_CREAT, PRIVATE)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX)
-            change = _Change(self.read().without_ended(time.time()))
+            change = _Change(self.read().without_ended(time.time()), details)
             yield change
             _write(self._data / FILE, msgspec.json.encode(change.state))
+            self.auditor.done(f"access.{act}", change.actor or current_actor(), change.details)
         finally:
             os.close(descriptor)
 
     def add_account(self, name: str, role: Role, password_hash: str | None = None) -> Account:
         """Add a person. Raises UsageError if the name is taken, or is none."""
         account = Account(name=checked_name(name), role=role, created_at=time.time(), password=password_hash)
-        with self._changing() as change:
+        with self._changing("add_person", name=account.name, role=role) as change:
             change.state = change.state.with_account(account)
         return account
 
     def set_role(self, name: str, role: Role) -> None:
-        with self._changing() as change:
+        with self._changing("set_role", name=name, after=role) as change:
+            change.details["before"] = change.state.account(name).role
             change.state = change.state.with_role(name, role)
 
     def set_password(self, name: str, password_hash: str | None, kept_session: str | None = None) -> None:
         """Set a password, and sign the person out everywhere but in one session."""
-        with self._changing() as change:
+        with self._changing("set_password" if password_hash else "remove_password", name=name) as change:
             change.state = change.state.with_password(name, password_hash, kept_session)
 
     def remove_account(self, name: str) -> None:
-        with self._changing() as change:
+        with self._changing("remove_person", name=name) as change:
+            change.details["role"] = change.state.account(name).role
             change.state = change.state.without_account(name)
 
     def open_session(self, name: str, address: str = "", browser: str = "") -> str:
         """Sign a person in, and return the secret of the session."""
-        with self._changing() as change:
+        with self._changing("sign_in", by="password", browser=browser[:MOST_BROWSER]) as change:
             change.state.account(name)
+            change.actor = Actor(name=name, address=address)
             secret, change.state = _with_session(change.state, name, address, browser)
         return secret
 
     def end_session(self, id: str) -> None:
-        with self._changing() as change:
+        with self._changing("end_session", session=id) as change:
+            change.details["name"] = next((session.account for session in change.state.sessions.values() if session.id == id), "")
             change.state = change.state.without_session(id)
 
     def add_token(self, name: str, rights: frozenset[Right], seconds: float, author: str = "") -> str:
         """Make a token for a program, and return its secret, which is not stored."""
         now, secret = time.time(), new_secret()
         token = Token(name=checked_name(name), rights=rights, created_at=now, ends_at=now + seconds, author=author)
-        with self._changing() as change:
+        with self._changing("add_token", name=token.name, rights=sorted(rights), seconds=seconds) as change:
             change.state = change.state.with_token(secret, token)
         return secret
 
     def remove_token(self, name: str) -> None:
-        with self._changing() as change:
+        with self._changing("remove_token", name=name) as change:
             change.state = change.state.without_token(name)
 
     def add_link(self, name: str | None) -> str:
         """Make a one-time sign-in link, and return its secret. `name`: who is signed in; None: a new administrator."""
         secret = new_secret()
-        with self._changing() as change:
+        with self._changing("make_link", name=name or "") as change:
             if name is not None:
                 change.state.account(name)
             change.state = change.state.with_link(secret, Link(account=name, ends_at=time.time() + LINK_TIME))
@@ -146,15 +156,18 @@ class AccessStore:
 
         Raises UsageError if the link cannot be used any more, or if the name is taken, or is none; the link can then be used again.
         """
-        with self._changing() as change:
+        with self._changing("sign_in", by="a link", browser=browser[:MOST_BROWSER]) as change:
             link = change.state.links.get(hash_of(secret))
             if link is None:
                 raise UsageError("this link was used, or its time is over; `somrs user link NAME` prints another one")
             state = change.state.without_link(secret)
-            if link.account is None:
+            person = link.account
+            if person is None:
                 account = Account(name=checked_name(name), role=Role.ADMINISTRATOR, created_at=time.time())
-                state = state.with_account(account)
-            session_secret, change.state = _with_session(state, link.account or account.name, address, browser)
+                state, person = state.with_account(account), account.name
+                change.details["role"] = account.role
+            change.actor = Actor(name=person, address=address)
+            session_secret, change.state = _with_session(state, person, address, browser)
         return session_secret
 
     def renew_local_token(self) -> None:
@@ -187,16 +200,22 @@ def local_token(data: Path, *, only_sees: bool = False) -> str | None:
 
 
 class _Change:
-    """A change of the state that is under way."""
+    """A change of the state that is under way, with the `details` that are recorded of it. `actor`: who makes it; None: the current one."""
 
-    def __init__(self, state: AccessState) -> None:
-        self.state = state
+    def __init__(self, state: AccessState, details: dict[str, object]) -> None:
+        self.state, self.details = state, details
+        self.actor: Actor | None = None
 
 
 def _with_session(state: AccessState, name: str, address: str, browser: str) -> tuple[str, AccessState]:
     now, secret = time.time(), new_secret()
     session = Session(
-        id=secrets.token_hex(8), account=name, created_at=now, ends_at=now + SESSION_TIME, address=address[:60], browser=browser[:200]
+        id=secrets.token_hex(8),
+        account=name,
+        created_at=now,
+        ends_at=now + SESSION_TIME,
+        address=address[:60],
+        browser=browser[:MOST_BROWSER],
     )
     return secret, state.with_session(secret, session)
 

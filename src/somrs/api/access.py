@@ -16,6 +16,7 @@ from somrs.api.context import Context
 from somrs.client.operations import operation
 from somrs.client.refusals import Forbidden
 from somrs.errors import UsageError
+from somrs.storage.audit_log import AuditEntry, AuditLog
 
 DAY = 86400.0
 
@@ -84,9 +85,16 @@ class Secret(msgspec.Struct, frozen=True, kw_only=True):
     secret: str
 
 
+class AuditPage(msgspec.Struct, frozen=True, kw_only=True):
+    """Entries of the audit log, newest first. `more`: there are earlier ones."""
+
+    entries: tuple[AuditEntry, ...]
+    more: bool
+
+
 class AccessService:
     def __init__(self, context: Context) -> None:
-        self._store = AccessStore(context.data)
+        self._store, self._audit_log = AccessStore(context.data), AuditLog(context.data)
 
     @operation("GET", "/access/me", Right.SEE)
     async def me(self) -> OwnAccess:
@@ -135,6 +143,12 @@ class AccessService:
                 for t in state.tokens.values()
             ),
         )
+
+    @operation("GET", "/access/audit", Right.ADMINISTER)
+    async def audit(self, limit: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 100, before: int | None = None) -> AuditPage:
+        """Who changed what, and what was denied to whom: the entries of the audit log with numbers below `before`, newest first."""
+        entries = await asyncio.to_thread(self._audit_log.latest, limit + 1, before)
+        return AuditPage(entries=tuple(entries[:limit]), more=len(entries) > limit)
 
     @operation("POST", "/access/people", Right.ADMINISTER)
     async def add_person(self, body: NewPerson) -> Secret:

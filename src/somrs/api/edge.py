@@ -17,6 +17,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from somrs.access.auditor import Auditor
+from somrs.api.guard import ENTER_FROM_ELSEWHERE, note_denial
 from somrs.client.refusals import Forbidden, error_report, status
 
 READING = frozenset(("GET", "HEAD", "OPTIONS"))
@@ -51,11 +53,12 @@ HEADERS = {
 class Edge:
     """ASGI middleware that refuses what other sites have browsers send, and says in each response what its page may load.
 
-    `allowed_hosts`: names of the server, besides IP addresses, `localhost` and the name of this computer.
+    `allowed_hosts`: names of the server, besides IP addresses, `localhost` and the name of this computer. `auditor`: records what is
+    refused.
     """
 
-    def __init__(self, app: ASGIApp, allowed_hosts: Collection[str] = ()) -> None:
-        self._app = app
+    def __init__(self, app: ASGIApp, allowed_hosts: Collection[str] = (), auditor: Auditor | None = None) -> None:
+        self._app, self._auditor = app, auditor
         names = (*allowed_hosts, socket.gethostname(), "localhost")
         self._names = {name.rstrip(".").casefold() for name in names}
 
@@ -67,6 +70,7 @@ class Edge:
         if refusal is None:
             await self._app(scope, receive, _with_headers(send))
             return
+        await note_denial(self._auditor, scope, str(refusal), ENTER_FROM_ELSEWHERE)
         if scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008})  # before the handshake: the status is 403
             return

@@ -6,16 +6,19 @@ import asyncio
 from collections.abc import Callable
 
 import msgspec
+from msgspec.structs import replace
 from starlette.datastructures import Headers
 from starlette.requests import cookie_parser
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from somrs.access.auditor import Auditor
 from somrs.access.identity import ANYBODY, Identity, sender
 from somrs.access.rights import Right
 from somrs.access.store import AccessStore
 from somrs.client.refusals import Forbidden, Unauthenticated, error_report, status
 from somrs.errors import SomrsError
+from somrs.storage.audit_log import Actor
 
 CHECK_PAUSE = 1.0
 """Seconds between two looks whether the sender of an open WebSocket still has access."""
@@ -25,6 +28,9 @@ SIGN_IN_HINT = (
     "with a token of `somrs token new NAME`"
 )
 
+MOST_PATH = 200
+"""Characters of a request that are recorded."""
+
 POLICY_VIOLATION = 1008
 """WebSocket close code."""
 
@@ -33,7 +39,8 @@ class Guard:
     """ASGI middleware that lets in those who have proven who they are. The rest of the request's work finds them in `sender`.
 
     `store`: who has access; None: anybody has, and nobody is asked. `is_open`: whether a path is for anybody, such as that of the form to
-    sign in. `refuse`: answers an HTTP request without access; None: with an error report.
+    sign in. `refuse`: answers an HTTP request without access; None: with an error report. `auditor`: records the requests without access
+    that get such a report.
     """
 
     def __init__(
@@ -43,8 +50,9 @@ class Guard:
         *,
         is_open: Callable[[str], bool] = lambda path: False,
         refuse: Callable[[Scope], Response | None] = lambda scope: None,
+        auditor: Auditor | None = None,
     ) -> None:
-        self._app, self._store, self._is_open, self._refuse = app, store, is_open, refuse
+        self._app, self._store, self._is_open, self._refuse, self._auditor = app, store, is_open, refuse, auditor
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -57,9 +65,11 @@ class Guard:
             return
         if identity is None and not (scope["type"] == "http" and self._is_open(scope["path"])):
             response = self._refuse(scope) if scope["type"] == "http" else None
+            if response is None:
+                await note_denial(self._auditor, scope, "no valid secret")
             await _deny(scope, receive, send, response or refusal(Unauthenticated(SIGN_IN_HINT)))
             return
-        sender.set(identity)
+        sender.set(replace(identity, address=address_of(scope)) if identity is not None and not identity.address else identity)
         if scope["type"] == "websocket" and self._store is not None and identity is not None:
             connection = _CheckedConnection(receive, send, lambda: self._identity(scope) is not None)
             try:
@@ -74,6 +84,22 @@ class Guard:
             return ANYBODY
         secret = secret_of(scope, self._store.read().cookie)
         return self._store.identity(secret) if secret else None
+
+
+ENTER, ENTER_FROM_ELSEWHERE = "enter", "enter from another site"
+"""The acts of those who are not let in, which are no operations."""
+
+
+def address_of(scope: Scope) -> str:
+    """The address from which a request comes."""
+    return scope["client"][0] if scope.get("client") else ""
+
+
+async def note_denial(auditor: Auditor | None, scope: Scope, why: str, act: str = ENTER) -> None:
+    """Record a request of somebody who is not let in."""
+    if auditor is not None:
+        request = f"{scope.get('method', 'WebSocket')} {scope['path']}"
+        await asyncio.to_thread(auditor.denied, act, Actor(name="", address=address_of(scope)), why, {"request": request[:MOST_PATH]})
 
 
 def require(required_right: Right) -> Identity:

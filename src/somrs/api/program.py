@@ -13,10 +13,11 @@ from starlette.applications import Starlette
 from starlette.responses import RedirectResponse
 from starlette.routing import Mount, Route
 
+from somrs.access.auditor import Auditor
 from somrs.access.store import AccessStore
 from somrs.api.edge import Edge
 from somrs.api.guard import Guard
-from somrs.api.rest import application
+from somrs.api.rest import application as api_application
 from somrs.api.service import ApiService, open_api_service
 from somrs.client.addresses import Addresses
 from somrs.deployment.programs import until_stopped
@@ -45,8 +46,10 @@ async def served(
 ) -> AsyncIterator[str]:
     """Serve the API at the socket, and yield its URL. `access`: who has access; None: anybody."""
     host, port = server_socket.getsockname()[:2]
+    auditor = Auditor(service.context.data)
+    application = Edge(Guard(_site(service, auditor), access, auditor=auditor), allowed_hosts, auditor)
     # The server keeps connections longer than clients do, so that it does not close one just as a client sends a request.
-    config = BoundedConfig(Edge(Guard(_site(service), access), allowed_hosts), ws=WebSocketProtocol, timeout_keep_alive=KEPT_TIME + 15)
+    config = BoundedConfig(application, ws=WebSocketProtocol, timeout_keep_alive=KEPT_TIME + 15)
     server = QuietServer(config)
     serving = asyncio.create_task(server.serve(sockets=[server_socket]))
     while not server.started and not serving.done():
@@ -59,6 +62,6 @@ async def served(
             await serving
 
 
-def _site(service: ApiService) -> Starlette:
-    api = application([*service.operations()], service.context.hub, {"/poses": service.scene.poses})
+def _site(service: ApiService, auditor: Auditor) -> Starlette:
+    api = api_application([*service.operations()], service.context.hub, {"/poses": service.scene.poses}, auditor)
     return Starlette(routes=[Mount(PATH, api), Route("/", lambda request: RedirectResponse(f"{PATH}/"))])

@@ -19,6 +19,7 @@ from starlette.routing import BaseRoute, Match, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from somrs.access.auditor import FAILED, Auditor, current_actor
 from somrs.access.rights import Right
 from somrs.api.guard import refusal, require
 from somrs.api.openapi import document
@@ -28,7 +29,7 @@ from somrs.client.api_client import JSON
 from somrs.client.hub import Hub, NewsSubscription
 from somrs.client.live_news import Confirmed, Follow
 from somrs.client.operations import Document, Operation, Parameter
-from somrs.client.refusals import NotFound, WrongFormat, WrongMethod, error_report
+from somrs.client.refusals import Forbidden, NotFound, Unauthenticated, WrongFormat, WrongMethod, error_report, status
 from somrs.entish.parse import nearest
 from somrs.errors import InputError, SomrsError
 from somrs.limits import limits
@@ -56,10 +57,11 @@ def _has_page() -> bool:
 SocketEndpoint = Callable[[WebSocket], Awaitable[None]]
 
 
-def application(operations: Sequence[Operation], hub: Hub, sockets: Mapping[str, SocketEndpoint]) -> Starlette:
+def application(operations: Sequence[Operation], hub: Hub, sockets: Mapping[str, SocketEndpoint], auditor: Auditor) -> Starlette:
     """The web application: the operations, `openapi.json`, the news at `live`, other `sockets`, and at the root the documentation page.
 
-    Where the package `PAGE_LIBRARY` is not installed, the root returns the OpenAPI document.
+    `auditor`: records what changes something, and what was denied to those who were let in. Where the package `PAGE_LIBRARY` is not
+    installed, the root returns the OpenAPI document.
     """
 
     @cache
@@ -83,7 +85,7 @@ def application(operations: Sequence[Operation], hub: Hub, sockets: Mapping[str,
         *(WebSocketRoute(path, for_viewers(endpoint)) for path, endpoint in {"/live": live, **sockets}.items()),
         # Paths without parameters come first: `/tasks/preview` is not the task `preview`.
         *(
-            Route(operation.path, _endpoint(operation), methods=[operation.method])
+            Route(operation.path, _endpoint(operation, auditor), methods=[operation.method])
             for operation in sorted(operations, key=lambda operation: operation.path.count("{"))
         ),
     ]
@@ -139,7 +141,7 @@ def _sockets(connection: HTTPConnection) -> list[str]:
     return [f"{root}{route.path}" for route in sockets if route.endpoint is not _deny_socket]
 
 
-def _endpoint(operation: Operation) -> Any:
+def _endpoint(operation: Operation, auditor: Auditor) -> Any:
     async def serve(request: Request) -> Response:
         try:
             identity = require(operation.required_right)
@@ -147,7 +149,13 @@ def _endpoint(operation: Operation) -> Any:
             arguments = {parameter.name: value for parameter in operation.parameters for value in await _read_argument(parameter, request)}
             if not identity.speaks_for_others:
                 arguments = with_author(operation, arguments, identity.name)
-            result = await operation.function(**arguments)
+            if operation.changes:
+                result = await _recorded(operation, arguments, auditor)
+            else:
+                result = await operation.function(**arguments)
+        except (Forbidden, Unauthenticated) as error:
+            await asyncio.to_thread(auditor.denied, operation.name, current_actor(), str(error))
+            return refusal(error)
         except SomrsError as error:
             return refusal(error)
         if isinstance(result, Document):
@@ -156,6 +164,20 @@ def _endpoint(operation: Operation) -> Any:
         return Response(msgspec.json.encode(result), media_type="application/json")
 
     return serve
+
+
+async def _recorded(operation: Operation, arguments: dict[str, Any], auditor: Auditor) -> Any:
+    """The result of an operation that changes something, which is recorded unless nothing was changed."""
+    who = current_actor()
+    try:
+        result = await operation.function(**arguments)
+    except BaseException as error:
+        if not isinstance(error, SomrsError) or status(error) >= 500:  # something may have been done
+            await asyncio.to_thread(auditor.done, operation.name, who, {**arguments, "problem": str(error)}, FAILED)
+        raise
+    answer = {"result": result} if isinstance(result, msgspec.Struct) else {}
+    await asyncio.to_thread(auditor.done, operation.name, who, {**arguments, **answer})
+    return result
 
 
 AUTHOR_NAMES = ("by", "author")

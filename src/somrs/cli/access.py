@@ -1,7 +1,8 @@
-"""The commands about who has access: `somrs user` and `somrs token`."""
+"""The commands about who has access, and who did what: `somrs user`, `somrs token` and `somrs audit`."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -11,6 +12,8 @@ from somrs.cli.options import DEFAULT_FOLDER, Data, Json, guarded
 
 user_app = typer.Typer(help="People who may sign in, and what they may do.", no_args_is_help=True, rich_markup_mode=None)
 token_app = typer.Typer(help="Tokens, with which programs use the API.", no_args_is_help=True, rich_markup_mode=None)
+
+audit_app = typer.Typer(help="Who changed what, and what was denied to whom.", no_args_is_help=True, rich_markup_mode=None)
 
 PersonName = Annotated[str, typer.Argument(help="The person's name, as it is recorded with what the person does.")]
 TokenName = Annotated[str, typer.Argument(help="The token's name, such as that of the program.")]
@@ -100,5 +103,48 @@ def list_tokens(data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
 def revoke(name: TokenName, data: Data = DEFAULT_FOLDER) -> None:
     """Revoke a token at once."""
     from somrs.cli.access_commands import revoke as run
+
+    guarded(lambda: run(name, data))
+
+
+@audit_app.command(name="list")
+def list_audit(
+    most: Annotated[int, typer.Option("--most", min=1, help="How many of the last entries.")] = 50,
+    name: Annotated[str, typer.Option("--name", help="Only those of this person or program.")] = "",
+    data: Data = DEFAULT_FOLDER,
+    json: Json = False,
+) -> None:
+    """List the last entries of the audit log, newest last."""
+    from somrs.cli.audit_commands import list_audit as run
+
+    guarded(lambda: run(most, name, data, json=json))
+
+
+@audit_app.command()
+def export(
+    file: Annotated[Path, typer.Argument(help="The file to write: one JSON object per line.")],
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Write all entries of the audit log to a file."""
+    from somrs.cli.audit_commands import export as run
+
+    guarded(lambda: run(file, data))
+
+
+@audit_app.command()
+def verify(
+    digest: Annotated[str, typer.Option("--digest", help="A digest that an earlier `verify` printed: its entry must still be there.")] = "",
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Check that no entry of the audit log was altered, removed or put in between."""
+    from somrs.cli.audit_commands import verify as run
+
+    guarded(lambda: run(digest, data))
+
+
+@audit_app.command()
+def erase(name: PersonName, data: Data = DEFAULT_FOLDER) -> None:
+    """Erase a person's name in the audit log. What was done, and when, stays."""
+    from somrs.cli.audit_commands import erase as run
 
     guarded(lambda: run(name, data))

@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperCommand
 from typer.main import get_command
 
-from somrs.cli.access import token_app, user_app
+from somrs.cli.access import audit_app, token_app, user_app
 from somrs.cli.control import control_app
 from somrs.cli.map_commands import map_app
 from somrs.cli.ontology import ontology_app
@@ -71,6 +71,7 @@ app.add_typer(templates_app, name="templates")
 app.add_typer(orders_app, name="orders")
 app.add_typer(user_app, name="user")
 app.add_typer(token_app, name="token")
+app.add_typer(audit_app, name="audit")
 app.add_typer(run_app, name="run")
 app.add_typer(trust_app, name="trust", help="Certificates of the site: who is who.")
 

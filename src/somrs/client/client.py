@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import getpass
-import os
-import socket
 import uuid
 from collections.abc import AsyncIterator, Awaitable, Callable
 from itertools import chain
@@ -12,6 +9,7 @@ from typing import TypeVar
 
 import msgspec
 
+from somrs.access.identity import user_of_process
 from somrs.client.addresses import Addresses
 from somrs.client.credentials import credentials_for
 from somrs.client.task_managers import READ_TIME, Answers, Listing, TaskManagers, first_answer
@@ -51,11 +49,7 @@ class Refused(RemoteError):
 
 def client_name() -> str:
     """The name of this client, user@host, which is recorded with a task. It is not an address: replies arrive on the connection."""
-    try:
-        user = getpass.getuser()
-    except (OSError, KeyError):  # a container may run as a user that has no name
-        user = str(os.getuid())
-    return client_address(f"{user}@{socket.gethostname()}")
+    return client_address(user_of_process())
 
 
 class Client:

@@ -64,6 +64,11 @@ class Operation:
     required_right: Right
 
     @property
+    def changes(self) -> bool:
+        """Whether it changes something of the site. What changes who has access is recorded where that is stored."""
+        return self.method != "GET" and self.required_right not in (Right.SEE, Right.ADMINISTER)
+
+    @property
     def group(self) -> str:
         return self.name.partition(".")[0]
 

@@ -11,6 +11,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from somrs.access.auditor import Auditor
 from somrs.access.store import AccessStore
 from somrs.api.edge import Edge
 from somrs.api.guard import Guard
@@ -44,8 +45,9 @@ async def run_gui(
     listener, access = listen_at(host, port), AccessStore(data) if secure else None
     # What is done for nobody in particular only sees.
     async with live_api(address_of(addresses), local_token_reader(data, only_sees=True)) as api:
-        guard = Guard(Cache(_application(api, data, access)), access, is_open=_is_open, refuse=sign_in_first)
-        application = Edge(guard, allowed_hosts)
+        auditor = Auditor(data)
+        guard = Guard(Cache(_application(api, data, access)), access, is_open=_is_open, refuse=sign_in_first, auditor=auditor)
+        application = Edge(guard, allowed_hosts, auditor)
         server = QuietServer(BoundedConfig(application, ws=WebSocketProtocol))
         serving = asyncio.create_task(server.serve(sockets=[listener]))
         while not server.started and not serving.done():

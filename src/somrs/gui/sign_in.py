@@ -16,10 +16,11 @@ from starlette.types import Scope
 
 from somrs.access.identity import sender
 from somrs.access.passwords import SignInDelays, is_right
-from somrs.access.state import SESSION_TIME
+from somrs.access.state import MAX_NAME, SESSION_TIME
 from somrs.access.store import AccessStore
 from somrs.errors import SomrsError
 from somrs.limits import limits
+from somrs.storage.audit_log import Actor
 
 log = logging.getLogger(__name__)
 
@@ -68,18 +69,19 @@ class SignIn:
             return self._form(fields | {"link": ""}, "This link was used, or its time is over.")
         if link.account is None:
             return self._form(fields)
-        return self._signed_in(request, fields)
+        return await self._signed_in(request, fields)
 
     async def _submit(self, request: Request) -> Response:
         sent = parse_qs((await request.body()).decode(errors="replace"), keep_blank_values=True)
         fields = {name: sent.get(name, [""])[0] for name in ("link", "next", "name", "password")}
-        return self._signed_in(request, fields) if fields["link"] else await self._check_password(request, fields)
+        return await self._signed_in(request, fields) if fields["link"] else await self._check_password(request, fields)
 
-    def _signed_in(self, request: Request, fields: Mapping[str, str]) -> Response:
+    async def _signed_in(self, request: Request, fields: Mapping[str, str]) -> Response:
         """Sign in by a link."""
         try:
             secret = self._store.use_link(fields["link"], fields.get("name", ""), _address(request), _browser(request))
         except SomrsError as error:
+            await self._note_denial(_address(request), {}, str(error))
             return self._form(fields, str(error))
         return self._begin_session(request, fields, secret)
 
@@ -87,15 +89,20 @@ class SignIn:
         name, address = " ".join(fields["name"].split()), _address(request)
         if seconds := self._delays.seconds_left(name, address, self._clock()):
             problem = f"There were too many wrong tries. The next one is possible in {seconds:.0f} s."
+            await self._note_denial(address, {"name": name[:MAX_NAME]}, "too many wrong tries")
             return self._form(fields, problem, 429, {"Retry-After": f"{seconds:.0f}"})
         # Before the check, which takes a while: tries at the same time count, too.
         self._delays.note_failure(name, address, self._clock())
         account = self._store.read().accounts.get(name)
         if not await asyncio.to_thread(is_right, fields["password"], account.password if account is not None else None):
-            log.warning("somebody at %s tried to sign in as %r with a wrong name or password", address, name[:80])
+            log.warning("somebody at %s tried to sign in as %r with a wrong name or password", address, name[:MAX_NAME])
+            await self._note_denial(address, {"name": name[:MAX_NAME]}, "a wrong name or password")
             return self._form(fields, "The name or the password is wrong.", 403)
         self._delays.note_success(name, address)
         return self._begin_session(request, fields, self._store.open_session(name, address, _browser(request)))
+
+    async def _note_denial(self, address: str, details: Mapping[str, object], why: str) -> None:
+        await asyncio.to_thread(self._store.auditor.denied, "access.sign_in", Actor(name="", address=address), why, details)
 
     def _begin_session(self, request: Request, fields: Mapping[str, str], secret: str) -> Response:
         # The page itself goes on: browsers send the cookie with no request that another site's page has begun, nor with its redirections.

@@ -13,6 +13,7 @@ from somrs.api.access import AccessView, NewPassword, NewPerson, NewToken, OwnAc
 from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
 from somrs.gui.account_menu import ACCESS_PAGE, INSECURE_TEXT, may, who
+from somrs.gui.audit_list import AuditList
 from somrs.gui.components.confirm_dialog import confirm
 from somrs.gui.icons import format_time
 from somrs.gui.panel import panel
@@ -61,7 +62,7 @@ class _AccessPage:
                 own_panel.note.text = own_access.role or ""
                 self._build_own(own_access)
             if view is not None:
-                self._build_all(view, own_access)
+                await self._build_all(view, own_access)
 
     def _build_own(self, own_access: OwnAccess) -> None:
         ui.label(f"Your rights: {'; '.join(RIGHTS_TEXT[right] for right in Right if right in own_access.rights)}.")
@@ -80,7 +81,7 @@ class _AccessPage:
             ui.button("Change password" if own_access.has_password else "Set password", on_click=guarded(save)).props("unelevated no-caps")
         self._build_sessions(own_access.sessions, own_access.session, self._api.access.end_own_session, with_names=False)
 
-    def _build_all(self, view: AccessView, own_access: OwnAccess) -> None:
+    async def _build_all(self, view: AccessView, own_access: OwnAccess) -> None:
         with panel("People", "group", "access-people"):
             for person in view.people:
                 self._build_person(person, sum(session.account == person.name for session in view.sessions))
@@ -94,6 +95,8 @@ class _AccessPage:
             if not view.tokens:
                 ui.label("No program has a token.").classes("somrs-soft")
             self._build_new_token()
+        with panel("Audit log", "receipt_long", "access-audit"):
+            await AuditList(self._api).show_more()
 
     def _build_person(self, person: PersonAccess, session_count: int) -> None:
         with ui.element("div").classes("somrs-access-row").props(f'role="group" aria-label="{person.name}"'):

@@ -1,0 +1,97 @@
+"""Writes to the audit log what people and programs do and try, without holding up what they do."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from somrs.access.identity import sender, user_of_process
+from somrs.errors import UsageError
+from somrs.storage.audit_log import Actor, AuditLog
+
+log = logging.getLogger(__name__)
+
+DONE, DENIED, FAILED = "done", "denied", "failed"
+"""The outcomes of acts. `failed`: it is not known whether it was done, or how much of it."""
+
+MOST_DENIALS = 1000
+"""How many different denials are counted."""
+
+LONG = 4000
+"""Bytes of details that are recorded whole; of longer ones, the beginning."""
+
+HIDDEN_FIELDS = frozenset({"password", "current", "secret", "link"})
+"""The names of parameters and fields whose values are secret."""
+
+
+def current_actor() -> Actor:
+    """Who sent the request that is worked on; without one, the user of this process."""
+    identity = sender.get()
+    return Actor(name=identity.name, address=identity.address) if identity is not None else Actor(name=user_of_process())
+
+
+class Auditor:
+    """Records acts in the log of a data folder.
+
+    Whoever tries the same in vain again and again does not fill the disk: the first denial is recorded, and then each tenth, hundredth and
+    so on. What cannot be recorded is reported in the program's own log, and does not keep anybody from operating the site: a full disk must
+    not take the stop button away.
+    """
+
+    def __init__(self, data: Path) -> None:
+        self.log = AuditLog(data)
+        self._denials: Counter[tuple[str, str, str]] = Counter()
+
+    def done(self, act: str, who: Actor, details: Mapping[str, object], outcome: str = DONE) -> None:
+        self._append(act, outcome, who, shown(details))
+
+    def denied(self, act: str, who: Actor, why: str, details: Mapping[str, object] | None = None) -> None:
+        """Record what somebody tried who may not do it, or has not proven who it is."""
+        key = (act, who.name, who.address)
+        if key not in self._denials and len(self._denials) >= MOST_DENIALS:
+            self._denials.clear()
+        self._denials[key] += 1
+        if (count := self._denials[key]) == 10 ** (len(str(count)) - 1):
+            self._append(act, DENIED, who, shown({**(details or {}), "why": why, **({"times": count} if count > 1 else {})}))
+
+    def _append(self, act: str, outcome: str, who: Actor, details: object) -> None:
+        try:
+            self.log.append(act, outcome, who, details)
+        except UsageError as error:
+            log.error("not in the audit log: %s, %s, by %s at %s: %s", act, outcome, who.name or "nobody known", who.address or "?", error)
+
+
+def shown(details: Mapping[str, object]) -> Any:
+    """Details as they are recorded: without secrets, and not longer than `LONG`."""
+    content = _without_secrets(msgspec.to_builtins(details))
+    document = msgspec.json.encode(content)
+    return content if len(document) <= LONG else {"bytes": len(document), "begins": document[:LONG].decode(errors="replace")}
+
+
+def _without_secrets(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {name: "(secret)" if name in HIDDEN_FIELDS and value else _without_secrets(value) for name, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_without_secrets(value) for value in content]
+    return content
+
+
+def actor_text(who: Actor | None) -> str:
+    """Who did something, for people."""
+    if who is None:
+        return "(erased)"
+    return (who.name or "nobody known") + (f" ({who.address})" if who.address else "")
+
+
+def detail_text(details: Any) -> str:
+    """Details in a line, for people."""
+    if details is None:
+        return "(erased)"
+    return ", ".join(
+        f"{name}: {value if isinstance(value, str) else msgspec.json.encode(value).decode()}" for name, value in details.items()
+    )
