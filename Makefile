@@ -12,7 +12,7 @@ JOBS ?= auto
 MORE_JOBS ?= $(shell echo $$(((3 * $$(getconf _NPROCESSORS_ONLN) + 1) / 2)))
 AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution clean kill-runs attack upgrade-runs mutants slow
+.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution sbom clean kill-runs attack upgrade-runs mutants slow
 
 setup: .venv/.ready
 
@@ -132,6 +132,10 @@ docs: setup
 distribution: setup
 	@$(BIN)/python -m build --no-isolation
 	@WITH_DEPENDENCIES=1 $(BIN)/pytest tests/system/test_distribution.py -m slow
+
+# What an installation consists of, for tools that look for known weaknesses: out/sbom.json, in the CycloneDX format.
+sbom: setup
+	@scripts/sbom
 
 # The documentation as a site, in out/site; a broken link is an error. Neither building nor reading it needs a network.
 docs-site: setup
