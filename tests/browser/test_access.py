@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Iterator
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from somrs.access.rights import Role
+from somrs.access.rights import Right, Role
 from somrs.access.store import AccessStore
+
+from tests.support.hang import HANG_TIME
 
 from .conftest import RunningSystem, every_look, fits, sign_in, take_screenshot
 
@@ -21,13 +24,21 @@ def profile(browser: Browser) -> Iterator[BrowserContext]:
         yield context
 
 
+def _printed_link(system: RunningSystem) -> str:
+    """The link to sign in with that `somrs up` prints."""
+    deadline = time.monotonic() + HANG_TIME
+    while (link := re.search(r"once:\s+(\S+/sign-in\?link=\S+)\s", system.log_text())) is None:
+        assert time.monotonic() < deadline, system.log_text()
+        time.sleep(0.1)
+    return link[1]
+
+
 def test_a_new_system_makes_who_opens_the_link_its_administrator(system: RunningSystem, profile: BrowserContext) -> None:
-    link = re.search(r"once:\s+(\S+/sign-in\?link=\S+)", system.log_text())
-    assert link is not None
+    link = _printed_link(system)
     page = profile.new_page()
     page.goto(f"{system.url}/map?storey=Storey001")
     expect(page).to_have_url(re.compile(r"/sign-in\?next="))
-    page.goto(link[1])
+    page.goto(link)
     page.get_by_label("Your name").fill("Tester")
     page.get_by_role("button", name="Begin").click()
     if page.get_by_role("alert").count():  # another test has signed in as the tester
@@ -35,12 +46,12 @@ def test_a_new_system_makes_who_opens_the_link_its_administrator(system: Running
         page.get_by_label("Your name").fill("Ada Lovelace")
         page.get_by_role("button", name="Begin").click()
     expect(page.get_by_role("button", name="account")).to_be_visible()
-    page.goto(link[1])
+    page.goto(link)
     expect(page).to_have_url(f"{system.url}/")  # the link was used, but one is signed in
     page.get_by_role("button", name="account").click()
     page.get_by_role("menuitem", name="Sign out").click()
     expect(page.get_by_role("button", name="Sign in")).to_be_visible()
-    page.goto(link[1])
+    page.goto(link)
     expect(page.get_by_role("alert")).to_contain_text("This link was used")
 
 
@@ -93,6 +104,27 @@ def test_administrators_add_people_and_tokens(system: RunningSystem, window: Cal
     row.get_by_role("button", name="Remove Katherine").click()
     page.get_by_role("button", name="Remove Katherine").last.click()
     expect(row).to_have_count(0)
+
+
+def test_administrators_see_who_did_what(system: RunningSystem, window: Callable[..., Page], profile: BrowserContext) -> None:
+    store = AccessStore(system.data)
+    for number in range(30):
+        store.add_token(f"Program {number}", frozenset({Right.SEE}), 3600.0)
+    sign_in(profile, system.url, Role.VIEWER, "Eve")
+    assert profile.request.post(f"{system.url}/api/tasks", data={"effect": "Jar002 isOn Platform001"}).status == 403
+    page = window(f"{system.url}/access")
+    log = page.locator("details").filter(has_text="Audit log")
+    denial = log.get_by_role("group").filter(has_text="tasks.submit")
+    expect(denial).to_contain_text("Eve")
+    expect(denial).to_contain_text("Denied")
+    expect(denial).to_contain_text("does not have the right to operate")
+    expect(log.get_by_role("group")).to_have_count(20)
+    for look in every_look(page):
+        assert fits(page), look
+        take_screenshot(page, f"audit-{look}")
+    log.get_by_role("button", name="Earlier entries").click()
+    expect(log).to_contain_text("Program 0")
+    assert log.get_by_role("group").count() > 30
 
 
 def test_a_viewer_sees_and_stops_and_changes_nothing_else(system: RunningSystem, profile: BrowserContext) -> None:
