@@ -11,7 +11,6 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from somrs.access.rights import Right, Role
 from somrs.access.store import AccessStore
-
 from tests.support.hang import HANG_TIME
 
 from .conftest import RunningSystem, every_look, fits, sign_in, take_screenshot
