@@ -19,6 +19,7 @@ from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.rights import DENIED
 from somrs.runtime.http import Server
 from somrs.runtime.wire import Unanswered, Wire
+from somrs.storage.audit_log import Actor, AuditLog
 from somrs.trust.authority import Authority
 from somrs.trust.certificates import CERTIFICATE_DAYS
 from somrs.trust.credentials import Credentials
@@ -116,6 +117,11 @@ def test_who_has_not_reads_what_is_missing(
         run(tmp_path, scenario)
     counts = [record.getMessage().rpartition("(")[2] for record in caplog.records if "denied" in record.getMessage()]
     assert counts == ["1 times)", "10 times)"]
+    entries = [*AuditLog(tmp_path).entries()]
+    assert [(entry.act, entry.outcome, entry.actor) for entry in entries] == [
+        (f"send {type(body).__name__}", "denied", Actor(name=name, address="127.0.0.1"))
+    ] * 2
+    assert [entry.details["times"] for entry in entries] == [1, 10]
 
 
 def test_nobody_is_heard_without_a_certificate_of_the_site(tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ from somrs.runtime.batches import Outcome
 from somrs.runtime.bounded_http import PEER_CERTIFICATE, BoundedConfig, QuietServer
 from somrs.runtime.proofs import Source, proof_of
 from somrs.runtime.reception import Format, Handler, Reception, unavailable
+from somrs.storage.audit_log import AuditLog
 from somrs.trust.credentials import Credentials
 
 SOAP = Format(soap.encode, soap.decode, soap.fault)
@@ -60,7 +61,8 @@ class Server:
         self.parts: Mapping[str, Handler] = parts if parts is not None else {}
         self._serving: asyncio.Task[None] | None = None
         self._server: QuietServer | None = None
-        self._reception = Reception(SOAP, self.parts)
+        data = credentials.data if credentials is not None else None
+        self._reception = Reception(SOAP, self.parts, AuditLog(data) if data is not None else None)
 
     @property
     def url(self) -> str:

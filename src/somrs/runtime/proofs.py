@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from somrs.errors import UsageError, WireError
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.rights import DENIED, check_right
+from somrs.storage.audit_log import Actor, AuditLog
 from somrs.trust.credentials import Credentials, Peer, peer_of
 from somrs.trust.identity import Identity
 
@@ -46,33 +47,40 @@ def proof_of(credentials: Credentials, certificate: Mapping[str, Any] | None) ->
 
 
 class Denials:
-    """Refuses what senders have no right to send. The first time that a sender sends such a type of message is logged, and then each
-    tenth, hundredth and so on."""
+    """Refuses what senders have no right to send. The first time that a sender sends such a type of message is recorded in the `audit_log`,
+    and then each tenth, hundredth and so on."""
 
-    def __init__(self) -> None:
-        self.counts: Counter[tuple[str, str]] = Counter()
+    def __init__(self, audit_log: AuditLog | None = None) -> None:
+        self._audit_log = audit_log
+        self.counts: Counter[tuple[Actor, str]] = Counter()
 
-    def check(self, message: Message, proof: Proof) -> None:
-        """Raises WireError if the message is denied."""
-        name = "?"
+    def check(self, message: Message, proof: Proof, address: str = "") -> None:
+        """Raises WireError if the message is denied. `address`: from where it came."""
+        name = ""
         try:
             identity = proof()
             name = identity.name
             check_right(message, identity)
         except UsageError as error:
-            self._note(name, message, str(error))
+            self._note(Actor(name=name, address=address), message, str(error))
             raise WireError(DENIED, str(error)) from None
         except WireError as error:
-            self._note(name, message, error.text)
+            self._note(Actor(name=name, address=address), message, error.text)
             raise
 
-    def _note(self, name: str, message: Message, text: str) -> None:
-        key = (name, type(message.body).__name__)
+    def _note(self, actor: Actor, message: Message, text: str) -> None:
+        key = (actor, type(message.body).__name__)
         if key not in self.counts and len(self.counts) >= MOST_DENIALS:
             self.counts.clear()
         self.counts[key] += 1
-        if (count := self.counts[key]) == 10 ** (len(str(count)) - 1):
-            log.warning("denied: %s (%d times)", text, count)
+        if (count := self.counts[key]) != 10 ** (len(str(count)) - 1):
+            return
+        log.warning("denied: %s (%d times)", text, count)
+        if self._audit_log is not None:
+            try:
+                self._audit_log.append(f"send {key[1]}", "denied", actor, {"why": text, "times": count})
+            except UsageError as error:
+                log.error("not in the audit log: %s", error)
 
 
 class _Hashable:

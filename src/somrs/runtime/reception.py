@@ -21,6 +21,7 @@ from somrs.protocol.soap.document import SENDER
 from somrs.runtime.batches import Outcome
 from somrs.runtime.proofs import Denials, Source
 from somrs.runtime.reply_hosts import ReplyHosts
+from somrs.storage.audit_log import AuditLog
 
 log = logging.getLogger(__name__)
 
@@ -50,14 +51,14 @@ class Format(NamedTuple):
 
 
 class Reception:
-    """Receives documents in one format for `parts`, the handlers by path.
+    """Receives documents in one format for `parts`, the handlers by path. `audit_log`: where it is recorded what senders have no right to.
 
     The outcome of a message is 202 when the component accepted it and any answer goes elsewhere, 200 with the answer when the sender waits
     for it, a Fault with the status of SOAP 1.2 part 2, 7.5.2.2, 404 or 503 with a text when no component has accepted it.
     """
 
-    def __init__(self, format: Format, parts: Mapping[str, Handler]) -> None:
-        self._format, self._parts, self._reply_hosts, self._denials = format, parts, ReplyHosts(), Denials()
+    def __init__(self, format: Format, parts: Mapping[str, Handler], audit_log: AuditLog | None = None) -> None:
+        self._format, self._parts, self._reply_hosts, self._denials = format, parts, ReplyHosts(), Denials(audit_log)
         self._open: set[asyncio.Task[object]] = set()
         self.is_stopping = False
 
@@ -97,7 +98,7 @@ class Reception:
             if type(message.body) in REQUESTS or isinstance(message.body, FrpBody):
                 check_ranges(message.body)
             if source.proof is not None:
-                self._denials.check(message, source.proof)
+                self._denials.check(message, source.proof, source.host or "")
             if source.host is not None:
                 await self._reply_hosts.check(message, source.host)
         except Exception as error:  # noqa: BLE001  # `_refusal` logs a defect

@@ -68,6 +68,12 @@ class Credentials:
         path = os.environ.get(VARIABLE)
         return cls(Path(path)) if path else None
 
+    @property
+    def data(self) -> Path | None:
+        """The data folder of the system; None on a computer to which only certificates were brought."""
+        folder = self._authority.parent
+        return folder.parent if folder.name == FOLDER else None
+
     def renew(self) -> None:
         """Use a certificate that has taken the place of the own one, on new connections."""
         if not self._own.has_changed():
