@@ -47,23 +47,25 @@ class Auditor:
         self.log = AuditLog(data)
         self._denials: Counter[tuple[str, str, str]] = Counter()
 
-    def done(self, act: str, who: Actor, details: Mapping[str, object], outcome: str = DONE) -> None:
-        self._append(act, outcome, who, shown(details))
+    def done(self, act: str, actor: Actor, details: Mapping[str, object], outcome: str = DONE) -> None:
+        self._append(act, outcome, actor, shown(details))
 
-    def denied(self, act: str, who: Actor, why: str, details: Mapping[str, object] | None = None) -> None:
+    def denied(self, act: str, actor: Actor, reason: str, details: Mapping[str, object] | None = None) -> None:
         """Record what somebody tried who may not do it, or has not proven who it is."""
-        key = (act, who.name, who.address)
+        key = (act, actor.name, actor.address)
         if key not in self._denials and len(self._denials) >= MOST_DENIALS:
             self._denials.clear()
         self._denials[key] += 1
         if (count := self._denials[key]) == 10 ** (len(str(count)) - 1):
-            self._append(act, DENIED, who, shown({**(details or {}), "why": why, **({"times": count} if count > 1 else {})}))
+            self._append(act, DENIED, actor, shown({**(details or {}), "why": reason, **({"times": count} if count > 1 else {})}))
 
-    def _append(self, act: str, outcome: str, who: Actor, details: object) -> None:
+    def _append(self, act: str, outcome: str, actor: Actor, details: object) -> None:
         try:
-            self.log.append(act, outcome, who, details)
+            self.log.append(act, outcome, actor, details)
         except UsageError as error:
-            log.error("not in the audit log: %s, %s, by %s at %s: %s", act, outcome, who.name or "nobody known", who.address or "?", error)
+            log.error(
+                "not in the audit log: %s, %s, by %s at %s: %s", act, outcome, actor.name or "nobody known", actor.address or "?", error
+            )
 
 
 def shown(details: Mapping[str, object]) -> Any:
@@ -81,11 +83,11 @@ def _without_secrets(content: Any) -> Any:
     return content
 
 
-def actor_text(who: Actor | None) -> str:
+def actor_text(actor: Actor | None) -> str:
     """Who did something, for people."""
-    if who is None:
+    if actor is None:
         return "(erased)"
-    return (who.name or "nobody known") + (f" ({who.address})" if who.address else "")
+    return (actor.name or "nobody known") + (f" ({actor.address})" if actor.address else "")
 
 
 def detail_text(details: Any) -> str:

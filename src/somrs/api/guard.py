@@ -95,11 +95,11 @@ def address_of(scope: Scope) -> str:
     return scope["client"][0] if scope.get("client") else ""
 
 
-async def note_denial(auditor: Auditor | None, scope: Scope, why: str, act: str = ENTER) -> None:
+async def note_denial(auditor: Auditor | None, scope: Scope, reason: str, act: str = ENTER) -> None:
     """Record a request of somebody who is not let in."""
     if auditor is not None:
         request = f"{scope.get('method', 'WebSocket')} {scope['path']}"
-        await asyncio.to_thread(auditor.denied, act, Actor(name="", address=address_of(scope)), why, {"request": request[:MOST_PATH]})
+        await asyncio.to_thread(auditor.denied, act, Actor(name="", address=address_of(scope)), reason, {"request": request[:MOST_PATH]})
 
 
 def require(required_right: Right) -> Identity:

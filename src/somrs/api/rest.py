@@ -168,15 +168,15 @@ def _endpoint(operation: Operation, auditor: Auditor) -> Any:
 
 async def _recorded(operation: Operation, arguments: dict[str, Any], auditor: Auditor) -> Any:
     """The result of an operation that changes something, which is recorded unless nothing was changed."""
-    who = current_actor()
+    actor = current_actor()
     try:
         result = await operation.function(**arguments)
     except BaseException as error:
         if not isinstance(error, SomrsError) or status(error) >= 500:  # something may have been done
-            await asyncio.to_thread(auditor.done, operation.name, who, {**arguments, "problem": str(error)}, FAILED)
+            await asyncio.to_thread(auditor.done, operation.name, actor, {**arguments, "problem": str(error)}, FAILED)
         raise
     answer = {"result": result} if isinstance(result, msgspec.Struct) else {}
-    await asyncio.to_thread(auditor.done, operation.name, who, {**arguments, **answer})
+    await asyncio.to_thread(auditor.done, operation.name, actor, {**arguments, **answer})
     return result
 
 

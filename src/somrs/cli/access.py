@@ -109,7 +109,7 @@ def revoke(name: TokenName, data: Data = DEFAULT_FOLDER) -> None:
 
 @audit_app.command(name="list")
 def list_audit(
-    most: Annotated[int, typer.Option("--most", min=1, help="How many of the last entries.")] = 50,
+    count: Annotated[int, typer.Option("--most", min=1, help="How many of the last entries.")] = 50,
     name: Annotated[str, typer.Option("--name", help="Only those of this person or program.")] = "",
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
@@ -117,7 +117,7 @@ def list_audit(
     """List the last entries of the audit log, newest last."""
     from somrs.cli.audit_commands import list_audit as run
 
-    guarded(lambda: run(most, name, data, json=json))
+    guarded(lambda: run(count, name, data, json=json))
 
 
 @audit_app.command()

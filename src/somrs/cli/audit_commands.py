@@ -19,9 +19,9 @@ def _log(data: Path) -> AuditLog:
     return AuditLog(data)
 
 
-def list_audit(most: int, name: str, data: Path, *, json: bool) -> None:
+def list_audit(count: int, name: str, data: Path, *, json: bool) -> None:
     log = _log(data)
-    entries = [entry for entry in log.entries() if _is_by(entry, name)][-most:] if name else log.latest(most)[::-1]
+    entries = [entry for entry in log.entries() if _is_by(entry, name)][-count:] if name else log.latest(count)[::-1]
     if json:
         terminal.print_json(entries)
         return

@@ -22,20 +22,20 @@ class AuditList:
 
     def __init__(self, api: LiveApi) -> None:
         self._api = api
-        self._last: int | None = None
+        self._oldest_number: int | None = None
         self._rows = ui.element("div")
         self._earlier = ui.button("Earlier entries", on_click=guarded(self.show_more)).props("flat no-caps")
 
     async def show_more(self) -> None:
         """Show the next entries below those that are shown."""
-        shown = await self._api.access.audit(limit=PAGE, before=self._last)
+        page = await self._api.access.audit(limit=PAGE, before=self._oldest_number)
         with self._rows:
-            for entry in shown.entries:
+            for entry in page.entries:
                 self._build(entry)
-                self._last = entry.number
-            if self._last is None:
+                self._oldest_number = entry.number
+            if self._oldest_number is None:
                 ui.label("Nothing was done yet.").classes("somrs-soft")
-        self._earlier.visible = shown.more
+        self._earlier.visible = page.more
 
     def _build(self, entry: AuditEntry) -> None:
         with ui.element("div").classes("somrs-access-row").props(f'role="group" aria-label="Entry {entry.number}"'):

@@ -101,8 +101,8 @@ class SignIn:
         self._delays.note_success(name, address)
         return self._begin_session(request, fields, self._store.open_session(name, address, _browser(request)))
 
-    async def _note_denial(self, address: str, details: Mapping[str, object], why: str) -> None:
-        await asyncio.to_thread(self._store.auditor.denied, "access.sign_in", Actor(name="", address=address), why, details)
+    async def _note_denial(self, address: str, details: Mapping[str, object], reason: str) -> None:
+        await asyncio.to_thread(self._store.auditor.denied, "access.sign_in", Actor(name="", address=address), reason, details)
 
     def _begin_session(self, request: Request, fields: Mapping[str, str], secret: str) -> Response:
         # The page itself goes on: browsers send the cookie with no request that another site's page has begun, nor with its redirections.

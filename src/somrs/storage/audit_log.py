@@ -98,7 +98,7 @@ class _Erased(Struct, frozen=True, kw_only=True):
 class _Shortened(Struct, frozen=True, kw_only=True):
     """The details of the removal of the first entries: the number of the last of them."""
 
-    until: int
+    last_number: int
 
 
 class Verified(Struct, frozen=True, kw_only=True):
@@ -119,21 +119,21 @@ def audit_files(data: Path) -> list[Path]:
 class AuditLog:
     """The log in a data folder. Methods may be called by several threads. They raise UsageError if the file cannot be used."""
 
-    def __init__(self, data: Path, most: int | None = None) -> None:
-        """`most`: how many entries are kept; None: as the limits say."""
-        self._path, self._most = data / FILE, most if most is not None else limits().audit_entries
+    def __init__(self, data: Path, limit: int | None = None) -> None:
+        """`limit`: how many entries are kept; None: as the limits say."""
+        self._path, self._limit = data / FILE, limit if limit is not None else limits().audit_entries
 
     def append(self, act: str, outcome: str, actor: Actor, details: object = None, moment: float | None = None) -> None:
         """Add an entry. `details`: what JSON can express."""
         with self._open(writes=True) as db:
             number = _add(db, act, outcome, actor, details, time.time() if moment is None else moment)
-            if number - _beginning(db)[0] > self._most:
-                _shorten(db, number - self._most + self._most // 10)
+            if number - _beginning(db)[0] > self._limit:
+                _shorten(db, number - self._limit + self._limit // 10)
 
-    def latest(self, most: int, before: int | None = None) -> list[AuditEntry]:
+    def latest(self, count: int, before: int | None = None) -> list[AuditEntry]:
         """The last entries, newest first; only those with smaller numbers than `before`."""
         bound = before if before is not None else 2**62
-        return [_entry(row) for row in self._read("WHERE number < ? ORDER BY number DESC LIMIT ?", (bound, most))]
+        return [_entry(row) for row in self._read("WHERE number < ? ORDER BY number DESC LIMIT ?", (bound, count))]
 
     def entries(self) -> Iterator[AuditEntry]:
         """All entries, oldest first."""
@@ -237,7 +237,7 @@ class _Walk:
         if row.act == ERASURE and row.details is not None:
             self._erasures.update(_content(row.details, _Erased).entries)
         if row.act == SHORTENING and row.details is not None:
-            self._removed_until = _content(row.details, _Shortened).until
+            self._removed_until = _content(row.details, _Shortened).last_number
         self.number, self.digest = row.number, row.digest
         self.digests.add(row.digest.hex())
 
@@ -290,12 +290,12 @@ def _add(db: sqlite3.Connection, act: str, outcome: str, actor: Actor, details: 
     return number + 1
 
 
-def _shorten(db: sqlite3.Connection, until: int) -> None:
+def _shorten(db: sqlite3.Connection, number: int) -> None:
     """Remove the entries up to a number, and add one that says so."""
-    (digest,) = db.execute("SELECT digest FROM entries WHERE number = ?", (until,)).fetchone()
-    db.execute("DELETE FROM entries WHERE number <= ?", (until,))
-    db.execute("UPDATE beginning SET number = ?, digest = ?", (until, digest))
-    _add(db, SHORTENING, "done", Actor(name=PROGRAM), _Shortened(until=until), time.time())
+    (digest,) = db.execute("SELECT digest FROM entries WHERE number = ?", (number,)).fetchone()
+    db.execute("DELETE FROM entries WHERE number <= ?", (number,))
+    db.execute("UPDATE beginning SET number = ?, digest = ?", (number, digest))
+    _add(db, SHORTENING, "done", Actor(name=PROGRAM), _Shortened(last_number=number), time.time())
 
 
 def _erase(db: sqlite3.Connection, row: _Row, pattern: re.Pattern[str]) -> bool:

@@ -144,7 +144,7 @@ def test_erasing_without_an_entry_is_noticed(tmp_path: Path) -> None:
 
 
 def test_too_many_entries_are_not_kept(tmp_path: Path) -> None:
-    log = AuditLog(tmp_path, most=20)
+    log = AuditLog(tmp_path, limit=20)
     for number in range(100):
         log.append("map.change", "done", ADA, number)
         assert log.verify().entries <= 21
