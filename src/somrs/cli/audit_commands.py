@@ -39,7 +39,8 @@ def list_audit(count: int, name: str, data: Path, *, json: bool) -> None:
         )
         for entry in entries
     )
-    terminal.console().print(terminal.table("Audit log", ("number", "when", "who", "act", "outcome", "details"), rows))
+    columns = ("number", "when", "who", "act", "outcome", "details")
+    terminal.console().print(terminal.table("Audit log", columns, rows, whole=("number", "when", "act", "outcome")))
 
 
 def _is_by(entry: AuditEntry, name: str) -> bool:
@@ -47,10 +48,10 @@ def _is_by(entry: AuditEntry, name: str) -> bool:
 
 
 def export(file: Path, data: Path) -> None:
-    count = 0
+    log, count = _log(data), 0
     try:
         with file.open("xb") as output:
-            for entry in _log(data).entries():
+            for entry in log.entries():
                 output.write(msgspec.json.encode(entry) + b"\n")
                 count += 1
     except FileExistsError:
