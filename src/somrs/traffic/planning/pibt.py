@@ -279,9 +279,11 @@ class _Step:
         )
 
     def _can_swap(self, pusher_place: int, pulled_place: int) -> bool:
-        """Whether the one that is pulled back comes to a place with two ways on, where the two can pass each other."""
-        start = pusher_place
-        while pulled_place != start:
+        """Whether the one that is pulled back comes to a place with two ways on, where the two can pass each other. One-way lanes may lead
+        it round and round, or back to the pusher."""
+        passed_places = {pusher_place}
+        while pulled_place not in passed_places:
+            passed_places.add(pulled_place)
             ways, way_on = self._ways_on(pusher_place, pulled_place)
             if ways >= 2:
                 return True

@@ -91,3 +91,11 @@ def test_places_that_exclude_each_other_are_not_taken_at_the_same_time() -> None
 def test_distances_follow_one_way_lanes_and_their_lengths() -> None:
     graph = Graph(4, [(0, 1, 2.0), (1, 2, 2.0), (0, 2, 5.0), (2, 0, 1.0)])
     assert list(graph.distances(2)) == [4.0, 2.0, 0.0, float("inf")]
+
+
+def test_whoever_would_be_pulled_round_and_round_is_not_pulled() -> None:
+    """From place 1, a lane leads into a ring of one-way lanes, out of which none leads: there, nobody can be passed."""
+    ring = [(2, 3, 1.0), (3, 4, 1.0), (4, 2, 1.0)]
+    graph = Graph(5, [(0, 1, 1.0), (1, 0, 1.0), (1, 2, 1.0), *ring])
+    estimates = [graph.distances(0), graph.distances(1)]
+    assert StepPlanner(graph).step((1, 0), estimates, (0, 1)) is not None
