@@ -27,6 +27,8 @@ class Berths:
         self.roadmap, self.slots, self._closed = roadmap, slots, closed
         self.private_places: list[PlannedBerth | None] = []
         """By slot: the berth for the planner."""
+        self._graph_places: list[PrivatePlace | None] = []
+        """By slot: the same, for the graph of this."""
         self._surroundings = Surroundings(roadmap)
         self._slots_by_name: dict[tuple[str, str], int] = {}
         """By robot and name of the berth."""
@@ -151,17 +153,22 @@ class Berths:
             lanes = tuple(lane for lane in entry.lanes if lane[0] not in closed) if entry is not None else ()
             planned = PlannedBerth(entry.robot, lanes, self._surroundings.exclusions(slot)) if entry is not None else None
             self.private_places[slot : slot + 1] = [planned]
-        del self.private_places[len(self.slots) :]
-        return with_berths(self.roadmap.graph, self._closed, self.private_places)
+            self._graph_places[slot : slot + 1] = [_private_place(planned)]
+        del self.private_places[len(self.slots) :], self._graph_places[len(self.slots) :]
+        return _without_closed(self.roadmap.graph, self._closed).with_private(self._graph_places)
 
 
 def with_berths(graph: Graph, closed: Closed, berths: Sequence[PlannedBerth | None], owners: Mapping[str, Hashable] | None = None) -> Graph:
     """The graph without the lanes to closed places, and with berths. `owners`: what stands for each robot in it; by default its name."""
-    private = [
-        PrivatePlace(owners[berth.robot] if owners is not None else berth.robot, berth.lanes, berth.exclusions)
-        if berth is not None
-        else None
-        for berth in berths
-    ]
+    return _without_closed(graph, closed).with_private([_private_place(berth, owners) for berth in berths])
+
+
+def _private_place(berth: PlannedBerth | None, owners: Mapping[str, Hashable] | None = None) -> PrivatePlace | None:
+    if berth is None:
+        return None
+    return PrivatePlace(owners[berth.robot] if owners is not None else berth.robot, berth.lanes, berth.exclusions)
+
+
+def _without_closed(graph: Graph, closed: Closed) -> Graph:
     places, lanes = closed.all_places, closed.all_lanes
-    return (graph.without_lanes_to(places, lanes) if places or lanes else graph).with_private(private)
+    return graph.without_lanes_to(places, lanes) if places or lanes else graph

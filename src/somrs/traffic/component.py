@@ -329,7 +329,6 @@ class Traffic:
     # Berths
 
     def _use_berth(self, robot: str, berth: Berth) -> None:
-        self._drop_berths()
         self._berths.add(robot, berth)
         self._schedule.graph = self._berths.graph
 
@@ -352,7 +351,8 @@ class Traffic:
         self._dispatcher.obstacles_changed()
 
     def _drop_berths(self) -> None:
-        """Forget the berths that nobody uses any more, but not while a plan is being made in which they may occur."""
+        """Forget the berths that nobody uses any more, but not while a plan is being made in which they may occur. Each trip adds one, and
+        before each plan is soon enough."""
         if not self.state.is_planning and self.state.berths and self._berths.keep(self.state.used_places):
             self._schedule.graph = self._berths.graph
 
