@@ -43,6 +43,10 @@ class Berths:
         slot = self._slot(robot, place)
         return self.roadmap.graph.size + slot if slot is not None else self.roadmap.number(place)
 
+    def has(self, name: str, robot: str) -> bool:
+        """Whether a berth of this robot has the name."""
+        return self._slot(robot, name) is not None
+
     def name(self, number: int) -> str:
         """The name of the place or berth of this number."""
         if number < self.roadmap.graph.size:

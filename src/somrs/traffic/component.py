@@ -329,6 +329,8 @@ class Traffic:
     # Berths
 
     def _use_berth(self, robot: str, berth: Berth) -> None:
+        if self._berths.has(berth.name, robot):
+            self._drop_berths()  # the robot may have used the name for another point, and not any more
         self._berths.add(robot, berth)
         self._schedule.graph = self._berths.graph
 
