@@ -28,7 +28,7 @@ from somrs.access.state import (
     new_secret,
 )
 from somrs.errors import UsageError
-from somrs.storage.audit_log import Actor
+from somrs.storage.audit_log import Actor, audit_files
 
 FILE = "access.json"
 """The file in the data folder with accounts, sessions, tokens and links."""
@@ -47,6 +47,11 @@ PRIVATE, PRIVATE_FOLDER = 0o600, 0o700
 
 Stamp = tuple[int, int, int]
 """What tells that a file has been replaced."""
+
+
+def access_files(data: Path) -> list[Path]:
+    """The files in a data folder that say who has access, and who did what: a system that begins anew keeps them."""
+    return [data / FILE, *audit_files(data)]
 
 
 class AccessStore:

@@ -171,8 +171,8 @@ async def _recorded(operation: Operation, arguments: dict[str, Any], auditor: Au
     actor = current_actor()
     try:
         result = await operation.function(**arguments)
-    except BaseException as error:
-        if not isinstance(error, SomrsError) or status(error) >= 500:  # something may have been done
+    except BaseException as error:  # whatever ended it, also when it was cancelled: something may have been done
+        if not isinstance(error, SomrsError) or status(error) >= 500:
             await asyncio.to_thread(auditor.done, operation.name, actor, {**arguments, "problem": str(error)}, FAILED)
         raise
     answer = {"result": result} if isinstance(result, msgspec.Struct) else {}

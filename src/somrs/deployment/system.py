@@ -12,8 +12,7 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from somrs.access.store import FILE as ACCESS_FILE
-from somrs.access.store import AccessStore
+from somrs.access.store import AccessStore, access_files
 from somrs.client.addresses import SYSTEM_FILE, Addresses
 from somrs.client.client import Client
 from somrs.deployment.backup import serve_request
@@ -33,7 +32,6 @@ from somrs.errors import SomrsError, UsageError
 from somrs.limits import limits
 from somrs.ports import Reservation, until_listening
 from somrs.runtime.bus import BusAddress
-from somrs.storage.audit_log import audit_files
 from somrs.storage.locking import is_in_use
 from somrs.storage.log_files import empty_if_full
 from somrs.trust.credentials import FOLDER
@@ -167,7 +165,7 @@ class System:
         """Delete what its data folder and its bus have kept of it. Raises UsageError if it runs."""
         if self._bus is not None and self._bus != OWN_BUS:
             await discard_site(self._bus, self._name or site_name(self.site))
-        discard(self.data, keep=[*self.site, self.data / ACCESS_FILE, *audit_files(self.data), self.data / FOLDER])
+        discard(self.data, keep=[*self.site, *access_files(self.data), self.data / FOLDER])
 
     def _prepare_access(self) -> None:
         """Make what its own programs prove with who they are. Raises UsageError."""
