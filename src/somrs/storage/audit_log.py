@@ -14,7 +14,7 @@ import re
 import secrets
 import sqlite3
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -329,8 +329,7 @@ def _digest(part: bytes) -> bytes:
 
 
 def _chained(previous_digest: bytes, number: int, moment: float, act: str, outcome: str, actor: bytes, details: bytes) -> bytes:
-    head: Callable[[object], bytes] = msgspec.json.encode
-    return hashlib.sha256(previous_digest + head([number, moment, act, outcome]) + actor + details).digest()
+    return hashlib.sha256(previous_digest + msgspec.json.encode([number, moment, act, outcome]) + actor + details).digest()
 
 
 def _entry(row: _Row) -> AuditEntry:
