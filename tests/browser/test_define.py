@@ -216,6 +216,19 @@ def test_lines_and_the_formula_stay_in_step(open_page: Callable[..., Page]) -> N
     expect(page.get_by_role("combobox", name="Related object")).to_have_value("Table001")
 
 
+def test_what_is_typed_while_the_lines_change_the_formula_stays(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    page.add_init_script(slow_network(300))
+    page.reload()
+    choose(page, "Thing", "Jar003")
+    choose(page, "Related object", "Platform001")
+    field(page).fill("NOT Jar002 isHeldBy Robot2")
+    expect(page.get_by_role("combobox", name="Related object")).to_have_value("Robot2")
+    page.wait_for_timeout(1500)  # all that was on the way has arrived
+    expect(field(page)).to_have_value("NOT Jar002 isHeldBy Robot2")
+    expect(page.get_by_role("combobox", name="Related object")).to_have_value("Robot2")
+
+
 def test_choices_that_come_late_are_offered_in_the_open_list(system: RunningSystem, open_page: Callable[..., Page]) -> None:
     page = open_page()
     page.get_by_role("combobox", name="Thing").fill("Door001")

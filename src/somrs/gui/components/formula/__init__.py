@@ -76,10 +76,10 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
         self.on("submit", submitted)
 
     def _handle_value_change(self, value: Any) -> None:
+        previous = self._props["value"]
         super()._handle_value_change(value)
         if self._send_update_on_value_change:
-            # The browser may have reported this value already and received more input since.
-            self.run_method("write", value)
+            self.run_method("write", value, previous)
 
     @property
     def ok(self) -> bool:

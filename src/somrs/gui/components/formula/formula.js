@@ -86,6 +86,7 @@ export default {
     this.asked = 0; // number of completion requests; only the last reply counts
     this.given = false; // whether a completion wrote the blank before the cursor
     this.moved = false; // whether the user has moved in the list since the last input
+    this.written = null; // what the server has just written
   },
   mounted() {
     this.check();
@@ -125,9 +126,12 @@ export default {
     },
   },
   watch: {
-    value(value) { this.write(value); },
     variables() { this.check(); },
-    text(text) { this.$emit("update:value", text); },
+    text(text) {
+      // What the server has written is not told to it again: it may have written something else since.
+      if (text !== this.written) this.$emit("update:value", text);
+      this.written = null;
+    },
   },
   methods: {
     icon(kind) { return ICONS[kind] ?? "chevron_right"; },
@@ -199,9 +203,10 @@ export default {
       this.replace(area.selectionStart, area.selectionEnd, word);
     },
     focus() { this.$refs.area.focus(); },
-    write(value) {
-      if ((value ?? "") === this.text) return;
-      this.text = value ?? "";
+    write(value, previous) {
+      // The server writes `value` in place of `previous`. If the user has typed something else since, that stays: it is on its way.
+      if (this.text !== previous || value === previous) return;
+      this.text = this.written = value;
       this.close();
       this.check();
     },

@@ -1,4 +1,4 @@
-import { clock, mounted, page, press, server, settled, text, write } from "../../../../support/javascript/page.js";
+import { clock, mounted, press, server, settled, text, write } from "../../../../support/javascript/page.js";
 import assert from "node:assert/strict";
 import test, { afterEach, beforeEach } from "node:test";
 import formula from "../../../../../src/somrs/gui/components/formula/formula.js";
@@ -39,6 +39,26 @@ test("what is right is said to be", async () => {
   assert.match(said(), /That can be planned\.$/);
   assert.equal(field.told.findLast(([event]) => event === "update:value")[1], "Jar isOn Table");
   assert.equal(field.told.findLast(([event]) => event === "checked")[1].ok, true);
+});
+
+test("what the server writes is shown, and not told to it again", async () => {
+  await type("Jar isOn Table");
+  field.shown.write("Jar isOn Shelf", "Jar isOn Table");
+  field.shown.write("Jar isIn Shelf", "Jar isOn Shelf");
+  await settled();
+  assert.equal(area.value, "Jar isIn Shelf");
+  assert.deepEqual(field.told.filter(([event]) => event === "update:value"), [["update:value", "Jar isOn Table"]]);
+  await type("Jar isOn Shelf");
+  assert.deepEqual(field.told.findLast(([event]) => event === "update:value"), ["update:value", "Jar isOn Shelf"]);
+});
+
+test("what the user has typed before the server wrote is not lost", async () => {
+  await type("Jar isOn Table");
+  field.shown.write("Jar isIn Shelf", "");
+  field.shown.write("Jar isIn Shelf AND Door.Open", "Jar isIn Shelf");
+  await settled();
+  assert.equal(area.value, "Jar isOn Table");
+  assert.deepEqual(field.told.filter(([event]) => event === "update:value"), [["update:value", "Jar isOn Table"]]);
 });
 
 test("what is wrong is underlined, said, and mended by a click", async () => {
@@ -136,11 +156,4 @@ test("it is checked again when what there is has changed, not when things move",
   socket.say({ topic: "map", value: { changes: [{ type: "ObjectRemoved" }] } });
   await clock.pass(300);
   assert.equal(checked(), before + 1);
-});
-
-test("the page can write into it", async () => {
-  field.given.value = "TRUE";
-  await settled();
-  assert.equal(area.value, "TRUE");
-  assert.equal(page.calm, false);
 });
