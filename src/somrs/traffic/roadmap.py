@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations
+from itertools import chain, combinations
 from typing import NamedTuple
 
+import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from somrs.errors import UsageError
 from somrs.protocol.messages.traffic import Berth
@@ -120,6 +124,24 @@ def numbered(roadmap: Roadmap) -> NumberedRoadmap:
     return NumberedRoadmap(roadmap)
 
 
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """The places on a floor for robots of a kind: their numbers, their points, and their spacing in metres, which is how far robots look
+    for one of them."""
+
+    numbers: NDArray[np.int64]
+    tree: cKDTree
+    spacing: float
+
+    def near(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The pairs of points (n, 2) and of places that are at most the spacing away: the indices of the points, and the numbers of the
+        places."""
+        near = self.tree.query_ball_point(points, self.spacing) if len(self.numbers) and len(points) else []
+        counts = [len(places) for places in near]
+        chosen = np.fromiter(chain.from_iterable(near), dtype=int, count=sum(counts))
+        return np.repeat(np.arange(len(counts)), counts), self.numbers[chosen]
+
+
 class NumberedRoadmap:
     """A roadmap with numbers in place of names, for the planner."""
 
@@ -151,6 +173,10 @@ class NumberedRoadmap:
                 self.zones.setdefault(place.zone, []).append(number)
             for mutex in place.mutexes:
                 self._mutexes.setdefault(mutex, []).append(number)
+        self.points = np.array([(place.x, place.y) for place in roadmap.places], dtype=float).reshape(-1, 2)
+        """Of the places, m."""
+        self._layers: dict[tuple[float, RobotKind], Layer] = {}
+        """By level and kind of robots."""
         self.graph = Graph(len(self.names), lanes, self._conflicts())
 
     def number(self, place: str) -> int:
@@ -166,6 +192,15 @@ class NumberedRoadmap:
         return next(
             (candidate for candidate in candidates if candidate.radius >= kind.radius), candidates[-1] if candidates else RobotKind()
         )
+
+    def layer(self, level: float, kind: RobotKind) -> Layer:
+        """The places on a floor for robots of a kind."""
+        key = level, self.kind_for(kind)
+        if key not in self._layers:
+            of_kind = [number for number, place in enumerate(self.roadmap.places) if (place.level, place.kind) == key]
+            numbers = np.array(of_kind, dtype=int)
+            self._layers[key] = Layer(numbers, cKDTree(self.points[numbers]), self.spacing(of_kind[0]) if of_kind else 0.0)
+        return self._layers[key]
 
     def spacing(self, number: int) -> float:
         """The spacing of a place, m: no lane from there is longer."""

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 
 from somrs.space.clearance import Disc
 from somrs.space.distances import distances_from, distances_from_segment
@@ -100,7 +99,7 @@ class Ways:
     def __init__(self, roadmap: NumberedRoadmap, spaces: Mapping[float, FreeSpace], doors: Mapping[str, Solid]) -> None:
         self._roadmap, self._spaces, self.doors = roadmap, spaces, doors
         places = roadmap.roadmap.places
-        self._points = np.array([(place.x, place.y) for place in places], dtype=float).reshape(-1, 2)
+        self._points = roadmap.points
         lanes = [(start, end) for start, ends in enumerate(roadmap.graph.successors) for end in ends]
         self._lane_numbers = {lane: number for number, lane in enumerate(lanes)}
         self._starts, self._ends = np.array(lanes, dtype=int).reshape(-1, 2).T
@@ -126,8 +125,6 @@ class Ways:
                 self._doors_on.setdefault(lane, []).append(name)
         self._waits = self._waits_for_doors(doors)
         """What robots wait on each lane for automatic doors to open, s."""
-        self._layers: dict[tuple[float, RobotKind], tuple[NDArray[np.int64], cKDTree]] = {}
-        """By level and kind of robots: the numbers of the places for them, and their points."""
         self._goals: dict[Hashable, Goal] = {}
         self._fields: dict[Hashable, _Field] = {}
         self._ways: dict[Hashable, Way | None] = {}
@@ -172,21 +169,9 @@ class Ways:
         return recall(self._goals, whole_key, lambda: self._find_goal(space, round(level, 1), kind, find_stands(space)), MOST_FIELDS)
 
     def _find_goal(self, space: FreeSpace, level: float, kind: RobotKind, stands: Stands) -> Goal:
-        numbers, tree = self._layer(level, kind)
-        visible_places = tree.query_ball_point(stands.points, self._sight(level, kind)) if len(numbers) and len(stands.points) else []
-        pairs = np.array([(place, stand) for stand, places in enumerate(visible_places) for place in places], dtype=int).reshape(-1, 2)
-        places, stand_numbers = numbers[pairs[:, 0]], pairs[:, 1]
-        clear = _see(space, kind.radius, self._points[places], stands.points[stand_numbers])
+        stand_numbers, places = self._roadmap.layer(level, kind).near(stands.points)
+        clear = in_sight(space, kind.radius, self._points[places], stands.points[stand_numbers])
         return Goal(level, kind, stands, places[clear], stand_numbers[clear])
-
-    def _layer(self, level: float, kind: RobotKind) -> tuple[NDArray[np.int64], cKDTree]:
-        """The numbers of the places on a floor for robots of a kind, and their points."""
-        key = level, self._roadmap.kind_for(kind)
-        if key not in self._layers:
-            places = enumerate(self._roadmap.roadmap.places)
-            numbers = np.array([number for number, place in places if (place.level, place.kind) == key], dtype=int)
-            self._layers[key] = numbers, cKDTree(self._points[numbers])
-        return self._layers[key]
 
     # Ways
 
@@ -223,24 +208,18 @@ class Ways:
         """The places to which a robot can drive in a straight line from a point, with all doors open. Robots that stand are often asked."""
 
         def find() -> NDArray[np.int64]:
-            numbers, tree = self._layer(level, kind)
-            near_places = numbers[tree.query_ball_point(start, self._sight(level, kind))] if len(numbers) else numbers
+            _, near_places = self._roadmap.layer(level, kind).near(np.array([start]))
             ends = self._points[near_places]
-            return near_places[_see(self._spaces[level], kind.radius, np.broadcast_to(np.array(start), ends.shape), ends)]
+            return near_places[in_sight(self._spaces[level], kind.radius, np.broadcast_to(np.array(start), ends.shape), ends)]
 
         return recall(self._views, (level, kind, start), find, MOST_VIEWS)
 
     def _visible_stands(self, goal: Goal, start: Point) -> NDArray[np.int64]:
         """The numbers of the stands to which a robot can drive in a straight line from a point, with all doors open."""
         point, stands = np.array(start, dtype=float), goal.stands.points
-        near_stands = np.flatnonzero(np.hypot(*(stands - point).T) <= self._sight(goal.level, goal.kind))
+        near_stands = np.flatnonzero(np.hypot(*(stands - point).T) <= self._roadmap.layer(goal.level, goal.kind).spacing)
         ends = stands[near_stands]
-        return near_stands[_see(self._spaces[goal.level], goal.kind.radius, np.broadcast_to(point, ends.shape), ends)]
-
-    def _sight(self, level: float, kind: RobotKind) -> float:
-        """How far robots on a floor look for places, m."""
-        numbers, _ = self._layer(level, kind)
-        return self._roadmap.spacing(int(numbers[0])) if len(numbers) else 0.0
+        return near_stands[in_sight(self._spaces[goal.level], goal.kind.radius, np.broadcast_to(point, ends.shape), ends)]
 
     def _follow(self, field: _Field, goal: Goal, place: int, cost: float, level: float, start: Point) -> Way:
         """The way by the following places."""
@@ -339,9 +318,8 @@ class Ways:
         return numbers
 
     def _near_lanes(self, level: float, disc: Disc, kind: RobotKind) -> NDArray[np.int64]:
-        numbers, tree = self._layer(round(level, 1), kind)
-        reach = disc.radius + kind.radius + self._roadmap.widest
-        near_places = numbers[tree.query_ball_point((disc.x, disc.y), reach)] if len(numbers) else ()
+        layer, reach = self._roadmap.layer(round(level, 1), kind), disc.radius + kind.radius + self._roadmap.widest
+        near_places = layer.numbers[layer.tree.query_ball_point((disc.x, disc.y), reach)] if len(layer.numbers) else ()
         lanes = [self._lane_numbers[int(start), end] for start in near_places for end in self._roadmap.graph.successors[start]]
         both_ways = {*lanes, *(self._lane_numbers.get((int(self._ends[lane]), int(self._starts[lane])), lane) for lane in lanes)}
         return np.array(sorted(both_ways), dtype=int)
@@ -366,7 +344,7 @@ class Ways:
         return closed_lines
 
 
-def _see(space: FreeSpace, radius: float, starts: Points, ends: Points) -> NDArray[np.bool_]:
+def in_sight(space: FreeSpace, radius: float, starts: Points, ends: Points) -> NDArray[np.bool_]:
     """Whether a robot can drive in a straight line from each of the starts to each of the ends. One of them may be too near to something:
     then the robot does not come nearer to it."""
     if not len(starts):

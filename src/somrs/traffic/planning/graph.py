@@ -154,6 +154,10 @@ class Graph:
         """The length of the shortest way from a place to a goal; `FAR` if there is none."""
         return self.distances(goal)[start]
 
+    def distances_from(self, start: int) -> array[float]:
+        """By place that any robot may enter: the length of the shortest way there from a place; `FAR` if there is none (Dijkstra)."""
+        return array("d", dijkstra(self._backwards.T, indices=start))
+
     def distances_from_lanes(self, lanes: tuple[tuple[int, float], ...]) -> array[float]:
         """By place: the length of the shortest way to a private place with these lanes; `FAR` if there is none."""
         return recall(self._lane_distances, lanes, lambda: self._find_lane_distances(lanes), self._most_goals)
@@ -165,6 +169,14 @@ class Graph:
         numbers = np.append(public.indices, starts), np.append(public.indptr, public.nnz + len(lanes))
         backwards = csr_array((np.append(public.data, lengths), *numbers), shape=(self.size + 1, self.size + 1))
         return array("d", dijkstra(backwards, indices=self.size)[:-1])
+
+    def distances_over(self, lanes: tuple[tuple[int, float], ...]) -> array[float]:
+        """By place: the length of the shortest way there from a private place with these lanes; `FAR` if there is none."""
+        ends, lengths = [end for end, _ in lanes], [length for _, length in lanes]
+        public = csr_array(self._backwards.T)
+        numbers = np.append(public.indices, ends), np.append(public.indptr, public.nnz + len(lanes))
+        forwards = csr_array((np.append(public.data, lengths), *numbers), shape=(self.size + 1, self.size + 1))
+        return array("d", dijkstra(forwards, indices=self.size)[:-1])
 
     def way(self, start: int, goal: int, robot: Hashable) -> Iterator[int]:
         """The places after the start on a shortest way of the robot to the goal; none without a way."""
@@ -253,6 +265,12 @@ class _WithPrivatePlaces(Graph):
         graph._distances = {}
         graph._public = self._public.delayed([place for place in places if place < self._public.size], seconds)
         return graph
+
+    def distances_from(self, start: int) -> array[float]:
+        if start < self._public.size:
+            return self._public.distances_from(start)
+        place = self._places[start - self._public.size]
+        return self._public.distances_over(place.lanes if place is not None else ())
 
     def distance(self, start: int, goal: int) -> float:
         if start == goal:

@@ -41,6 +41,17 @@ def test_to_get_on_from_delayed_places_takes_longer(data: st.DataObject, public:
     assert graph.distances(public.size).tolist() == pytest.approx(slowly(graph, public.size, set(), 0.0)), "it is as it was"
 
 
+@examples(60)
+@given(st.data(), graphs(8))
+def test_distances_from_a_place_are_those_to_the_others(data: st.DataObject, public: Graph) -> None:
+    places = st.integers(0, public.size - 1)
+    lanes = tuple(data.draw(st.dictionaries(places, st.floats(0.1, 5.0), max_size=3)).items())
+    graph = public.with_private([None, PrivatePlace(0, lanes, ())])
+    for start in [*range(public.size), public.size + 1]:
+        distances = [graph.distances(goal)[start] for goal in range(public.size)]
+        assert graph.distances_from(start).tolist() == pytest.approx(distances)
+
+
 def slowly(graph: Graph, goal: int, slow: set[int], seconds: float) -> list[float]:
     """The distances, step by step (Bellman and Ford). No way leads through a private place."""
     lengths = {

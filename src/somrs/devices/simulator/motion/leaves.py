@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from somrs.devices.simulator.motion.approach import ranked
 from somrs.devices.simulator.motion.arm import let_go, withdraw
 from somrs.devices.simulator.motion.driving import MARGIN, PATIENCE, drive_to, floor_things
 from somrs.devices.simulator.motion.robot import ARM, GivenUp, Robot, Routine, nearest_half_turn
@@ -101,18 +102,16 @@ def _stands(robot: Robot, leaf: Leaf, side: int, goal: float) -> list[_Stand]:
     bases, ends = leading_bases(robot, leaf, side, (position, goal), robot.solid.z)
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot)]
     obstacles += [claim for staying_robot in robot.staying_robots() for claim in staying_robot.claims()]
-    x, y, _ = robot.pose()
     progress = np.abs(ends - position) / max(abs(goal - position), 1e-9)
-    costs = np.hypot(bases[:, 0] - x, bases[:, 1] - y) - progress * WORTH
-    ranked: list[_Stand] = []
-    for i in np.argsort(costs, kind="stable").tolist():
+    candidates: list[_Stand] = []
+    for i in ranked(robot, bases, -progress * WORTH, 1.0):
         base = (float(bases[i][0]), float(bases[i][1]))
         footprint = Capsule(base, base, size.radius + MARGIN + GAP + 0.01)
         if any(footprint.gap(obstacle) < 0 for obstacle in obstacles):
             continue
         if robot.free_space.free(base, size.radius + MARGIN + 0.01):
-            ranked.append(_Stand(base, side, float(ends[i])))
-    return ranked
+            candidates.append(_Stand(base, side, float(ends[i])))
+    return candidates
 
 
 def leading_bases(robot: Robot, leaf: Leaf, side: int, way: tuple[float, float], level: float) -> tuple[Array, Array]:

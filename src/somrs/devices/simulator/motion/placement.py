@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from somrs.devices.simulator.motion.approach import ranked
 from somrs.devices.simulator.motion.driving import MARGIN, floor_things
 from somrs.devices.simulator.motion.robot import ARM, Robot
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
@@ -26,6 +27,10 @@ DOORWAY = 0.6
 """Distance of things on a floor from a door, so that robots can pass, m."""
 COMFORTABLE = 0.5
 """Distance from the middle of the base at which a spot is easiest to reach, m."""
+
+
+WAY = 0.3
+"""What a metre of the way to a stand costs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +52,7 @@ def stands(
     *,
     is_alone: bool = False,
 ) -> list[Stand]:
-    """The stands from which the robot reaches one of the spots at height `top`, best first. Paths to the stands are not checked.
+    """The stands from which the robot reaches one of the spots at height `top`, best first: those to which a way leads (see `ranked`).
 
     Robots that can make room are no obstacles. `container`: the container in which the spots are. `is_alone`: as if there were no other
     robots.
@@ -56,8 +61,6 @@ def stands(
     bases, target_spots, costs = reaching_bases(
         robot, spots, top, penalties, lambda points: robot.scene.clearances(points, level + 0.02, level + 1.85), container
     )
-    x, y, _ = robot.pose()
-    costs = costs + np.hypot(bases[:, 0] - x, bases[:, 1] - y) * 0.3
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot, ignored)]
     middle = (float(spots[:, 0].mean()), float(spots[:, 1].mean()))
     spread = float(np.hypot(spots[:, 0] - middle[0], spots[:, 1] - middle[1]).max()) + size.farthest + size.radius + 2 * MARGIN
@@ -65,7 +68,7 @@ def stands(
     claims = [claim for staying_robot in staying for claim in staying_robot.claims()]
     obstacles += claims
     ranked_stands: list[Stand] = []
-    for i in np.argsort(costs, kind="stable").tolist():
+    for i in ranked(robot, bases, costs, WAY):
         base = (float(bases[i][0]), float(bases[i][1]))
         footprint = Capsule(base, base, size.radius + MARGIN + GAP + 0.01)
         arm = Capsule(base, (float(target_spots[i][0]), float(target_spots[i][1])), ARM)

@@ -10,10 +10,14 @@ from collections.abc import Callable, Collection, Iterable
 from functools import partial
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.traffic import Berth, Granted, Mobility, TrafficEntered, TripEnded
 from somrs.space.solids import Point
+from somrs.traffic.berths import SPEED
 from somrs.traffic.participant import Participant
 from somrs.traffic.roadmap import Lane, NumberedRoadmap, Place, RobotKind
 from somrs.traffic.surroundings import TOLERANCE
@@ -27,6 +31,7 @@ ASTRAY = 0.1
 REMEMBERED = 8
 """How many of the last berths are remembered at least: grants may come that were planned for an earlier destination."""
 
+Points = NDArray[np.float64]
 Sees = Callable[[Point, Point], bool]
 """Whether a robot can drive from one point to another in a straight line."""
 
@@ -48,6 +53,9 @@ class Office(Protocol):
 
     def is_awaited(self, robot: str) -> bool:
         """Whether others wait for places that this robot holds."""
+
+    def driving_times(self, robot: str) -> NDArray[np.float64]:
+        """By place: how long the way there takes a robot that takes part, in seconds; infinite where none leads now."""
 
     @property
     def levels(self) -> Collection[float]:
@@ -179,6 +187,22 @@ class RoadUser:
             if (place := roadmap.roadmap.places[number]).kind == kind
             and (distance := math.dist((place.x, place.y), point)) <= roadmap.spacing(number) + TOLERANCE
         )
+
+    def driving_times(self, points: Points, are_in_sight: Callable[[Points, Points], NDArray[np.bool_]]) -> NDArray[np.float64]:
+        """How long the ways to points (n, 2) on this floor take the robot, in seconds; infinite where none leads now.
+
+        `are_in_sight`: whether it can drive in straight lines from places (n, 2) to points (n, 2).
+        """
+        roadmap, times = self.office.roadmap, np.full(len(points), math.inf)
+        numbers, places = roadmap.layer(self.level, self.kind).near(points)
+        place_times = self.office.driving_times(self.robot)[places]
+        is_reached = np.isfinite(place_times)
+        numbers, places, place_times = numbers[is_reached], places[is_reached], place_times[is_reached]
+        place_points = roadmap.points[places]
+        clear = are_in_sight(place_points, points[numbers])
+        last_metres = np.hypot(*(place_points - points[numbers]).T)
+        np.minimum.at(times, numbers[clear], (place_times + last_metres / SPEED)[clear])
+        return times
 
     def _remember(self, berth: Berth) -> None:
         """Keep a berth, and of the earlier ones those that may still occur in grants: where the robot is, and the last destinations."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from somrs.devices.simulator.link.commands import Likeness, ObjectState
+from somrs.devices.simulator.motion.approach import ranked
 from somrs.devices.simulator.motion.arm import withdraw
 from somrs.devices.simulator.motion.driving import MARGIN, drive_to, floor_things, robot_discs, turn_to
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine, stand
@@ -103,10 +104,10 @@ def _viewpoints(robot: Robot, point: Place) -> Iterator[Point]:
         (point[0] + r * math.cos(angle), point[1] + r * math.sin(angle)) for r in DISTANCES if r < CLOSE * eye.sight for angle in angles
     ]
     spots: Array = np.array([(x, y), *ring])
-    costs = np.hypot(spots[:, 0] - x, spots[:, 1] - y) + 0.8 * np.hypot(spots[:, 0] - point[0], spots[:, 1] - point[1])
+    costs = 0.8 * np.hypot(spots[:, 0] - point[0], spots[:, 1] - point[1])
     room = robot.scene.clearances(spots, robot.solid.z + 0.02, robot.solid.z + 1.85)
     discs = [*floor_things(robot), *robot_discs(robot.staying_robots())]
-    for i in np.argsort(costs, kind="stable").tolist():
+    for i in ranked(robot, spots, costs, 1.0):
         spot = float(spots[i][0]), float(spots[i][1])
         eye_position = (*spot, eye.position[2])
         is_current = i == 0

@@ -7,6 +7,9 @@ from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from itertools import count
 from random import Random
 
+import numpy as np
+from numpy.typing import NDArray
+
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.kernel.component import Answered, Ask, Input, Notified, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
@@ -29,8 +32,6 @@ ADDRESS = "traffic"
 """The address of traffic in which only simulated robots take part."""
 CLEAR_OF_LIFT = 5
 """How many places away from a lift a robot ends the trip that takes it to another floor."""
-NEAREST = 20
-"""How many places near a goal on another floor are tried."""
 RENEWAL = 3.0
 """The time after which robots renew their leases, in simulated seconds."""
 
@@ -125,6 +126,11 @@ class TrafficOffice:
         """Whether others wait for places that this robot holds."""
         return self.component.is_awaited(robot)
 
+    def driving_times(self, robot: str) -> NDArray[np.float64]:
+        """By place: how long the way there takes a robot that takes part, in seconds; infinite where none leads now."""
+        held = self.component.place(robot)
+        return np.full(len(self.roadmap.names), FAR) if held is None else np.array(self.component.graph.distances_from(held))
+
     @property
     def levels(self) -> Collection[float]:
         """The heights of the floors."""
@@ -136,21 +142,17 @@ class TrafficOffice:
         graph, places, held = self.component.graph, self.roadmap.roadmap.places, self.component.place(robot)
         if held is None:
             return None
-        kind = self.roadmap.kind_for(self._users[robot].kind)
-
-        def is_clear(number: int) -> bool:
-            return number < len(places) and abs(places[number].level - level) < SAME_FLOOR and places[number].zone is None
-
-        on_level = [number for number, place in enumerate(places) if place.kind == kind and is_clear(number)]
-        for number in sorted(on_level, key=lambda number: math.dist((places[number].x, places[number].y), goal))[:NEAREST]:
-            if graph.distances(number)[held] < FAR:
-                end, steps = held, 0
-                for end in graph.way(held, number, robot):
-                    steps += is_clear(end)
-                    if steps == CLEAR_OF_LIFT:
-                        break
-                return places[end].name
-        return None
+        times, layer = self.driving_times(robot), self.roadmap.layer(level, self._users[robot].kind)
+        numbers = [number for number in layer.numbers.tolist() if places[number].zone is None and times[number] < FAR]
+        if not numbers:
+            return None
+        nearest = min(numbers, key=lambda number: math.dist((places[number].x, places[number].y), goal))
+        end, steps = held, 0
+        for end in graph.way(held, nearest, robot):
+            steps += end < len(places) and abs(places[end].level - level) < SAME_FLOOR and places[end].zone is None
+            if steps == CLEAR_OF_LIFT:
+                break
+        return places[end].name
 
     def advance(self, now: float, silent: Callable[[str], bool]) -> None:
         """Let time pass: timers fire, plans come in, and leases are renewed, but not by robots that are `silent`."""
