@@ -62,6 +62,15 @@ def test_a_door_that_cannot_be_moved_to_its_end_is_refused(obstacle: str) -> Non
     run(test())
 
 
+def test_a_door_at_which_there_is_nowhere_to_stand_is_refused_with_that_reason() -> None:
+    async def test() -> None:
+        async with _harness(BLOCK, BLOCK.replace("Block", "OtherBlock").replace("4.6", "3.4")) as harness:
+            with pytest.raises(Refusal, match="Robot1 can stand nowhere from where it could move the door of Door1"):
+                await harness.quote("OpenDoor", Door="Door1")
+
+    run(test())
+
+
 def test_who_is_to_drive_through_a_shut_door_demands_that_it_is_open() -> None:
     async def test() -> None:
         async with _harness() as harness:

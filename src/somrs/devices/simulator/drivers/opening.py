@@ -36,7 +36,10 @@ class OpeningRobot(MobileRobot):
     async def way_to_door(self, task: Task) -> float:
         """The driving distance to the handle of what is to be opened or closed, m. Raises Refusal when there is no path."""
         name = _object_of(task)
-        (way,) = (await self._legs_to(task, name + HANDLES)).lengths
+        legs = await self._legs_to(task, name + HANDLES)
+        (way,) = legs.lengths
+        if way is None and legs.out_of_reach:
+            raise Refusal(f"{self.name} can stand nowhere from where it could move the door of {name}")
         if way is None:
             raise Refusal(f"{self.name} finds no path to a place from which it could move the door of {name}")
         return way
