@@ -1,4 +1,5 @@
-"""`make building-runs`: imports buildings of Open-RMF, and has their robots deliver jars; in every other run, a robot breaks in a lift."""
+"""`make building-runs`: imports buildings of Open-RMF, and has their robots deliver jars, or go to places; in every other run, a robot
+breaks in a lift."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ from rich.table import Table
 from somrs.cli.import_commands import import_sources
 from somrs.errors import SomrsError
 from somrs.ontology.files.loading import load
-from verification.building_runs.deliveries import deliveries
+from verification.building_runs.errands import errands
 from verification.building_runs.run import Result, play
 
 SITES = Path(__file__).parents[3] / "shared" / "sites"
@@ -26,7 +27,7 @@ def main() -> int:
     parser.add_argument("buildings", type=Path, nargs="*", help="files for `somrs import`, or site files; by default, Open-RMF's")
     parser.add_argument("--runs", type=int, default=2, help="number of seeds for each building")
     parser.add_argument("--seed-base", type=int, default=0, help="the first seed")
-    parser.add_argument("--deliveries", type=int, default=10)
+    parser.add_argument("--tasks", type=int, default=10)
     parser.add_argument("--out", type=Path, default=Path("out/building-runs"), help="the folder of the systems' data")
     chosen = parser.parse_args()
     console, passed, failed = Console(soft_wrap=True, highlight=False), 0, 0
@@ -47,13 +48,13 @@ def main() -> int:
             run_folder = folder / str(seed)
             run_folder.mkdir()
             try:
-                tasks = deliveries(site, chosen.deliveries, seed)
+                tasks = errands(site, chosen.tasks, seed)
                 result = asyncio.run(play(site, tasks, run_folder, breaks=has_lifts and seed % 2 == 1))
             except SomrsError as error:
-                tasks, result = [], Result(problems=[str(error)])
+                tasks, result = (), Result(problems=[str(error)])
             passed, failed = passed + (not result.problems), failed + bool(result.problems)
             counts = [sum(outcome == kind for outcome in result.outcomes.values()) for kind in ("accomplished", "failed")]
-            crossing = sum(delivery.crosses for delivery in tasks)
+            crossing = sum(errand.crosses for errand in tasks)
             row = (len(tasks), crossing, counts[0], len(result.waiting), counts[1], round(result.simulated), result.broken or "")
             table.add_row(building.name.split(".")[0], str(seed), *map(str, row))
             for goal, outcome in result.outcomes.items():

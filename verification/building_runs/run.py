@@ -17,7 +17,7 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
 from somrs.space.shafts import shafts_of
-from verification.building_runs.deliveries import Delivery, site_of
+from verification.building_runs.errands import Delivery, Trip, site_of
 
 BETWEEN = 0.5
 """A robot whose height differs by more than this from that of all floors rides in a lift, m."""
@@ -44,20 +44,20 @@ class Result:
     problems: list[str] = field(default_factory=list)
 
 
-async def play(site: Path, chosen: Sequence[Delivery], folder: Path, *, breaks: bool) -> Result:
+async def play(site: Path, chosen: Sequence[Delivery | Trip], folder: Path, *, breaks: bool) -> Result:
     """Deliver in a building. `breaks`: the first robot that rides in a lift breaks there."""
-    jars = folder / "jars.yaml"
-    jars.write_text(site_of([*chosen]))
+    deliveries, jars = [errand for errand in chosen if isinstance(errand, Delivery)], folder / "jars.yaml"
+    if deliveries:
+        jars.write_text(site_of(deliveries))
     result = Result()
     async with (
-        System((site, jars), folder / "run", speed="max", world=WorldKind.KINEMATIC) as system,
+        System((site, jars) if deliveries else (site,), folder / "run", speed="max", world=WorldKind.KINEMATIC) as system,
         Client(system.addresses) as client,
         OperatorLink.at(system.addresses.simulator or "") as link,
     ):
         levels = _levels(site)
         breaker = asyncio.create_task(_break_in_lift(link, levels)) if breaks else None
-        tasks = {f"{entry.jar} isOn {entry.goal}": entry for entry in chosen}
-        ids = {goal: await client.submit(Submit(effect=goal)) for goal in tasks}
+        ids = {errand.formula: await client.submit(Submit(effect=errand.formula)) for errand in chosen}
         watches = [asyncio.create_task(_watch(client, goal, id, result)) for goal, id in ids.items()]
         try:
             await _until_done(watches, link, result)
@@ -70,7 +70,7 @@ async def play(site: Path, chosen: Sequence[Delivery], folder: Path, *, breaks: 
         if breaker is not None and breaker.done() and not breaker.cancelled():
             result.broken = breaker.result()
         result.simulated = (await link.clock()).time
-        await _check(client, link, tasks, result)
+        await _check(client, link, deliveries, result)
     return result
 
 
@@ -116,12 +116,12 @@ async def _break_in_lift(link: OperatorLink, levels: Sequence[float]) -> str:
         await asyncio.sleep(LOOK)
 
 
-async def _check(client: Client, link: OperatorLink, tasks: dict[str, Delivery], result: Result) -> None:
+async def _check(client: Client, link: OperatorLink, deliveries: Sequence[Delivery], result: Result) -> None:
     """Nothing is left to clean up: jars are where the map has them, and only what was broken is out of order."""
-    for goal, delivery in tasks.items():
+    for delivery in deliveries:
         state = await link.observe(delivery.jar)
-        if result.outcomes.get(goal) == Outcome.ACCOMPLISHED and state.support != delivery.goal:
-            result.problems.append(f"{goal}: accomplished, but it is on {state.support}")
+        if result.outcomes.get(delivery.formula) == Outcome.ACCOMPLISHED and state.support != delivery.goal:
+            result.problems.append(f"{delivery.formula}: accomplished, but it is on {state.support}")
     for row in (await client.query("?Robot: MobileRobot.Working = FALSE")).rows:
         if row.bindings["Robot"] != result.broken:
             result.problems.append(f"{row.bindings['Robot']} does not work")

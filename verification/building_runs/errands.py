@@ -1,9 +1,9 @@
-"""What is to be delivered in a building: jars at places that robots reach, and where they are to be brought."""
+"""What is to be done in a building: jars are to be brought elsewhere, or, without anything to carry, robots are to go to places."""
 
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
 from somrs.ontology.files.loading import LoadedModel, load
+from somrs.ontology.map import Map
 from somrs.space.solids import Point, Role, Solid
 
 INSET = 0.08
@@ -31,11 +32,29 @@ class Delivery:
     goal: str
     crosses: bool
 
+    @property
+    def formula(self) -> str:
+        return f"{self.jar} isOn {self.goal}"
 
-def deliveries(site: Path, count: int, seed: int) -> list[Delivery]:
-    """Random deliveries among the supports that robots which carry things reach; half of them to another storey, where there is one.
 
-    Raises UsageError for a building in which there are none.
+@dataclass(frozen=True, slots=True)
+class Trip:
+    """A robot that is to go to a named place. `crosses`: whether that is on another storey."""
+
+    robot: str
+    place: str
+    crosses: bool
+
+    @property
+    def formula(self) -> str:
+        return f"{self.robot} isAt {self.place}"
+
+
+def errands(site: Path, count: int, seed: int) -> Sequence[Delivery | Trip]:
+    """Random deliveries among the supports that robots which carry things reach; half of them to another storey, where there is one. In a
+    building without such supports, trips of robots to places that they reach.
+
+    Raises UsageError for a building in which there is neither.
     """
     model = load([site])
     if model.map is None:
@@ -69,12 +88,27 @@ def deliveries(site: Path, count: int, seed: int) -> list[Delivery]:
         if goal is not None:
             jar, point = f"Jar{len(chosen) + 1}", (round(spot[0], 3), round(spot[1], 3), round(support.top, 3))
             chosen.append(Delivery(jar, support.name, point, goal.name, abs(goal.z - support.z) > SAME_STOREY))
-    if not chosen:
-        raise UsageError(f"{site}: there is nothing that {', '.join(carriers) or 'a robot'} could deliver")
+    errands = chosen or _trips(model.map, simulation, count, chance)
+    if not errands:
+        raise UsageError(f"{site}: there is nothing that a robot could deliver, and no place to which one could go")
+    return errands
+
+
+def _trips(map: Map, simulation: Simulation, count: int, chance: random.Random) -> list[Trip]:
+    robots, solids = [*simulation.robots.values()], simulation.scene.world.solids
+    places = [name for name, object in map.objects.items() if object.type == "Place" and name in solids]
+    pairs = [(robot, place) for robot in robots for place in places]
+    chance.shuffle(pairs)
+    chosen: list[Trip] = []
+    for robot, place in pairs:
+        if len(chosen) == count:
+            break
+        if _is_reached(simulation, [robot.name], place):
+            chosen.append(Trip(robot.name, place, abs(robot.solid.z - solids[place].z) > SAME_STOREY))
     return chosen
 
 
-def site_of(chosen: list[Delivery]) -> str:
+def site_of(chosen: Sequence[Delivery]) -> str:
     """The jars as a site file, to be loaded together with the building's."""
     lines = ["map: Jars", "objects:"]
     lines += [f"  {delivery.jar}: {{type: Jar, at: {[*delivery.point]}}}" for delivery in chosen]
