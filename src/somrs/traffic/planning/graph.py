@@ -22,6 +22,8 @@ FAR = float("inf")
 """The distance of a place from which a goal cannot be reached."""
 MOST_NUMBERS, FEWEST_GOALS = 16_000_000, 256
 """How many distances a graph keeps at most, of 8 bytes each, and of how many goals at least."""
+MOST_STARTS = 64
+"""From how many places a graph keeps the distances to all others: robots that wait ask for them again and again."""
 
 
 Lane = tuple[int, int]
@@ -67,6 +69,7 @@ class Graph:
         """Of how many goals the distances are kept."""
         self._distances: dict[int, array[float]] = {}
         self._lane_distances: dict[tuple[tuple[int, float], ...], array[float]] = {}
+        self._onward_distances: dict[tuple[tuple[int, float], ...], array[float]] = {}
         self._delays = np.zeros(self.size)
         """By place: how much longer than a lane from there is the way along it."""
         self._without: tuple[tuple[set[int], set[Lane]], Graph] | None = None
@@ -128,7 +131,7 @@ class Graph:
         """This graph, on which it takes so much longer to get on from these places. It is for `distances` alone: lanes are as long as
         before."""
         graph = copy(self)
-        graph._distances, graph._lane_distances = {}, {}
+        graph._distances, graph._lane_distances, graph._onward_distances = {}, {}, {}
         graph._delays = self._delays.copy()
         graph._delays[[*places]] += seconds
         graph._backwards = self._backwards.copy()
@@ -156,7 +159,7 @@ class Graph:
 
     def distances_from(self, start: int) -> array[float]:
         """By place that any robot may enter: the length of the shortest way there from a place; `FAR` if there is none (Dijkstra)."""
-        return array("d", dijkstra(self._backwards.T, indices=start))
+        return self.distances_over(((start, 0.0),))
 
     def distances_from_lanes(self, lanes: tuple[tuple[int, float], ...]) -> array[float]:
         """By place: the length of the shortest way to a private place with these lanes; `FAR` if there is none."""
@@ -172,6 +175,10 @@ class Graph:
 
     def distances_over(self, lanes: tuple[tuple[int, float], ...]) -> array[float]:
         """By place: the length of the shortest way there from a private place with these lanes; `FAR` if there is none."""
+        return recall(self._onward_distances, lanes, lambda: self._find_onward_distances(lanes), MOST_STARTS)
+
+    def _find_onward_distances(self, lanes: tuple[tuple[int, float], ...]) -> array[float]:
+        """Dijkstra, from one more place from which these lanes lead."""
         ends, lengths = [end for end, _ in lanes], [length for _, length in lanes]
         public = csr_array(self._backwards.T)
         numbers = np.append(public.indices, ends), np.append(public.indptr, public.nnz + len(lanes))

@@ -8,7 +8,7 @@ import numpy as np
 
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.space.distances import Array
-from somrs.traffic.berths import SPEED
+from somrs.traffic.layout import SPEED
 from somrs.traffic.ways import in_sight
 
 CHUNK = 400
