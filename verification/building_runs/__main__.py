@@ -16,7 +16,7 @@ from rich.table import Table
 from somrs.cli.import_commands import import_sources
 from somrs.errors import SomrsError
 from somrs.ontology.files.loading import load
-from verification.building_runs.errands import errands
+from verification.building_runs.errands import errands, further_robots
 from verification.building_runs.run import Result, play
 
 SITES = Path(__file__).parents[3] / "shared" / "sites"
@@ -28,6 +28,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=2, help="number of seeds for each building")
     parser.add_argument("--seed-base", type=int, default=0, help="the first seed")
     parser.add_argument("--tasks", type=int, default=10)
+    parser.add_argument("--robots", type=int, default=4, help="number of robots that are put into a building without any")
     parser.add_argument("--out", type=Path, default=Path("out/building-runs"), help="the folder of the systems' data")
     chosen = parser.parse_args()
     console, passed, failed = Console(soft_wrap=True, highlight=False), 0, 0
@@ -48,8 +49,9 @@ def main() -> int:
             run_folder = folder / str(seed)
             run_folder.mkdir()
             try:
-                tasks = errands(site, chosen.tasks, seed)
-                result = asyncio.run(play(site, tasks, run_folder, breaks=has_lifts and seed % 2 == 1))
+                whole_site = _with_robots(site, chosen.robots, seed, run_folder)
+                tasks = errands(whole_site, chosen.tasks, seed)
+                result = asyncio.run(play(whole_site, tasks, run_folder, breaks=has_lifts and seed % 2 == 1))
             except SomrsError as error:
                 tasks, result = (), Result(problems=[str(error)])
             passed, failed = passed + (not result.problems), failed + bool(result.problems)
@@ -67,6 +69,15 @@ def main() -> int:
     console.print(table)
     console.print(f"{passed} passed, {failed} failed")
     return 1 if failed else 0
+
+
+def _with_robots(site: Path, count: int, seed: int, folder: Path) -> tuple[Path, ...]:
+    """The building, with robots in it."""
+    robots, path = further_robots(site, count, seed), folder / "robots.yaml"
+    if not robots:
+        return (site,)
+    path.write_text(robots)
+    return site, path
 
 
 if __name__ == "__main__":

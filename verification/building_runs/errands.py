@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,13 +14,18 @@ from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
 from somrs.ontology.files.loading import LoadedModel, load
 from somrs.ontology.map import Map
-from somrs.space.solids import Point, Role, Solid
+from somrs.space.free_space import FreeSpace
+from somrs.space.solids import Point, Role, Solid, solid_of
 
 INSET = 0.08
 """How far from the edge of a table a jar stands, m."""
 HIGHEST = 1.3
 """Tables and shelves that are higher are left out, m."""
 SAME_STOREY = 1.0
+ROOM = 0.45
+"""The room of robots that are put into a building, m."""
+APART = 1.0
+"""How far apart they are, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,15 +56,15 @@ class Trip:
         return f"{self.robot} isAt {self.place}"
 
 
-def errands(site: Path, count: int, seed: int) -> Sequence[Delivery | Trip]:
+def errands(site: Sequence[Path], count: int, seed: int) -> Sequence[Delivery | Trip]:
     """Random deliveries among the supports that robots which carry things reach; half of them to another storey, where there is one. In a
     building without such supports, trips of robots to places that they reach.
 
     Raises UsageError for a building in which there is neither.
     """
-    model = load([site])
+    model = load(site)
     if model.map is None:
-        raise UsageError(f"{site} is an ontology without a map")
+        raise UsageError(f"{site[0]} is an ontology without a map")
     simulation = Simulation(model.map, model.ontology, WorldKind.KINEMATIC)
     carriers = [name for name, robot in simulation.robots.items() if robot.size.gripper and _carries(model, robot.solid)]
     chance = random.Random(seed)
@@ -90,7 +96,7 @@ def errands(site: Path, count: int, seed: int) -> Sequence[Delivery | Trip]:
             chosen.append(Delivery(jar, support.name, point, goal.name, abs(goal.z - support.z) > SAME_STOREY))
     errands = chosen or _trips(model.map, simulation, count, chance)
     if not errands:
-        raise UsageError(f"{site}: there is nothing that a robot could deliver, and no place to which one could go")
+        raise UsageError(f"{site[0]}: there is nothing that a robot could deliver, and no place to which one could go")
     return errands
 
 
@@ -106,6 +112,33 @@ def _trips(map: Map, simulation: Simulation, count: int, chance: random.Random) 
         if _is_reached(simulation, [robot.name], place):
             chosen.append(Trip(robot.name, place, abs(robot.solid.z - solids[place].z) > SAME_STOREY))
     return chosen
+
+
+def further_robots(site: Path, count: int, seed: int) -> str:
+    """A site file with robots at places of a building that has none, to be loaded together with the building's; empty if it has some.
+
+    Raises UsageError for a building without places where they have room.
+    """
+    model = load([site])
+    if model.map is None or any(model.ontology.is_subtype(object.type, "Robot") for object in model.map.objects.values()):
+        return ""
+    solids = [solid for object in model.map.objects.values() if (solid := solid_of(object, model.ontology)) is not None]
+    places = [solid for solid in solids if model.ontology.is_subtype(solid.type, "Waypoint")]
+    random.Random(seed).shuffle(places)
+    lifts = [solid for solid in solids if solid.role is Role.LIFT]
+    spots: list[tuple[float, float, float]] = []
+    spaces: dict[float, FreeSpace] = {}
+    for place in places:
+        x, y, z = place.x, place.y, place.z
+        if z not in spaces:
+            spaces[z] = FreeSpace(model.map, model.ontology, level=z)
+        has_room = spaces[z].clearance((x, y)) > ROOM and all(lift.distance(x, y) > ROOM for lift in lifts)
+        if len(spots) < count and has_room and all(math.dist((x, y, z), spot) > APART for spot in spots):
+            spots.append((x, y, z))
+    if not spots:
+        raise UsageError(f"{site}: there is no place with room for a robot")
+    robots = (f"  Robot{number}: {{type: DeliveryRobot, at: {[*spot]}}}" for number, spot in enumerate(spots, 1))
+    return "\n".join(["map: Robots", "objects:", *robots]) + "\n"
 
 
 def site_of(chosen: Sequence[Delivery]) -> str:

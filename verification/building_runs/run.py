@@ -44,14 +44,14 @@ class Result:
     problems: list[str] = field(default_factory=list)
 
 
-async def play(site: Path, chosen: Sequence[Delivery | Trip], folder: Path, *, breaks: bool) -> Result:
+async def play(site: Sequence[Path], chosen: Sequence[Delivery | Trip], folder: Path, *, breaks: bool) -> Result:
     """Deliver in a building. `breaks`: the first robot that rides in a lift breaks there."""
     deliveries, jars = [errand for errand in chosen if isinstance(errand, Delivery)], folder / "jars.yaml"
     if deliveries:
         jars.write_text(site_of(deliveries))
     result = Result()
     async with (
-        System((site, jars) if deliveries else (site,), folder / "run", speed="max", world=WorldKind.KINEMATIC) as system,
+        System((*site, jars) if deliveries else site, folder / "run", speed="max", world=WorldKind.KINEMATIC) as system,
         Client(system.addresses) as client,
         OperatorLink.at(system.addresses.simulator or "") as link,
     ):
@@ -128,7 +128,7 @@ async def _check(client: Client, link: OperatorLink, deliveries: Sequence[Delive
     result.problems += [f"{row.bindings['Thing']} is unknown" for row in (await client.query("?Thing: Graspable.Unknown = TRUE")).rows]
 
 
-def _levels(site: Path) -> list[float]:
-    model = load([site])
+def _levels(site: Sequence[Path]) -> list[float]:
+    model = load(site)
     shafts = shafts_of(model.map, model.ontology) if model.map is not None else []
     return [landing.level for shaft in shafts for landing in shaft.landings] or [0.0]
