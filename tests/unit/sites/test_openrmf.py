@@ -292,6 +292,17 @@ def test_a_level_that_is_not_there_is_told() -> None:
         import_text(text)
 
 
+def test_what_other_tools_have_written_is_noted() -> None:
+    text = (
+        SMALL.replace("    elevation: 0\n", "    elevation: 0\n    aisles:\n      - {vertices: [0, 1]}\n    charging_lots: []\n", 1)
+        + "fleets: {a: 1}\n"
+    )
+    notes = [str(note) for note in import_text(text).notes]
+    assert "aisles: parts of levels that SO-MRS does not know" in notes
+    assert "fleets: parts of the building that SO-MRS does not know" in notes
+    assert not any("charging_lots" in note for note in notes), "there are none"
+
+
 def test_levels_without_elevation_are_noted() -> None:
     site = import_text(SMALL.replace("    elevation: 3.5\n", ""))
     assert any("level L2: has no elevation" in str(note) for note in site.notes)

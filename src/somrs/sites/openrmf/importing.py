@@ -49,6 +49,45 @@ def _is_navigation_graph(data: dict[str, Any]) -> bool:
     return bool(vertices) and all(isinstance(vertex, list) and len(vertex) == 3 and isinstance(vertex[2], dict) for vertex in vertices)
 
 
+_SECTIONS = frozenset(
+    [
+        "name",
+        "building_name",
+        "version",
+        "coordinate_system",
+        "reference_level_name",
+        "parameters",
+        "levels",
+        "lifts",
+        "graphs",
+        "crowd_sim",
+    ]
+)
+"""What the traffic editor writes for a building (`building.cpp` of rmf_traffic_editor)."""
+_SECTIONS_OF_LEVELS = frozenset(
+    [
+        "drawing",
+        "x_meters",
+        "y_meters",
+        "elevation",
+        "vertices",
+        "measurements",
+        "fiducials",
+        "features",
+        "constraints",
+        "layers",
+        "walls",
+        "doors",
+        "floors",
+        "holes",
+        "models",
+        "lanes",
+        "human_lanes",
+    ]
+)
+"""The same for a level (`level.cpp`). Of these, features, constraints and layers serve to align drawings."""
+
+
 class _Import:
     """One import: the document that is read, and the map that is made of it."""
 
@@ -98,8 +137,17 @@ class _Import:
         self.draft.notes.add(Rank.KEPT, f"{projection.latitude:.5f}, {projection.longitude:.5f}", text)
         return {"Latitude": projection.latitude, "Longitude": projection.longitude}
 
+    def _note_unknown(self, levels: list[Level]) -> None:
+        """What other tools have written into the file is not on the map."""
+        parts = [("the building", self.document.data, _SECTIONS), *(("levels", level.data, _SECTIONS_OF_LEVELS) for level in levels)]
+        for owner, data, sections in parts:
+            for key in data:
+                if data[key] and key not in sections:
+                    self.draft.notes.add(Rank.LEFT_OUT, name_text(key), f"parts of {owner} that SO-MRS does not know")
+
     def _fill(self, levels: list[Level], building: str) -> None:
         document, draft, options = self.document, self.draft, self.options
+        self._note_unknown(levels)
         for level in levels:
             with document.reading(f"level {level.name}", ("levels", level.name)):
                 reserve_names(draft, level)
