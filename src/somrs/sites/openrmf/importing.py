@@ -49,42 +49,14 @@ def _is_navigation_graph(data: dict[str, Any]) -> bool:
     return bool(vertices) and all(isinstance(vertex, list) and len(vertex) == 3 and isinstance(vertex[2], dict) for vertex in vertices)
 
 
-_SECTIONS = frozenset(
-    [
-        "name",
-        "building_name",
-        "version",
-        "coordinate_system",
-        "reference_level_name",
-        "parameters",
-        "levels",
-        "lifts",
-        "graphs",
-        "crowd_sim",
-    ]
-)
+_SECTIONS = frozenset((
+    "name", "building_name", "version", "coordinate_system", "reference_level_name", "parameters", "levels", "lifts", "graphs", "crowd_sim",
+))  # fmt: skip
 """What the traffic editor writes for a building (`building.cpp` of rmf_traffic_editor)."""
-_SECTIONS_OF_LEVELS = frozenset(
-    [
-        "drawing",
-        "x_meters",
-        "y_meters",
-        "elevation",
-        "vertices",
-        "measurements",
-        "fiducials",
-        "features",
-        "constraints",
-        "layers",
-        "walls",
-        "doors",
-        "floors",
-        "holes",
-        "models",
-        "lanes",
-        "human_lanes",
-    ]
-)
+_SECTIONS_OF_LEVELS = frozenset((
+    "drawing", "x_meters", "y_meters", "elevation", "vertices", "measurements", "fiducials", "features", "constraints", "layers", "walls",
+    "doors", "floors", "holes", "models", "lanes", "human_lanes",
+))  # fmt: skip
 """The same for a level (`level.cpp`). Of these, features, constraints and layers serve to align drawings."""
 
 
