@@ -61,6 +61,7 @@ def find_mistakes(map: Map, ontology: Ontology) -> list[Finding]:
             *site.in_walls(),
             *site.without_floor(),
             *site.small_lifts(),
+            *site.in_shafts(),
             *site.blocked_lanes(),
             *site.without_way_back(),
             *site.in_zones(),
@@ -183,6 +184,13 @@ class _Site:
             if size < 2 * self.robot_radius:
                 text = f"its cabin is {_length(size)} wide, and the smallest robot {_length(2 * self.robot_radius)}; correct its Shape"
                 yield Finding(subject=lift.name, rule="lift-small", message=text)
+
+    def in_shafts(self) -> Iterator[Finding]:
+        """Robots in the shaft of a lift that are not where its cabin is."""
+        for lift, robot in product((solid for solid in self.solids if solid.role is Role.LIFT), self.robots):
+            if lift.distance(robot.x, robot.y) < 0 and abs(robot.z - lift.z) > _LEVEL_DISTANCE:
+                text = f"it is in the shaft of {lift.name} at {_length(robot.z)}, and the cabin at {_length(lift.z)}; move one of them"
+                yield Finding(subject=robot.name, rule="in-shaft", message=text)
 
     # Things in walls
 

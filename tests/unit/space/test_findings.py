@@ -116,6 +116,14 @@ def test_storeys_are_not_in_one_another() -> None:
     assert mistakes(TWO_STOREYS.replace("[4, 3, 3.9]", "[12, 3, -0.1]")) == []
 
 
+def test_a_robot_is_in_the_cabin_of_a_lift_and_not_in_its_shaft() -> None:
+    in_cabin = TWO_STOREYS.replace("      Lift1:", "      Robot1: {type: DeliveryRobot, at: [9.1, 3, 0]}\n      Lift1:")
+    in_cabin = in_cabin.replace("facts: [", "facts: [Robot1 isIn Lift1, ")
+    assert mistakes(in_cabin) == []
+    (finding,) = mistakes(in_cabin.replace("at: [9.1, 3, 0]}", "at: [9.1, 3, 4]}"))
+    assert (finding.subject, finding.rule) == ("Robot1", "in-shaft")
+
+
 def test_a_robot_fits_into_a_lift() -> None:
     (finding,) = mistakes(TWO_STOREYS.replace("Width: 1.8", "Width: 0.2"))
     assert (finding.subject, finding.rule) == ("Lift1", "lift-small")
