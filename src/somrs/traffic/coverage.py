@@ -48,6 +48,11 @@ class Coverage:
     def __post_init__(self) -> None:
         self.seen = np.where(self.free, np.int32(UNSEEN), np.int32(OCCUPIED))
 
+    @property
+    def _surely_clear(self) -> float:
+        """The clearance of cells near which a robot drives anywhere, m."""
+        return self.radius - SLACK + ERROR * self.space.grid.size
+
     def renumbered(self, numbers: NDArray[np.int64]) -> Coverage:
         """This coverage with other numbers of the places; UNSEEN for those that are left out."""
         renumbered = Coverage(self.space, self.free, self.radius, self.reach)
@@ -67,12 +72,15 @@ class Coverage:
         near = (window == UNSEEN) & (distance <= reach)
         if not near.any():
             return
+        field = self.space.field[first_row : first_row + window.shape[0], first_column : first_column + window.shape[1]]
+        if float(field.min()) >= self._surely_clear:
+            window[near] = number
+            return
         room = float(self.space.clearances([point])[0]) - self.radius
         visible = near & (distance * size <= room)  # all that is so near is free
         if len(cells := np.argwhere(near & ~visible)):
             lowest = self._lowest(middle_row, middle_column, cells + np.array([first_row, first_column]))
-            least, error = self.radius - SLACK, ERROR * size
-            is_clear, doubtful = lowest >= least + error, np.flatnonzero(np.abs(lowest - least) < error)
+            is_clear, doubtful = lowest >= self._surely_clear, np.flatnonzero(np.abs(lowest - (self.radius - SLACK)) < ERROR * size)
             centres = self.space.grid.centres(cells[doubtful] + np.array([first_row, first_column]))
             is_clear[doubtful] = self.are_clear(np.broadcast_to(point, centres.shape), centres)
             visible[cells[is_clear, 0], cells[is_clear, 1]] = True
@@ -95,6 +103,14 @@ class Coverage:
         clearances = self.space.clearances(points.reshape(-1, 2)).reshape(SAMPLES + 1, -1)
         return np.asarray(clearances.min(axis=0) >= self.radius - SLACK)
 
+    def _are_joined(self, starts: NDArray[np.int64], ends: NDArray[np.int64]) -> Mask:
+        """Whether a robot can drive between each two neighbouring cells (n, 2); it may not, from corner to corner of them."""
+        field, grid = self.space.field, self.space.grid
+        clear: Mask = np.minimum(field[starts[:, 0], starts[:, 1]], field[ends[:, 0], ends[:, 1]]) >= self._surely_clear
+        doubtful = np.flatnonzero(~clear)
+        clear[doubtful] = self.are_clear(grid.centres(starts[doubtful]), grid.centres(ends[doubtful]))
+        return clear
+
     def unseen(self) -> NDArray[np.int64]:
         """The free cells (n, 2) that see no place, those with the most clearance first."""
         cells = np.argwhere(self.seen == UNSEEN)
@@ -109,7 +125,7 @@ class Coverage:
             there = self.seen[rows:, max(columns, 0) : width + min(columns, 0)]
             cells = np.argwhere((here != there) & (here >= 0) & (there >= 0)) + np.array([0, max(-columns, 0)])
             starts, ends = cells, cells + np.array([rows, columns])
-            clear = self.are_clear(grid.centres(starts), grid.centres(ends))  # it may not be, from corner to corner of two cells
+            clear = self._are_joined(starts, ends)
             parts.append((starts[clear], ends[clear]))
         starts, ends = (np.concatenate(cells).reshape(-1, 2) for cells in zip(*parts, strict=True))
         on_one, on_other = (self.seen[cells[:, 0], cells[:, 1]].astype(np.int64) for cells in (starts, ends))

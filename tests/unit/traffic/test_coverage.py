@@ -48,6 +48,26 @@ def test_each_cell_sees_the_first_place_to_which_a_robot_drives_from_there(
     assert clearances == sorted(clearances, reverse=True)
 
 
+@given(tables, st.lists(st.tuples(coordinate, coordinate), min_size=2, max_size=5))
+def test_there_is_a_crossing_wherever_a_robot_drives_between_neighbouring_cells(
+    tables: list[tuple[float, float, float, float]], points: list[tuple[float, float]]
+) -> None:
+    space = FreeSpace(room(4, 4, *(box(f"Table{number}", "Table", *table) for number, table in enumerate(tables))), ONTOLOGY)
+    coverage = Coverage(space, space.field >= CLEARANCE - SLACK, CLEARANCE, REACH)
+    for number, point in enumerate(points):
+        if space.free(point, CLEARANCE):
+            coverage.note(point, number)
+    expected = set()
+    for row, column in np.argwhere(coverage.seen >= 0).tolist():
+        for near_row, near_column in ((row, column + 1), (row + 1, column), (row + 1, column + 1), (row + 1, column - 1)):
+            numbers = {int(coverage.seen[row, column]), int(coverage.seen[near_row, near_column])}
+            line = [space.grid.centre((row, column)), space.grid.centre((near_row, near_column))]
+            if len(numbers) == 2 and min(numbers) >= 0 and coverage.are_clear(np.array(line[:1]), np.array(line[1:]))[0]:
+                expected.add(tuple(sorted(numbers)))
+    crossings = coverage.crossings()
+    assert {*zip(crossings.low.tolist(), crossings.high.tolist(), strict=True)} == expected
+
+
 def test_crossings_lead_from_what_sees_one_place_to_what_sees_another() -> None:
     space = FreeSpace(room(4, 2), ONTOLOGY)
     coverage = Coverage(space, space.field >= CLEARANCE, CLEARANCE, REACH)
