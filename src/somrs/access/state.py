@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -26,13 +26,32 @@ MAX_SESSIONS = 50
 """Sessions of one account. A new one takes the place of the oldest."""
 
 
+class Subject(Struct, frozen=True, kw_only=True):
+    """Who somebody is for an OpenID Connect provider: `id` is the claim `sub` of this issuer, which it gives to nobody else."""
+
+    issuer: str
+    id: str
+
+
 class Account(Struct, frozen=True, kw_only=True):
-    """A person. `password`: an Argon2id hash in its standard form; None if the person signs in by links only."""
+    """A person. `password`: an Argon2id hash in its standard form; None if the person has none. `subject`: who it is for the provider that
+    says who signs in and in which role; None: this system says so itself."""
 
     name: str
     role: Role
     created_at: float
     password: str | None = None
+    subject: Subject | None = None
+
+    @property
+    def provider(self) -> str:
+        """The provider that says who signs in; empty if this system does."""
+        return self.subject.issuer if self.subject is not None else ""
+
+    def check_own(self) -> None:
+        """Raises UsageError if a provider says who signs in and in which role."""
+        if self.subject is not None:
+            raise UsageError(f"{self.name} signs in at {self.subject.issuer}, which also says what the role is; change it there")
 
 
 class Session(Struct, frozen=True, kw_only=True):
@@ -110,18 +129,45 @@ class AccessState(Struct, frozen=True, kw_only=True):
 
     def with_role(self, name: str, role: Role) -> AccessState:
         """The state with another role of a person. Raises UsageError for the last administrator."""
+        self.account(name).check_own()
         changed = replace(self, accounts=self.accounts | {name: replace(self.account(name), role=role)})
         return self._unless_last(name, changed)
 
+    def with_subject(self, subject: Subject, names: Sequence[str], role: Role, now: float) -> tuple[AccessState, Account]:
+        """The state with a person in the role that a provider has stated, and the person, who keeps the name of the first time: of `names`,
+        the first that nobody has. Raises UsageError if all are taken."""
+        account = self.account_of(subject)
+        if account is None:
+            names_in_use = {name.casefold() for name in self._names()}
+            name = next((name for name in names if name.casefold() not in names_in_use), None)
+            if name is None:
+                raise UsageError(f"there is {names[-1]} already, who signs in in another way; an administrator can remove that account")
+            account = Account(name=checked_name(name), role=role, created_at=now, subject=subject)
+        account = replace(account, role=role)
+        return replace(self, accounts=self.accounts | {account.name: account}), account
+
+    def account_of(self, subject: Subject) -> Account | None:
+        """The account of somebody whom a provider has identified; None if there is none yet."""
+        return next((account for account in self.accounts.values() if account.subject == subject), None)
+
+    def signed_out(self, name: str, kept_session: str | None = None) -> AccessState:
+        """The state without the sessions and the links of a person, but for one session."""
+        return replace(
+            self,
+            sessions={key: session for key, session in self.sessions.items() if session.account != name or session.id == kept_session},
+            links={key: link for key, link in self.links.items() if link.account != name},
+        )
+
     def with_password(self, name: str, hashed: str | None, kept_session: str | None = None) -> AccessState:
         """The state with another password of a person, who stays signed in nowhere but in one session."""
+        self.account(name).check_own()
         account = replace(self.account(name), password=hashed)
-        return replace(self._signed_out(name, kept_session), accounts=self.accounts | {name: account})
+        return replace(self.signed_out(name, kept_session), accounts=self.accounts | {name: account})
 
     def without_account(self, name: str) -> AccessState:
         """The state without a person, and without the person's sessions and links. Raises UsageError for the last administrator."""
         self.account(name)
-        removed = replace(self._signed_out(name), accounts={key: account for key, account in self.accounts.items() if key != name})
+        removed = replace(self.signed_out(name), accounts={key: account for key, account in self.accounts.items() if key != name})
         return self._unless_last(name, removed)
 
     def with_session(self, secret: str, session: Session) -> AccessState:
@@ -173,13 +219,6 @@ class AccessState(Struct, frozen=True, kw_only=True):
 
     def _session_start(self, key: str) -> float:
         return self.sessions[key].created_at
-
-    def _signed_out(self, name: str, kept_session: str | None = None) -> AccessState:
-        return replace(
-            self,
-            sessions={key: session for key, session in self.sessions.items() if session.account != name or session.id == kept_session},
-            links={key: link for key, link in self.links.items() if link.account != name},
-        )
 
     def _unless_last(self, name: str, changed: AccessState) -> AccessState:
         if self.first_administrator() is not None and changed.first_administrator() is None:

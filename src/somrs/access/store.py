@@ -6,7 +6,7 @@ import fcntl
 import os
 import secrets
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from somrs.access.state import (
     Account,
     Link,
     Session,
+    Subject,
     Token,
     checked_name,
     hash_of,
@@ -125,6 +126,28 @@ class AccessStore:
             secret, change.state = _with_session(change.state, name, address, browser)
         return secret
 
+    def open_session_of(
+        self, subject: Subject, names: Sequence[str], role: Role, seconds: float, address: str = "", browser: str = ""
+    ) -> str:
+        """Sign in somebody whom a provider has identified, and return the secret of the session. `names`: for a new account, of which it
+        gets the first that nobody has; `seconds`: how long the session lasts. Raises UsageError if all names are taken."""
+        with self._changing("sign_in", by=subject.issuer, browser=browser[:MOST_BROWSER], role=role) as change:
+            earlier_account = change.state.account_of(subject)
+            if earlier_account is not None and earlier_account.role != role:
+                change.details["before"] = earlier_account.role
+            change.state, account = change.state.with_subject(subject, names, role, time.time())
+            change.actor = Actor(name=account.name, address=address)
+            secret, change.state = _with_session(change.state, account.name, address, browser, seconds)
+        return secret
+
+    def end_sessions_of(self, subject: Subject, reason: str) -> None:
+        """Sign somebody out everywhere to whom a provider gives no role any more."""
+        account = self.read().account_of(subject)
+        if account is None or self.read().signed_out(account.name) == self.read():
+            return
+        with self._changing("end_sessions", name=account.name, why=reason) as change:
+            change.state = change.state.signed_out(account.name)
+
     def end_session(self, id: str) -> None:
         with self._changing("end_session", session=id) as change:
             change.details["name"] = next((session.account for session in change.state.sessions.values() if session.id == id), "")
@@ -212,13 +235,13 @@ class _Change:
         self.actor: Actor | None = None
 
 
-def _with_session(state: AccessState, name: str, address: str, browser: str) -> tuple[str, AccessState]:
+def _with_session(state: AccessState, name: str, address: str, browser: str, seconds: float = SESSION_TIME) -> tuple[str, AccessState]:
     now, secret = time.time(), new_secret()
     session = Session(
         id=secrets.token_hex(8),
         account=name,
         created_at=now,
-        ends_at=now + SESSION_TIME,
+        ends_at=now + seconds,
         address=address[:60],
         browser=browser[:MOST_BROWSER],
     )

@@ -22,12 +22,13 @@ DAY = 86400.0
 
 
 class PersonAccess(msgspec.Struct, frozen=True, kw_only=True):
-    """A person who may sign in. `created_at`: seconds since 1970."""
+    """A person who may sign in. `created_at`: seconds since 1970. `provider`: who says so, and in which role; empty: this system."""
 
     name: str
     role: Role
     has_password: bool
     created_at: float
+    provider: str = ""
 
 
 class TokenAccess(msgspec.Struct, frozen=True, kw_only=True):
@@ -49,7 +50,8 @@ class AccessView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class OwnAccess(msgspec.Struct, frozen=True, kw_only=True):
-    """Who sends the request, and may do what. `role`: of a person; None for a program. `session`: the id of the one that is used."""
+    """Who sends the request, and may do what. `role`: of a person; None for a program. `session`: the id of the one that is used.
+    `provider`: who says who the person is, and in which role; empty: this system."""
 
     name: str
     role: Role | None
@@ -57,6 +59,7 @@ class OwnAccess(msgspec.Struct, frozen=True, kw_only=True):
     has_password: bool
     session: str | None
     sessions: tuple[Session, ...]
+    provider: str = ""
 
 
 class NewPerson(msgspec.Struct, frozen=True, kw_only=True):
@@ -108,6 +111,7 @@ class AccessService:
             has_password=account is not None and account.password is not None,
             session=identity.session,
             sessions=tuple(s for s in state.sessions.values() if account is not None and s.account == account.name),
+            provider=account.provider if account is not None else "",
         )
 
     @operation("POST", "/access/me/password", Right.SEE)
@@ -134,8 +138,14 @@ class AccessService:
         state = self._store.read()
         return AccessView(
             people=tuple(
-                PersonAccess(name=a.name, role=a.role, has_password=a.password is not None, created_at=a.created_at)
-                for a in state.accounts.values()
+                PersonAccess(
+                    name=account.name,
+                    role=account.role,
+                    has_password=account.password is not None,
+                    created_at=account.created_at,
+                    provider=account.provider,
+                )
+                for account in state.accounts.values()
             ),
             sessions=tuple(state.sessions.values()),
             tokens=tuple(

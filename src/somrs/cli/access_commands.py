@@ -66,7 +66,13 @@ def list_users(data: Path, *, json: bool) -> None:
     sessions = {name: [session for session in state.sessions.values() if session.account == name] for name in state.accounts}
     if json:
         people = [
-            {"name": account.name, "role": account.role, "has_password": account.password is not None, "sessions": sessions[account.name]}
+            {
+                "name": account.name,
+                "role": account.role,
+                "has_password": account.password is not None,
+                "provider": account.provider,
+                "sessions": sessions[account.name],
+            }
             for account in state.accounts.values()
         ]
         terminal.print_json(people)
@@ -75,13 +81,13 @@ def list_users(data: Path, *, json: bool) -> None:
             (
                 account.name,
                 account.role,
-                "yes" if account.password else "no",
+                account.provider or ("password" if account.password else "link"),
                 len(sessions[account.name]),
                 terminal.moment(account.created_at),
             )
             for account in state.accounts.values()
         )
-        terminal.console().print(terminal.table("People", ("name", "role", "password", "sessions", "since"), rows))
+        terminal.console().print(terminal.table("People", ("name", "role", "signs in by", "sessions", "since"), rows))
     else:
         print("nobody yet; the link that `somrs up` prints adds the first administrator, and `somrs user add NAME` others")
 

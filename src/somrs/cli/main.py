@@ -32,6 +32,7 @@ from somrs.cli.options import (
     HostOption,
     Json,
     Neighbours,
+    Oidc,
     OwnBusOption,
     Registries,
     Secure,
@@ -160,6 +161,7 @@ def up(
     first_port: FirstPort = None,
     driver: DriverOption = [],  # noqa: B006  # as below
     secure: Secure = SECURE,
+    oidc: Oidc = None,
     certificates: Certificates = False,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
@@ -192,6 +194,7 @@ def up(
             first_port=first_port,
             drivers=driver,
             secure=secure,
+            oidc=oidc,
             certificates=certificates,
         )
 

@@ -48,6 +48,15 @@ Certificates = Annotated[
         help="Components and devices prove to each other who they are, and may send what their role allows.",
     ),
 ]
+Oidc = Annotated[
+    Path | None,
+    typer.Option(
+        "--oidc",
+        envvar="SOMRS_OIDC",
+        help="The file of the OpenID Connect provider at which people sign in, and of the roles that they then have.",
+        show_default=False,
+    ),
+]
 SECURE = True
 """The default of `Secure`."""
 BusOption = Annotated[

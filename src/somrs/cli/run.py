@@ -17,6 +17,7 @@ from somrs.cli.options import (
     Data,
     HostOption,
     Neighbours,
+    Oidc,
     PortOption,
     Secure,
     SiteName,
@@ -217,6 +218,7 @@ def gui(
     name: SiteName = None,
     allowed_hosts: AllowedHosts = [],  # noqa: B006  # as above
     secure: Secure = SECURE,
+    oidc: Oidc = None,
 ) -> None:
     """The windows, for the browser. They need the API."""
     from somrs.deployment.programs import has_windows, run_program
@@ -227,7 +229,7 @@ def gui(
             raise UsageError("the windows need additional packages: pip install 'somrs[gui]'")
         from somrs.gui.server import run_gui
 
-        run_program(run_gui(data, addresses_of(data, bus, name), host, port, allowed_hosts, secure=secure))
+        run_program(run_gui(data, addresses_of(data, bus, name), host, port, allowed_hosts, secure=secure, oidc=oidc))
 
     guarded(run)
 

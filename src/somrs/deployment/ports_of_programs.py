@@ -8,6 +8,8 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from somrs.client.addresses import Addresses, registry_path, task_manager_path
+from somrs.errors import UsageError
+from somrs.ports import Reservation
 from somrs.runtime.bus import BusAddress
 
 
@@ -89,6 +91,22 @@ class Ports:
 
     def _origin(self, port: int) -> str:
         return f"http://{self._host}:{port}"
+
+
+def reserve_ports(host: str, count: int, preferred_ports: Sequence[int], first_port: int | None) -> Reservation:
+    """Reserve so many ports: from `first_port` on, or else the preferred ones where they are free. Raises UsageError if one that has to be
+    had is in use."""
+    if first_port is None:
+        return Reservation(host, count, preferred_ports)
+    required_ports = range(first_port, first_port + count)
+    reservation = Reservation(host, count, required_ports)
+    if taken_ports := sorted({*required_ports} - {*reservation.ports}):
+        reservation.close()
+        raise UsageError(
+            f"the system needs the ports {required_ports[0]} to {required_ports[-1]} of {host}, and {taken_ports[0]} is in use; "
+            "give it another first port"
+        )
+    return reservation
 
 
 def ports_before(addresses: Addresses, *, task_managers: int, is_on_bus: bool, has_own_bus: bool) -> list[int]:

@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
+from somrs.access.oidc_settings import check_oidc
 from somrs.access.store import AccessStore, access_files
 from somrs.client.addresses import SYSTEM_FILE, Addresses
 from somrs.client.client import Client
@@ -21,7 +22,7 @@ from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.devices_of_map import DevicePrograms, Selection, devices, is_symbolic, of_one_world, unsimulated
 from somrs.deployment.incidents import add_incident
 from somrs.deployment.launcher import Launcher, Process
-from somrs.deployment.ports_of_programs import Part, Ports, ports_before
+from somrs.deployment.ports_of_programs import Part, Ports, ports_before, reserve_ports
 from somrs.deployment.private_files import discard, make_private
 from somrs.deployment.program import Program
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, has_windows
@@ -51,7 +52,7 @@ REGISTRY, TASK_MANAGER, DEVICES = "registry", "task-manager", "devices"
 BUS, GATEWAY = "bus", "gateway"
 """Commands of `somrs run` on which all others rely, if the system is on a bus."""
 
-_SETTINGS = {"SOMRS_BUS", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS"}
+_SETTINGS = {"SOMRS_BUS", "SOMRS_OIDC", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS"}
 """Variables from which `somrs run` would take settings that the system does not have."""
 
 OWN_BUS = "own"
@@ -99,6 +100,7 @@ class System:
     `neighbours`: the file of the neighbours of Registry and Repository; None: they have none.
     `drivers`: programs of devices besides those of SO-MRS and those that the types of the site's files name.
     `secure`: people and programs have to say who they are at the API and the windows. `certificates`: so have components and devices.
+    `oidc`: the file of the provider at which people sign in; None: there is none.
     `first_port`: the ports are this one and those that follow, in the order of `Part`; None: those of the last run, where they are free.
     """
 
@@ -124,6 +126,7 @@ class System:
         drivers: Collection[str] = (),
         secure: bool = True,
         certificates: bool = False,
+        oidc: Path | None = None,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
         self._bus, self._name, self._first_port, self._listed = bus, name, first_port, False
@@ -131,6 +134,7 @@ class System:
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
         self._task_managers, self._registries, self._neighbours = task_managers, registries, neighbours
+        self._oidc = oidc.resolve() if oidc is not None else None
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._device_programs = DevicePrograms(self.site, drivers)
         self.problems: list[str] = []
@@ -171,6 +175,8 @@ class System:
         """Make what its own programs prove with who they are. Raises UsageError."""
         if self.secure:
             AccessStore(self.data).renew_local_token()
+        if self._oidc is not None:
+            check_oidc(self._oidc, secure=self.secure)
         if self._certificates is not None:
             if self._bus is not None:
                 raise UsageError("components on a bus have no certificates yet: start the system with --bus or with --certificates")
@@ -229,7 +235,8 @@ class System:
             self._start("api", "--port", str(ports[Part.API]), access),
         ]
         if self.addresses.gui is not None:
-            clients.append(self._start("gui", "--port", str(ports[Part.WINDOWS]), access))
+            oidc = ["--oidc", str(self._oidc)] if self._oidc is not None else []
+            clients.append(self._start("gui", "--port", str(ports[Part.WINDOWS]), access, *oidc))
         await asyncio.gather(*device_starts, *clients)
         # Not earlier: when a start fails because an address is taken, the next start tries the same address again.
         self.addresses.write(self.data, LAST_FILE)
@@ -260,16 +267,7 @@ class System:
             else []
         )
         count = len(Part) + managers - 1 + registries - 1
-        if self._first_port is None:
-            self._reservation = Reservation(self.host, count, preferred_ports)
-        else:
-            wanted_ports = range(self._first_port, self._first_port + count)
-            self._reservation = Reservation(self.host, count, wanted_ports)
-            if taken_ports := sorted({*wanted_ports} - {*self._reservation.ports}):
-                raise UsageError(
-                    f"the system needs the ports {wanted_ports[0]} to {wanted_ports[-1]} of {self.host}, and {taken_ports[0]} is in use; "
-                    "give it another first port"
-                )
+        self._reservation = reserve_ports(self.host, count, preferred_ports, self._first_port)
         return Ports(self.host, self._reservation.ports, registries, self._certificates.folder if self._certificates is not None else None)
 
     async def _start_bus(self, ports: Ports) -> BusAddress | None:

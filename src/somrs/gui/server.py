@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from somrs.access.auditor import Auditor
+from somrs.access.oidc import Provider
+from somrs.access.oidc_settings import read_oidc_settings
 from somrs.access.store import AccessStore
 from somrs.api.edge import Edge
 from somrs.api.guard import Guard
@@ -21,7 +23,7 @@ from somrs.client.api_client import address_of, local_token_reader
 from somrs.deployment.programs import until_stopped
 from somrs.gui.cache import FILES, Cache
 from somrs.gui.proxy import Proxy
-from somrs.gui.sign_in import SIGN_IN, SIGN_OUT, SignIn, sign_in_first
+from somrs.gui.sign_in import SignIn, is_open, sign_in_first
 from somrs.ports import listen_at
 from somrs.runtime.bounded_http import BoundedConfig, QuietServer
 from somrs.runtime.websocket_protocol import WebSocketProtocol
@@ -38,15 +40,24 @@ RECONNECT_TIME = 60.0
 
 
 async def run_gui(
-    data: Path, addresses: Addresses, host: str, port: int, allowed_hosts: Collection[str] = (), *, secure: bool = True
+    data: Path,
+    addresses: Addresses,
+    host: str,
+    port: int,
+    allowed_hosts: Collection[str] = (),
+    *,
+    secure: bool = True,
+    oidc: Path | None = None,
 ) -> None:
-    """Serve the windows until the process is stopped. `allowed_hosts`: see `Edge`. `secure`: people have to sign in."""
+    """Serve the windows until the process is stopped. `allowed_hosts`: see `Edge`. `secure`: people have to sign in. `oidc`: the file of
+    the provider at which they do so; None: there is none."""
+    provider = Provider(read_oidc_settings(oidc)) if oidc is not None else None
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str((data / "gui").resolve()))  # NiceGUI reads this when it is imported
     listener, access = listen_at(host, port), AccessStore(data) if secure else None
     # What is done for nobody in particular only sees.
     async with live_api(address_of(addresses), local_token_reader(data, only_sees=True)) as api:
         auditor = Auditor(data)
-        guard = Guard(Cache(_application(api, data, access)), access, is_open=_is_open, refuse=sign_in_first, auditor=auditor)
+        guard = Guard(Cache(_application(api, data, access, provider)), access, is_open=_is_open, refuse=sign_in_first, auditor=auditor)
         application = Edge(guard, allowed_hosts, auditor)
         server = QuietServer(BoundedConfig(application, ws=WebSocketProtocol))
         serving = asyncio.create_task(server.serve(sockets=[listener]))
@@ -60,10 +71,10 @@ async def run_gui(
 
 def _is_open(path: str) -> bool:
     """Whether a path is for people who are not signed in: the form, and files that are the same for all."""
-    return path in (SIGN_IN, SIGN_OUT) or path.startswith(FILES)
+    return is_open(path) or path.startswith(FILES)
 
 
-def _application(api: LiveApi, data: Path, access: AccessStore | None) -> FastAPI:
+def _application(api: LiveApi, data: Path, access: AccessStore | None, provider: Provider | None) -> FastAPI:
     from fastapi import FastAPI
     from nicegui import app, ui
 
@@ -74,7 +85,7 @@ def _application(api: LiveApi, data: Path, access: AccessStore | None) -> FastAP
     pages = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     pages.mount("/api", Proxy(api.client))
     if access is not None:
-        pages.router.routes.extend(SignIn(access, LOOK).routes())
+        pages.router.routes.extend(SignIn(access, LOOK, provider=provider).routes())
     app.config.quasar_config["loadingBar"]["skipHijack"] = True  # no bar for requests: it has no name, and no page waits for one
     for page_module in (access_page, start, map, ontology, define, tasks, fleet, history, person, missing):
         page_module.register(api)

@@ -68,6 +68,13 @@ class _AccessPage:
         ui.label(f"Your rights: {'; '.join(RIGHTS_TEXT[right] for right in Right if right in own_access.rights)}.")
         if own_access.session is None:
             return
+        if own_access.provider:
+            ui.label(f"You sign in at {own_access.provider}, which says what your role is.")
+        else:
+            self._build_password(own_access)
+        self._build_sessions(own_access.sessions, own_access.session, self._api.access.end_own_session, with_names=False)
+
+    def _build_password(self, own_access: OwnAccess) -> None:
         with ui.element("div").classes("somrs-access-form"):
             current = _password("Current password", "current-password") if own_access.has_password else None
             new_password = _password("New password", "new-password")
@@ -79,7 +86,6 @@ class _AccessPage:
                 await self.build()
 
             ui.button("Change password" if own_access.has_password else "Set password", on_click=guarded(save)).props("unelevated no-caps")
-        self._build_sessions(own_access.sessions, own_access.session, self._api.access.end_own_session, with_names=False)
 
     async def _build_all(self, view: AccessView, own_access: OwnAccess) -> None:
         with panel("People", "group", "access-people"):
@@ -102,9 +108,12 @@ class _AccessPage:
         with ui.element("div").classes("somrs-access-row").props(f'role="group" aria-label="{person.name}"'):
             ui.label(person.name).classes("somrs-access-name")
             sessions = f"{session_count} session{'s' if session_count != 1 else ''}"
-            ui.label(f"{sessions}, {'with' if person.has_password else 'without'} password").classes("somrs-soft")
+            way_in = f"signs in at {person.provider}" if person.provider else f"{'with' if person.has_password else 'without'} password"
+            ui.label(f"{sessions}, {way_in}").classes("somrs-soft")
             roles = [role.value for role in Role]
             select = ui.select(roles, value=person.role.value, label="Role").props("dense outlined").classes("somrs-access-role")
+            if person.provider:
+                select.props("disable").tooltip(f"{person.provider} says what the role is")
             select.on_value_change(lambda: self._change(self._api.access.set_role(person.name, Role(select.value))))
             ui.button("Link", icon="link", on_click=lambda: self._show_link(person.name)).props("flat dense no-caps").tooltip(
                 f"Make a link with which {person.name} signs in, once"
