@@ -214,8 +214,10 @@ class RunningSystem:
 
 
 @contextmanager
-def running_in(folder: Path, speed: str = "4", world: WorldKind = WorldKind.KINEMATIC) -> Iterator[RunningSystem]:
-    running = RunningSystem(folder / "data", speed=speed, world=world)
+def running_in(
+    folder: Path, speed: str = "4", world: WorldKind = WorldKind.KINEMATIC, options: Sequence[str] = ()
+) -> Iterator[RunningSystem]:
+    running = RunningSystem(folder / "data", speed=speed, world=world, options=options)
     try:
         yield running
     finally:

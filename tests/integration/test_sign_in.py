@@ -18,7 +18,8 @@ from somrs.access.passwords import hashed_password
 from somrs.access.rights import Role
 from somrs.access.store import AccessStore
 from somrs.api.guard import Guard
-from somrs.gui.sign_in import SIGN_IN, SIGN_OUT, SignIn, sign_in_first
+from somrs.gui.sign_in import SignIn, is_open, sign_in_first
+from somrs.gui.sign_in_page import SIGN_IN, SIGN_OUT
 
 PASSWORD = "a few easy words"
 
@@ -31,7 +32,7 @@ def who(request: object) -> PlainTextResponse:
 @asynccontextmanager
 async def browser(store: AccessStore, *, scheme: str = "http", address: str = "10.0.0.1") -> AsyncIterator[httpx.AsyncClient]:
     pages = Starlette(routes=[*SignIn(store, "/look.css", lambda: 100.0).routes(), Route("/map", who)])
-    guard = Guard(pages, store, is_open=lambda path: path in (SIGN_IN, SIGN_OUT), refuse=sign_in_first)
+    guard = Guard(pages, store, is_open=is_open, refuse=sign_in_first)
     transport = httpx.ASGITransport(app=guard, client=(address, 1))
     async with httpx.AsyncClient(transport=transport, base_url=f"{scheme}://robots.example", headers={"Accept": "text/html"}) as client:
         yield client
