@@ -59,10 +59,10 @@ def answer_large(task: LargeQuery) -> Rows:
 
 def _rows(query: QueryMap, map: Map, ontology: Ontology, version: int, most_work: int) -> Rows:
     formula = check(query.formula, ontology, map)
-    limit = min(max(query.limit, 0), MOST_ROWS)
+    skip, limit = max(query.skip, 0), min(max(query.limit, 0), MOST_ROWS)
     matching_rows = [
         Row(bindings={name: str(term) for name, term in row.items()})
-        for row in islice(bindings(formula, map, ontology, budget=WorkBudget(most_work)), limit + 1)
+        for row in islice(bindings(formula, map, ontology, budget=WorkBudget(most_work)), skip, skip + limit + 1)
     ]
     rows = tuple(fit_page(matching_rows, limit))
     return Rows(rows=rows, version=version, more=len(rows) < len(matching_rows))

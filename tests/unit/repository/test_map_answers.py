@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from somrs.ontology.check import check
 from somrs.ontology.effects import apply_effect
 from somrs.ontology.map import Map
-from somrs.protocol.messages.knowledge import QueryMap
+from somrs.protocol.messages.knowledge import QueryMap, Rows
 from somrs.repository import map_answers
 from somrs.repository.map_answers import MapAnswers
 from tests.support.lab import lab
@@ -18,6 +18,7 @@ QUESTIONS = st.builds(
     QueryMap,
     formula=st.sampled_from(["?It: Jar isOn Table1", "?It: Jar isOn ?Place", "Jar1.Color = ?Color", "Robot1.Price = ?Price"]),
     limit=st.integers(0, 2),
+    skip=st.integers(0, 2),
     situation=st.sampled_from([None, "Jar1 isOn Table2", "Jar1.Color = Blue"]),
 )
 CHANGES = st.sampled_from(["Jar1 isOn Table1", "Jar1 isOn Table2", "Jar1.Color = Red", "Robot1.Price = 7"])
@@ -32,6 +33,18 @@ def test_answers_that_are_kept_are_those_of_a_new_search(inputs: list[QueryMap |
             map, version = apply_effect(check(entry, ontology, map), map, ontology), version + 1
         else:
             assert answers.answer(entry, map, ontology, version) == MapAnswers().answer(entry, map, ontology, version)
+
+
+def test_pages_are_the_parts_of_a_whole_answer() -> None:
+    ontology, map = lab()
+    formula = "?It: PhysicalObject = ?It"
+    whole = MapAnswers().answer(QueryMap(formula=formula), map, ontology, 3)
+    assert isinstance(whole, Rows)
+    assert len(whole.rows) > 3
+    queries = [QueryMap(formula=formula, limit=2, skip=skip) for skip in range(0, len(whole.rows), 2)]
+    pages = [page for query in queries if isinstance(page := MapAnswers().answer(query, map, ontology, 3), Rows)]
+    assert [row for page in pages for row in page.rows] == [*whole.rows]
+    assert [page.more for page in pages] == [True] * (len(queries) - 1) + [False]
 
 
 def test_the_robots_that_are_asked_for_a_quote_have_the_map_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from somrs.entish.formula import Formula, Name, Number, Text, Truth
 from somrs.entish.parse import parse
@@ -160,7 +162,29 @@ def test_what_holds_on_the_map() -> None:
     assert asyncio.run(reader.query(parse("?A.X = ?B"), limit=7)) == [{"A": "Jar1", "B": 2.0}, {"A": "Jar2", "B": True}]
     assert asyncio.run(reader.holds("?A.X = ?B")) is True
     assert asyncio.run(make_reader(Rows(rows=(), version=1), []).holds("?A.X = ?B")) is False
-    assert questions == [QueryMap(formula="?A.X = ?B", limit=limit) for limit in (100, 7, 1)]
+    assert questions == [QueryMap(formula="?A.X = ?B", limit=limit) for limit in (1000, 7, 1)]
+
+
+@given(count=st.integers(0, 30), page=st.integers(1, 7), limit=st.none() | st.integers(0, 40), changes=st.sets(st.integers(0, 60)))
+def test_solutions_of_several_pages_come_together(count: int, page: int, limit: int | None, changes: set[int]) -> None:
+    """The map changes before some of the requests: then its solutions have other names."""
+    version, requests = 0, 0
+
+    async def ask(body: Body) -> Body:
+        nonlocal version, requests
+        assert isinstance(body, QueryMap)
+        version, requests = version + (requests in changes), requests + 1
+        solutions = [Row(bindings={"A": f"Jar{number}v{version}"}) for number in range(count)][body.skip :]
+        chosen = solutions[: min(page, body.limit)]
+        return Rows(rows=tuple(chosen), version=version, more=len(chosen) < len(solutions))
+
+    rows = asyncio.run(MapReader(ask).rows("?A: Jar = ?A", limit))
+    names = [row.bindings["A"].partition("v")[0] for row in rows.rows]
+    assert names == [f"Jar{number}" for number in range(count)][:limit]
+    if not changes:
+        assert rows.more == (limit is not None and limit < count)
+    if len(changes) <= 8:
+        assert len({row.bindings["A"].partition("v")[2] for row in rows.rows}) <= 1, "they are of one version"
 
 
 @pytest.mark.parametrize(

@@ -113,11 +113,13 @@ class MapPage(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class QueryMap(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Find the objects for which the formula holds. `situation`: on the map as it would be if this formula held, too."""
+    """Find the objects for which the formula holds. `situation`: on the map as it would be if this formula held, too. `skip`: so many
+    solutions are left out, which earlier pages had."""
 
     formula: str
     limit: int = 100
     situation: str | None = None
+    skip: int = 0
 
 
 class Row(Struct, frozen=True, kw_only=True):
@@ -127,7 +129,7 @@ class Row(Struct, frozen=True, kw_only=True):
 
 
 class Rows(MessageBody, frozen=True, kw_only=True, tag=True):
-    """All solutions of the formula, up to the limit. A formula without variables has one or none."""
+    """All solutions of the formula, up to the limit. A formula without variables has one or none. `more`: there are further ones."""
 
     rows: tuple[Row, ...]
     version: int

@@ -30,6 +30,7 @@ ANY = Range(-1e15, 1e15)
 
 RANGES: Mapping[str, Range] = {
     "limit": Range(0, 1e6),
+    "skip": Range(0, 1e9),
     "after": INDEX,
     "at_version": INDEX,
     "before": INDEX,

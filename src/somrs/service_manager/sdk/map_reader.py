@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 
+from msgspec import structs
+
 from somrs.entish.formula import Formula
 from somrs.errors import RemoteError
 from somrs.ontology.objects import Object
@@ -14,6 +16,11 @@ from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import MapPage, OntologyPage, QueryMap, ReadMap, ReadOntology, Rejected, Rows, Updated, UpdateMap
 from somrs.protocol.messages.observations import Reception
 from somrs.service_manager.sdk.values import python_value
+
+PAGE = 1000
+"""How many solutions are asked for at a time."""
+ATTEMPTS = 8
+"""How often a query of several pages is begun anew because the map has changed meanwhile."""
 
 Ask = Callable[[Body], Awaitable[Body]]
 """Sends a request to the Repository and returns the answer."""
@@ -35,14 +42,30 @@ class MapReader:
             raise RemoteError(f"the Repository answered ReadMap with {type(page).__name__}")
         return page.objects[0] if page.objects and page.objects[0].name == name else None
 
-    async def query(self, formula: str | Formula, limit: int = 100) -> list[dict[str, Value]]:
+    async def query(self, formula: str | Formula, limit: int | None = None) -> list[dict[str, Value]]:
         """Return all solutions of the formula, up to `limit`: a value, or the name of an object, for each variable."""
         rows = await self.rows(formula, limit)
         return [{name: python_value(text) for name, text in row.bindings.items()} for row in rows.rows]
 
-    async def rows(self, formula: str | Formula, limit: int = 100) -> Rows:
-        """Return the solutions as Entish, with the version of the map in which they hold."""
-        rows = await self._answer(QueryMap(formula=str(formula), limit=limit, situation=self._situation))
+    async def rows(self, formula: str | Formula, limit: int | None = None) -> Rows:
+        """Return the solutions, up to `limit`, as Entish, with the version of the map in which they hold.
+
+        Many solutions come in several pages. If the map changes all the time meanwhile, the later ones are of later versions.
+        """
+        for is_last_attempt in [False] * ATTEMPTS + [True]:
+            rows = page = await self._page(formula, 0, limit)
+            while page.more and (limit is None or len(rows.rows) < limit):
+                page = await self._page(formula, len(rows.rows), limit)
+                if page.version != rows.version and not is_last_attempt:
+                    break
+                rows = structs.replace(rows, rows=(*rows.rows, *page.rows), more=page.more)
+            else:
+                return rows
+        raise AssertionError("the last attempt returns")
+
+    async def _page(self, formula: str | Formula, skip: int, limit: int | None) -> Rows:
+        left = PAGE if limit is None else limit - skip
+        rows = await self._answer(QueryMap(formula=str(formula), limit=left, situation=self._situation, skip=skip))
         if not isinstance(rows, Rows):
             raise RemoteError(f"the Repository answered QueryMap with {type(rows).__name__}")
         return rows

@@ -245,6 +245,16 @@ class ChargingRobot(SimulatedDevice):
 
     # The map
 
+    async def named_place(self, task: Task, name: str) -> Spot | None:
+        """An object as such a spot; None if the map does not say where it is."""
+        positions = await task.map.query(f"{name}.PositionX = ?X AND {name}.PositionY = ?Y", limit=1)
+        if not positions:
+            return None
+        x, y = (number_of(positions[0][variable]) for variable in ("X", "Y"))
+        radii = [number_of(row["Radius"]) for row in await task.map.query(f"{name}.Shape.Radius = ?Radius", limit=1)]
+        heights = [number_of(row["Z"]) for row in await task.map.query(f"{name}.PositionZ = ?Z", limit=1)]
+        return Spot(name, x, y, radii[0] if radii else 0.0, heights[0] if heights else None)
+
     async def named_places(self, task: Task, kind: str) -> list[Spot]:
         """The objects of a type with a position; their radius is 0 if the map states none."""
         position = "?It.PositionX = ?X AND ?It.PositionY = ?Y"

@@ -98,7 +98,7 @@ class MobileRobot(ChargingRobot):
     async def way_to_place(self, task: Task) -> tuple[float, Spot]:
         """The place that the task names, and the driving distance to it in metres. Raises Refusal when there is no path."""
         name = str(task.inputs["Place"])
-        spot = next((spot for spot in await self.named_places(task, "Place") if spot.name == name), None)
+        spot = await self.named_place(task, name)
         if spot is None:
             raise Refusal(f"the map does not say where {name} is")
         return await self._way_to(task, spot, name), spot
@@ -118,11 +118,11 @@ class MobileRobot(ChargingRobot):
     @move_to.compensation
     async def move_back(self, task: Task, situation: Formula) -> Situation:
         """Drive back to the place where the robot was."""
-        spots = {spot.name: spot for spot in await self.named_places(task, "Place")}
-        earlier_place = next((name for name in places_of(self.name, situation) if name in spots), None)
-        if earlier_place is None:
-            raise ServiceFailed(f"{situation} does not say at which place {self.name} was")
-        return await self._driven_to(task, spots[earlier_place])
+        for name in places_of(self.name, situation):
+            spot = await self.named_place(task, name)
+            if spot is not None:
+                return await self._driven_to(task, spot)
+        raise ServiceFailed(f"{situation} does not say at which place {self.name} was")
 
     async def _driving(self, task: Task, drive: Coroutine[object, object, CommandDone], begin: float, end: float, note: str) -> CommandDone:
         try:
@@ -274,12 +274,9 @@ class MobileRobot(ChargingRobot):
     async def left_places(self, task: Task, state: RobotState) -> list[str]:
         """That the robot is no longer at the place where it is according to the map, as parts of a formula; none if it is there."""
         rows = await task.map.query(f"{self.name} isAt ?Place")
-        places = {place.name: place for place in await self.named_places(task, "Place")} if rows else {}
-        return [
-            f"NOT {self.name} isAt {name}"
-            for name in (str(row["Place"]) for row in rows)
-            if name not in places or not places[name].is_near(state, ARRIVED)
-        ]
+        places = {name: await self.named_place(task, name) for name in (str(row["Place"]) for row in rows)}
+        left = (name for name, place in places.items() if place is None or not place.is_near(state, ARRIVED))
+        return [f"NOT {self.name} isAt {name}" for name in left]
 
 
 def describe_doors(object_states: Iterable[ObjectState]) -> list[str]:
