@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from somrs.devices.simulator.drivers.manipulator import Manipulator
 from somrs.devices.simulator.drivers.vehicle import Vehicle
 from somrs.service_manager.sdk.orders import Quoted, Refusal
 from tests.support.building import building
@@ -40,6 +41,17 @@ def test_a_large_cleaning_robot_drives_through_a_gap_and_charges() -> None:
             assert (state.x, state.y) == pytest.approx((8, 3.5), abs=0.1)
             map = await harness.perform("ChargeBattery")
             assert map.has_fact("isAt", ("Wiper", "Charger1"))
+
+    run(test())
+
+
+def test_a_robot_with_an_arm_refuses_a_place_that_only_its_arm_would_reach() -> None:
+    site = SITE + "  Nook: {type: Place, at: [9.85, 5.85]}\n  Robot1: {type: PioneerP3DX, at: [8, 4.5, 0], Price: 1 EUR, Charge: 99}\n"
+
+    async def test() -> None:
+        async with simulated(Manipulator, "Robot1", site) as harness:
+            with pytest.raises(Refusal, match="Robot1 can stand nowhere from where it could reach Nook: there is no room for it"):
+                await harness.quote("MoveTo", Place="Nook")
 
     run(test())
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from somrs.devices.simulator.link.lines import HANDLES
 from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
@@ -120,7 +121,7 @@ def further_robots(site: Path, count: int, seed: int) -> str:
     Raises UsageError for a building without places where they have room.
     """
     model = load([site])
-    if model.map is None or any(model.ontology.is_subtype(object.type, "Robot") for object in model.map.objects.values()):
+    if model.map is None or any(model.ontology.is_subtype(object.type, "MobileRobot") for object in model.map.objects.values()):
         return ""
     solids = [solid for object in model.map.objects.values() if (solid := solid_of(object, model.ontology)) is not None]
     places = [solid for solid in solids if model.ontology.is_subtype(solid.type, "Waypoint")]
@@ -162,4 +163,8 @@ def _edge_points(support: Solid) -> Iterator[Point]:
 
 
 def _is_reached(simulation: Simulation, carriers: list[str], stop: str | tuple[float, float, float]) -> bool:
-    return any(None not in find_legs(simulation, carrier, (stop,)).lengths for carrier in carriers)
+    """Whether one of the robots gets there, by doors that one of them can open."""
+    ways = [find_legs(simulation, carrier, (stop,)) for carrier in carriers]
+    shut_doors = {door for way in ways for door in way.shut}
+    opened = {door for door in shut_doors if any(None not in find_legs(simulation, name, (door + HANDLES,)).lengths for name in carriers)}
+    return any(None not in way.lengths and opened.issuperset(way.shut) for way in ways)

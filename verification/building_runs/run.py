@@ -69,6 +69,9 @@ async def play(site: Sequence[Path], chosen: Sequence[Delivery | Trip], folder: 
         result.problems += [f"{goal} could not be followed: {error}" for goal, error in errors.items() if error is not None]
         if breaker is not None and breaker.done() and not breaker.cancelled():
             result.broken = breaker.result()
+        if result.broken is None:  # robots get wherever they are sent
+            failed = [goal for goal, outcome in result.outcomes.items() if outcome != Outcome.ACCOMPLISHED]
+            result.problems += [f"{goal} was not accomplished, although nothing was broken" for goal in (*failed, *result.waiting)]
         result.simulated = (await link.clock()).time
         await _check(client, link, deliveries, result)
     return result

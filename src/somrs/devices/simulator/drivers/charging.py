@@ -14,7 +14,7 @@ from somrs.devices.simulator.battery import PER_METRE
 from somrs.devices.simulator.drivers.outage import Outage
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number, number_of
 from somrs.devices.simulator.link.commands import RobotState
-from somrs.devices.simulator.link.lines import HANDLES, Legs, PathStop
+from somrs.devices.simulator.link.lines import HANDLES, Legs, PathStop, StandAt
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.modes import why_closed
 from somrs.protocol.messages.knowledge import Rows, UpdateMap
@@ -51,9 +51,9 @@ class Spot:
         self.name, self.x, self.y, self.radius, self.z = name, x, y, radius, z
 
     @property
-    def point(self) -> tuple[float, ...]:
-        """Its middle, with its height if that is known."""
-        return (self.x, self.y) if self.z is None else (self.x, self.y, self.z)
+    def stand(self) -> StandAt:
+        """Its middle, where a robot stands."""
+        return StandAt(self.x, self.y, self.z)
 
     def is_near(self, place: Spot | RobotState, distance: float = 0.0) -> bool:
         """Whether something is at most that far from the place's circle, on the same floor."""
@@ -192,7 +192,7 @@ class ChargingRobot(SimulatedDevice):
             chargers = sorted(chargers, key=lambda charger: charger.distance(*point))
         for charger in chargers:
             try:
-                way = (await self.find_legs(task, *stops, charger.point)).lengths[-1]
+                way = (await self.find_legs(task, *stops, charger.stand)).lengths[-1]
             except (RemoteError, UsageError):
                 return None, 0.0
             if way is not None:
@@ -200,8 +200,11 @@ class ChargingRobot(SimulatedDevice):
         return None, 0.0
 
     async def _point_of(self, task: Task, stop: PathStop) -> tuple[float, float] | None:
-        if not isinstance(stop, str):
-            return stop[0], stop[1]
+        match stop:
+            case StandAt(x, y):
+                return x, y
+            case tuple():
+                return stop[0], stop[1]
         name = stop.removesuffix(HANDLES)
         rows = await task.map.query(f"{name}.PositionX = ?X AND {name}.PositionY = ?Y", limit=1)
         return (number_of(rows[0]["X"]), number_of(rows[0]["Y"])) if rows else None

@@ -237,7 +237,7 @@ class MobileRobot(ChargingRobot):
 
         `charging`: the charge may just do, because the robot charges there.
         """
-        place = stop.point if isinstance(stop, Spot) else stop
+        place = stop.stand if isinstance(stop, Spot) else stop
         try:
             return await (self.legs_to_charger(task, place) if charging else self.legs_through(task, place))
         except (RemoteError, UsageError) as error:

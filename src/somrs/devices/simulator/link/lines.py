@@ -21,8 +21,18 @@ HEARTBEAT = 1.0
 LONGEST = 64 * 1024
 """Longest line that a server reads, in bytes."""
 
-PathStop = str | Annotated[tuple[float, ...], Meta(min_length=2, max_length=3)]
-"""An object, the handles of one (`HANDLES` after its name), or a point: x, y and, if it matters on which floor it is, z."""
+
+class StandAt(Struct, frozen=True):
+    """A point at which the robot is to stand, and which is not only to be in its reach. `z`: the height of its floor; None: the robot's."""
+
+    x: float
+    y: float
+    z: float | None = None
+
+
+PathStop = str | Annotated[tuple[float, ...], Meta(min_length=2, max_length=3)] | StandAt
+"""An object, the handles of one (`HANDLES` after its name), a point to reach: x, y and, if it matters on which floor it is, z; or a point
+to stand at."""
 HANDLES = "/handles"
 """Where a robot opens and closes a door, or the doors of furniture."""
 Stops = tuple[PathStop, ...]

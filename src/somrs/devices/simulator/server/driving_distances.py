@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from somrs.devices.simulator.link.lines import HANDLES, Legs, PathStop, Stops
+from somrs.devices.simulator.link.lines import HANDLES, Legs, PathStop, StandAt, Stops
 from somrs.devices.simulator.motion.driving import MARGIN
 from somrs.devices.simulator.motion.leaves import moving_bases
 from somrs.devices.simulator.motion.placement import outline_spots, reaching_bases
@@ -247,6 +247,8 @@ class _LegPlanner:
 
     def _is_there(self, position: Point, stop: PathStop) -> bool:
         """Whether the robot is where it is to go: within reach of the point, or in the room."""
+        if isinstance(stop, StandAt):
+            return position == (stop.x, stop.y)
         if isinstance(stop, str):
             solid = self._simulation.scene.world.solids.get(stop)
             return solid is not None and solid.role is Role.FLOOR and solid.distance(*position) < 0
@@ -254,6 +256,8 @@ class _LegPlanner:
 
     def _goal(self, stop: PathStop, level: float) -> Goal | None:
         """Where on a floor the robot would reach the object or point."""
+        if isinstance(stop, StandAt):
+            return self._standing_at((stop.x, stop.y), level)
         if not isinstance(stop, str):
             return self._reaching([(stop[0], stop[1])], level + ELEVATION, level)
         if stop.endswith(HANDLES):
@@ -266,6 +270,16 @@ class _LegPlanner:
             x, y, z, _ = scene.pose(stop)
             return self._reaching([(round(x, 2), round(y, 2))], round(z, 2), level, scene.container(stop))
         return self._reaching(outline_spots(solid).tolist(), max(solid.top, level + AROUND), level)
+
+    def _standing_at(self, point: Point, level: float) -> Goal | None:
+        """The point itself, if the robot has room there."""
+
+        def find_stands(space: FreeSpace) -> Stands:
+            has_room = space.free(point, self._robot.size.radius + MARGIN)
+            points = np.array([point] if has_room else []).reshape(-1, 2)
+            return Stands(points, np.zeros(len(points)))
+
+        return self._ways.goal((point, self._robot.size), level, self._robot.kind, find_stands)
 
     def _moving(self, owner: str, level: float) -> Goal | None:
         """Where on a floor the robot would begin to move a door, or the first of the doors of furniture, all of which it can move."""
@@ -304,6 +318,7 @@ class _LegPlanner:
         position = self._robot.pose()[:2] if place == self._robot.name else place
         if isinstance(position, str):
             position = self._simulation.scene.pose(position)[:2]
+        assert isinstance(position, tuple), "a promise says where a robot will be, and not where it is to stand"
         return (position[0], position[1]), self._robot.level if level is None else level
 
     def _level_of(self, stop: PathStop, level: float) -> float | None:
@@ -311,7 +326,7 @@ class _LegPlanner:
 
         A point without a height is on the robot's `level`.
         """
-        if not isinstance(stop, str) and len(stop) < 3:
+        if (isinstance(stop, StandAt) and stop.z is None) or (isinstance(stop, tuple) and len(stop) < 3):
             return level
         return self._highest_below(stop, self._ways.levels)
 
@@ -327,5 +342,5 @@ class _LegPlanner:
             base = self._simulation.scene.pose(stop)[2] if _is_movable(solid) else solid.z
             height = solid.top if solid.role is Role.FLOOR else base
         else:
-            height = stop[2]
+            height = (stop.z or 0.0) if isinstance(stop, StandAt) else stop[2]
         return max((floor for floor in floors if -BELOW < height - floor < ABOVE), default=None)
