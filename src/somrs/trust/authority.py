@@ -4,6 +4,7 @@
 |---|---|
 | `authority.key`, `authority.pem` | the key and the certificate of the authority |
 | `register.json` | the certificates that it has issued, the invitations that are open, and what is revoked |
+| `holders.json` | the certificates that are not revoked, by which the name of a sender leads to its rights |
 | `revoked.txt` | the serial numbers of revoked certificates, which programs read again when it changes |
 | `revoked.pem` | the same as a list that the authority has signed (RFC 5280, 5), for programs of other makes |
 | `programs/NAME.key`, `.pem` | keys and certificates of the site's own programs |
@@ -30,7 +31,8 @@ from somrs.errors import UsageError
 from somrs.trust import certificates
 from somrs.trust.certificates import CERTIFICATE_DAYS, Issued
 from somrs.trust.credentials import FOLDER
-from somrs.trust.identity import Identity, Role
+from somrs.trust.holders import HOLDERS_FILE, Holder, write_holders
+from somrs.trust.identity import Identity, Role, certificate_uri
 
 INVITATION_SECONDS = 3600.0
 """For how long an invitation can be used."""
@@ -105,6 +107,7 @@ class Authority:
         write_private(self.folder / "authority.key", issued.key)
         write_private(self.certificate_file, issued.certificate)
         self._write_revoked(Register(site=site), now)
+        self._write_holders(Register(site=site))
         write_private(self.folder / "register.json", msgspec.json.format(msgspec.json.encode(Register(site=site))))
 
     def read(self) -> Register:
@@ -114,6 +117,11 @@ class Authority:
             return msgspec.json.decode((self.folder / "register.json").read_bytes(), type=Register)
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise UsageError(f"{self.folder / 'register.json'} cannot be read: {error}; restore it from a backup") from None
+
+    def list_holders(self) -> None:
+        """Write anew who holds a certificate, as an earlier version did not."""
+        with self._changing():
+            pass
 
     def issue(self, identity: Identity, request: bytes, hosts: tuple[str, ...], now: datetime) -> bytes:
         """Issue a certificate for an identity that the caller has proven. Returns it in PEM."""
@@ -217,7 +225,8 @@ class Authority:
         entry = {issued.serial: issued for issued in self.read().certificates}.get(certificates.serial(certificate))
         if entry is None or entry.revoked_at is not None or entry.identity != identity or entry.hosts != hosts:
             return False
-        return not certificates.is_renewal_due(certificate, now)
+        is_of_earlier_version = not certificates.is_named(certificate, certificate_uri(entry.serial))
+        return not is_of_earlier_version and not certificates.is_renewal_due(certificate, now)
 
     def _signer(self) -> Issued:
         return Issued(certificate=self.certificate_file.read_bytes(), key=(self.folder / "authority.key").read_bytes())
@@ -236,6 +245,22 @@ class Authority:
             register = self.read()
             yield register
             write_private(self.folder / "register.json", msgspec.json.format(msgspec.json.encode(register)))
+            self._write_holders(register)
+
+    def _write_holders(self, register: Register) -> None:
+        holders = (
+            Holder(
+                serial=entry.serial,
+                name=entry.name,
+                roles=entry.roles,
+                speaks_for=entry.speaks_for,
+                begins=entry.begins,
+                ends=entry.ends,
+            )
+            for entry in register.certificates
+            if entry.revoked_at is None
+        )
+        write_private(self.folder / HOLDERS_FILE, write_holders(holders))
 
     def _check_exists(self) -> None:
         if not self.exists:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from ipaddress import ip_address
@@ -13,10 +14,12 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from somrs.errors import UsageError
-from somrs.trust.identity import Identity, identity_of_uris
+from somrs.trust.identity import Identity, certificate_uri, identity_of_uris
 
 TOLERANCE = timedelta(minutes=5)
 """By how much clocks of hosts may differ: certificates begin that much earlier."""
+
+_HOST_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 
 AUTHORITY_DAYS = 3650
 CERTIFICATE_DAYS = 90
@@ -34,7 +37,7 @@ def make_authority(site: str, now: datetime) -> Issued:
     """Make the authority of a site: a key, and a certificate that it has signed itself."""
     key = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"SO-MRS site {site}"[:64])])
-    builder = _builder(subject, subject, key.public_key(), now, timedelta(days=AUTHORITY_DAYS))
+    builder = _builder(subject, subject, key.public_key(), now, timedelta(days=AUTHORITY_DAYS), x509.random_serial_number())
     builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
     builder = builder.add_extension(_usage(signs_certificates=True), critical=True)
     return Issued(certificate=_pem(builder.sign(key, hashes.SHA256())), key=key_pem(key))
@@ -68,8 +71,9 @@ def issue(
     issuer = x509.load_pem_x509_certificate(authority.certificate)
     key = _private_key(authority.key)
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, identity.name[:64])])
-    names = [x509.UniformResourceIdentifier(uri) for uri in identity.uris]
-    builder = _builder(subject, issuer.subject, public_key, now, lifetime)
+    number = x509.random_serial_number()
+    names = [x509.UniformResourceIdentifier(uri) for uri in (*identity.uris, certificate_uri(f"{number:x}"))]
+    builder = _builder(subject, issuer.subject, public_key, now, lifetime, number)
     builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
     builder = builder.add_extension(_usage(signs_certificates=False), critical=True)
     builder = builder.add_extension(
@@ -132,6 +136,15 @@ def revocation_list(authority: Issued, serials: frozenset[str], now: datetime, l
     return builder.sign(_private_key(authority.key), hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
 
 
+def is_named(certificate: x509.Certificate, uri: str) -> bool:
+    """Whether a certificate has this URI."""
+    try:
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        return False
+    return uri in names.get_values_for_type(x509.UniformResourceIdentifier)
+
+
 def serial(certificate: x509.Certificate) -> str:
     """The serial number, in hexadecimal digits."""
     return f"{certificate.serial_number:x}"
@@ -160,14 +173,14 @@ def _private_key(document: bytes) -> ec.EllipticCurvePrivateKey:
 
 
 def _builder(
-    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey, now: datetime, lifetime: timedelta
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey, now: datetime, lifetime: timedelta, number: int
 ) -> x509.CertificateBuilder:
     return (
         x509.CertificateBuilder()
         .subject_name(subject)
         .issuer_name(issuer)
         .public_key(key)
-        .serial_number(x509.random_serial_number())
+        .serial_number(number)
         .not_valid_before(now - TOLERANCE)
         .not_valid_after(now + lifetime)
         .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
@@ -192,6 +205,9 @@ def _host_name(host: str) -> x509.GeneralName:
     try:
         return x509.IPAddress(ip_address(host))
     except ValueError:
+        # The servers of a bus compare these names with URIs of certificates, too: none may look like one.
+        if len(host) > 253 or not _HOST_NAME.fullmatch(host):
+            raise UsageError(f"{host[:100]!r} is no name of a host and no IP address") from None
         return x509.DNSName(host)
 
 

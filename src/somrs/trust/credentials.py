@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from somrs.errors import UsageError
+from somrs.trust.holders import HOLDERS_FILE, Holder, holder_named, read_holders
 from somrs.trust.identity import Identity, identity_of_uris
 
 FOLDER = "trust"
@@ -48,19 +49,23 @@ def peer_of(certificate: Mapping[str, Any]) -> Peer:
 class Credentials:
     """The certificate of a program, `NAME.pem`, with its key beside it in `NAME.key`.
 
-    `authority.pem`, and `revoked.txt` if there is one, are in the same folder, or in the one above. Raises UsageError if a file is missing
-    or cannot be used.
+    `authority.pem`, and `revoked.txt` and `holders.json` if they are there, are in the same folder, or in the one above. Raises UsageError
+    if a file is missing or cannot be used. `generation`: how often the own certificate has been replaced.
     """
 
     def __init__(self, certificate: Path) -> None:
-        self.certificate, self._key = certificate, certificate.with_suffix(".key")
-        self._authority = _beside(certificate, "authority.pem")
+        self.certificate, self.key = certificate, certificate.with_suffix(".key")
+        self.authority = _beside(certificate, "authority.pem")
+        self.generation = 0
         self._revoked = _WatchedFile(_beside(certificate, "revoked.txt"))
         self._revoked_serials: frozenset[str] = frozenset()
-        self._own = _WatchedFile(certificate)
-        self._own.has_changed()
+        self._holders_file = _WatchedFile(_beside(certificate, HOLDERS_FILE))
+        self._holders: tuple[Holder, ...] = ()
+        self._own_file = _WatchedFile(certificate)
+        self._own_file.has_changed()
         self.server = self._context(ssl.PROTOCOL_TLS_SERVER)
         self.client = self._context(ssl.PROTOCOL_TLS_CLIENT)
+        self._name = ""
 
     @classmethod
     def of_environment(cls) -> Credentials | None:
@@ -71,25 +76,44 @@ class Credentials:
     @property
     def data(self) -> Path | None:
         """The data folder of the system; None on a computer to which only certificates were brought."""
-        folder = self._authority.parent
+        folder = self.authority.parent
         return folder.parent if folder.name == FOLDER else None
 
     def renew(self) -> None:
         """Use a certificate that has taken the place of the own one, on new connections."""
-        if not self._own.has_changed():
+        if not self._own_file.has_changed():
             return
         try:
             for context in (self.server, self.client):
-                context.load_cert_chain(self.certificate, self._key)
+                context.load_cert_chain(self.certificate, self.key)
+            self.generation += 1
         except (ssl.SSLError, OSError):
-            self._own.forget()  # only one of the two files has been replaced yet
+            self._own_file.forget()  # only one of the two files has been replaced yet
+
+    @property
+    def name(self) -> str:
+        """The name of who has these."""
+        if not self._name:
+            self._name = identity_of_uris(_uris(ssl.PEM_cert_to_DER_cert(self.certificate.read_text()))).name
+        return self._name
+
+    @property
+    def holders(self) -> tuple[Holder, ...]:
+        """Who holds a certificate of the site, as far as this computer knows. The same object while nothing has changed."""
+        if self._holders_file.has_changed():
+            self._holders = read_holders(self._holders_file.path)
+        return self._holders
+
+    def identity_named(self, name: str, now: float) -> Identity:
+        """The identity that has this name. Raises UsageError, which says what to do next, if it has no certificate that holds."""
+        return holder_named(self.holders, name, now).identity
 
     def own_problem(self, now: datetime) -> str:
         """Why others do not accept the own certificate, as far as it shows: who refuses one may hang up before it is read why."""
         from somrs.trust import certificates
 
         try:
-            authority = certificates.load(self._authority.read_bytes(), str(self._authority))
+            authority = certificates.load(self.authority.read_bytes(), str(self.authority))
             own_certificate = certificates.load(self.certificate.read_bytes(), str(self.certificate))
             certificates.check(own_certificate, authority, frozenset(), now)
         except (UsageError, OSError) as error:
@@ -111,11 +135,11 @@ class Credentials:
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         context.verify_mode = ssl.CERT_REQUIRED
         try:
-            context.load_verify_locations(self._authority)
-            context.load_cert_chain(self.certificate, self._key)
+            context.load_verify_locations(self.authority)
+            context.load_cert_chain(self.certificate, self.key)
         except (ssl.SSLError, OSError) as error:
             raise UsageError(
-                f"{self.certificate} cannot be used with {self._key} and {self._authority}: {error}; `somrs trust enrol` makes all three"
+                f"{self.certificate} cannot be used with {self.key} and {self.authority}: {error}; `somrs trust enrol` makes all three"
             ) from None
         return context
 
@@ -134,11 +158,28 @@ class _WatchedFile:
         except FileNotFoundError:
             return False
         stamp = (details.st_mtime_ns, details.st_ino)
-        is_other, self._stamp = stamp != self._stamp, stamp
-        return is_other
+        has_changed, self._stamp = stamp != self._stamp, stamp
+        return has_changed
 
     def forget(self) -> None:
         self._stamp = None
+
+
+def _uris(certificate: bytes) -> list[str]:
+    """The URIs of SO-MRS in the own certificate, in DER: each is a value with the tag 6 (RFC 5280, 4.2.1.6) and its length before it.
+
+    `ssl` shows certificates of others only, and a library that shows this one would cost each program some megabytes.
+    """
+    uris, place = [], 0
+    while (place := certificate.find(b"somrs:", place)) >= 0:
+        for length_bytes in (1, 2, 3):
+            head = certificate[place - length_bytes - 1 : place]
+            length = int.from_bytes(head[1 if length_bytes == 1 else 2 :], "big")
+            if head[:1] == b"\x86" and (length_bytes == 1 or head[1] == 0x80 + length_bytes - 1):
+                uris.append(certificate[place : place + length].decode("ascii"))
+                break
+        place += 1
+    return uris
 
 
 def _beside(certificate: Path, name: str) -> Path:

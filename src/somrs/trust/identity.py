@@ -1,7 +1,8 @@
 """Identities: what a certificate of the site says of who has it.
 
 A certificate has these as URIs in its SubjectAltName (RFC 5280, 4.2.1.6): `somrs:identity:NAME`, `somrs:role:ROLE` for each role, and
-`somrs:speaks-for:NAME` for each name in which its owner may speak besides its own.
+`somrs:speaks-for:NAME` for each name in which its owner may speak besides its own. `somrs:certificate:SERIAL` has its serial number, by
+which the servers of a bus know it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from urllib.parse import quote, unquote
 from somrs.errors import UsageError
 
 _IDENTITY, _ROLE, _SPEAKS_FOR = "somrs:identity:", "somrs:role:", "somrs:speaks-for:"
+_CERTIFICATE = "somrs:certificate:"
 
 
 class Role(StrEnum):
@@ -27,6 +29,10 @@ class Role(StrEnum):
     SCHEDULER = "scheduler"
     TRAFFIC = "traffic"
     """The traffic of a building; also that of its simulator."""
+    GATEWAY = "gateway"
+    """The gateway to a bus. It passes messages on for who has proven to it who they are."""
+    BUS = "bus"
+    """A server of the bus."""
     API = "api"
     """The server of the public API. It acts for people, whose rights it checks itself."""
     CLIENT = "client"
@@ -54,6 +60,16 @@ class Identity:
             *(f"{_ROLE}{role}" for role in sorted(self.roles)),
             *(f"{_SPEAKS_FOR}{quote(name, safe='')}" for name in sorted(self.speaks_for)),
         ]
+
+
+def certificate_uri(serial: str) -> str:
+    """The URI of the certificate with this serial number, in hexadecimal digits."""
+    return _CERTIFICATE + serial
+
+
+def role_uri(role: Role) -> str:
+    """The URI of those that have a role."""
+    return _ROLE + role
 
 
 def identity_of_uris(uris: Iterable[str]) -> Identity:

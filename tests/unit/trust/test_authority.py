@@ -12,6 +12,7 @@ from somrs.errors import UsageError
 from somrs.trust import certificates
 from somrs.trust.authority import Authority
 from somrs.trust.certificates import AUTHORITY_DAYS, CERTIFICATE_DAYS
+from somrs.trust.holders import HOLDERS_FILE, holder_named, read_holders
 from somrs.trust.identity import Identity, Role, identity_of_uris
 
 NOW = datetime(2026, 11, 28, 12, 0, tzinfo=UTC)
@@ -42,7 +43,9 @@ def test_a_certificate_says_who_one_is(authority: Authority) -> None:
 def test_only_its_user_can_read_what_the_authority_keeps(authority: Authority) -> None:
     authority.issue_program(Identity(name="registry", roles=frozenset({Role.REGISTRY})), ("127.0.0.1",), NOW)
     modes = {path.name: path.stat().st_mode & 0o777 for path in authority.folder.rglob("*") if path.is_file() and path.name != "lock"}
-    assert set(modes) == {"authority.key", "authority.pem", "revoked.pem", "revoked.txt", "register.json", "registry.key", "registry.pem"}
+    assert set(modes) == {
+        *("authority.key", "authority.pem", "holders.json", "revoked.pem", "revoked.txt", "register.json", "registry.key", "registry.pem")
+    }
     assert set(modes.values()) == {0o600}
     assert authority.folder.stat().st_mode & 0o777 == 0o700
 
@@ -163,3 +166,22 @@ def test_a_certificate_without_one_name_and_a_role_says_nothing(uris: list[str])
 def test_an_unknown_role_is_refused_with_those_that_there_are() -> None:
     with pytest.raises(UsageError, match="there is no role 'king'; the roles are device, task-manager, "):
         identity_of_uris(["somrs:identity:A", "somrs:role:king"])
+
+
+def test_who_holds_a_certificate_is_listed_until_it_is_revoked(authority: Authority) -> None:
+    enrolled(authority)
+    enrolled(authority, Identity(name="Robot8", roles=frozenset({Role.DEVICE})))
+    holders = read_holders(authority.folder / HOLDERS_FILE)
+    assert holder_named(holders, ROBOT.name, NOW.timestamp()).identity == ROBOT
+    authority.revoke(ROBOT.name, NOW)
+    [holder] = read_holders(authority.folder / HOLDERS_FILE)
+    assert holder.name == "Robot8"
+    with pytest.raises(UsageError, match="Robot8 has no certificate that holds: enrol it again"):
+        holder_named([holder], "Robot8", holder.ends)
+
+
+@pytest.mark.parametrize("host", ["somrs:certificate:1f", "a b", "", "-robot", "robot/ä", "x" * 254])
+def test_a_certificate_is_for_hosts_only(authority: Authority, host: str) -> None:
+    word = authority.invite(ROBOT, NOW)
+    with pytest.raises(UsageError, match="is no name of a host and no IP address"):
+        authority.enrol(word, certificates.make_request().certificate, (host,), NOW)

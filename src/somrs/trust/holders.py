@@ -1,0 +1,54 @@
+"""Who holds a certificate of the site: the public part of what its authority keeps, in the file `holders.json`.
+
+Where a connection proves only the name of a sender, as on a bus, its identity is looked up here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import msgspec
+
+from somrs.errors import UsageError
+from somrs.trust.identity import Identity, Role
+
+HOLDERS_FILE = "holders.json"
+
+
+class Holder(msgspec.Struct, frozen=True, kw_only=True):
+    """A certificate that is not revoked. `begins`, `ends`: seconds since 1970."""
+
+    serial: str
+    name: str
+    roles: tuple[Role, ...]
+    speaks_for: tuple[str, ...] = ()
+    begins: float
+    ends: float
+
+    @property
+    def identity(self) -> Identity:
+        return Identity(name=self.name, roles=frozenset(self.roles), speaks_for=frozenset(self.speaks_for))
+
+
+def read_holders(file: Path) -> tuple[Holder, ...]:
+    """The holders in a file; none if it is missing. Raises UsageError if it cannot be read."""
+    try:
+        return msgspec.json.decode(file.read_bytes(), type=tuple[Holder, ...])
+    except FileNotFoundError:
+        return ()
+    except (msgspec.DecodeError, OSError) as error:
+        raise UsageError(f"{file} cannot be read: {error}; any command `somrs trust invite`, `enrol` or `revoke` writes it anew") from None
+
+
+def write_holders(holders: Iterable[Holder]) -> bytes:
+    """The content of the file."""
+    return msgspec.json.format(msgspec.json.encode([*holders]))
+
+
+def holder_named(holders: Iterable[Holder], name: str, now: float) -> Holder:
+    """Who has this name. Of several certificates, the one that was issued last counts. Raises UsageError if none holds at this time."""
+    holding = [holder for holder in holders if holder.name == name and now < holder.ends]
+    if not holding:
+        raise UsageError(f"{name} has no certificate that holds: enrol it again, with a new invitation")
+    return max(holding, key=lambda holder: holder.begins)
