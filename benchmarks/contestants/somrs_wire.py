@@ -16,14 +16,16 @@ from contestants.contest import BIDDERS
 from contestants.programs import Programs, free_port, ready, wait_for_end
 from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, one_step, site
 from somrs.client.addresses import Addresses
-from somrs.deployment.bus import addresses_on, run_bus
+from somrs.deployment.bus import addresses_on
+from somrs.deployment.bus_server import run_bus
 from somrs.deployment.components import run_registry, run_repository
 from somrs.deployment.continuation import continuing
 from somrs.deployment.device import DeviceRunner, device_journal
 from somrs.deployment.programs import run_program, until_stopped
 from somrs.planner.model.problem import Problem
 from somrs.protocol.messages.envelope import Message
-from somrs.runtime.bus import Bus, BusAddress
+from somrs.runtime.bus import Bus
+from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import Report
 from somrs.runtime.wire import Wire

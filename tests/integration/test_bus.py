@@ -29,7 +29,8 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.runtime.bus import Bus, BusAddress
+from somrs.runtime.bus import Bus
+from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.bus_gateway import BusParts
 from somrs.runtime.host import Host
 from somrs.runtime.http import Server

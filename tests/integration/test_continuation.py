@@ -16,7 +16,7 @@ import pytest
 from somrs.deployment import continuation
 from somrs.deployment.continuation import continuing
 from somrs.errors import UsageError
-from somrs.runtime.bus import BusAddress
+from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import Report
 from somrs.runtime.wire import retry_unanswered

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from somrs.ports import listen_at
-from somrs.runtime.bus import BusAddress
+from somrs.runtime.bus_address import BusAddress
 from tests.support.hang import HANG_TIME
 
 

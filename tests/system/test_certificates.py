@@ -11,7 +11,7 @@ import pytest
 from somrs.api.service import open_api_service
 from somrs.cli.import_commands import import_sources
 from somrs.client.client import Client
-from somrs.deployment.system import System
+from somrs.deployment.system import OWN_BUS, System
 from somrs.errors import RemoteError
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
@@ -36,12 +36,13 @@ async def outcome_of(client: Client, effect: str) -> Outcome | None:
     return outcome
 
 
-def test_a_system_with_certificates_works_and_keeps_strangers_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("bus", [None, OWN_BUS])
+def test_a_system_with_certificates_works_and_keeps_strangers_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bus: str | None) -> None:
     async def run() -> None:
         data = tmp_path / "run"
         data.mkdir()
         files = import_sources([PARCELS / "domain.pddl", PARCELS / "problem.pddl"], data)
-        async with System(files, data, speed="20", launcher=warm.launcher(), certificates=True) as system:
+        async with System(files, data, speed="20", launcher=warm.launcher(), certificates=True, bus=bus) as system:
             addresses = system.addresses
             components = (addresses.repository, addresses.registry, addresses.task_manager, addresses.scheduler or "")
             assert all(address.startswith("https://") for address in components)

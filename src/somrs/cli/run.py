@@ -65,7 +65,7 @@ def bus(
     ] = [],  # noqa: B006  # as above
 ) -> None:
     """A server of the bus: NATS with JetStream. Several that know each other store everything together."""
-    from somrs.deployment.bus import run_bus
+    from somrs.deployment.bus_server import run_bus
     from somrs.deployment.programs import run_program
 
     guarded(lambda: run_program(run_bus(data, host, port, cluster_port, route)))
@@ -81,15 +81,19 @@ def gateway(
     port: PortOption = 8600,
     url: Annotated[
         str | None,
-        typer.Option(envvar="SOMRS_URL", help="The gateway's URL for participants, if it is not http://HOST:PORT.", show_default=False),
+        typer.Option(
+            envvar="SOMRS_URL", help="The gateway's URL for participants, if it is not that of HOST and PORT.", show_default=False
+        ),
     ] = None,
 ) -> None:
     """The gateway of a site on the bus: the address of all its components for SOAP participants that are not on the bus."""
     from somrs.deployment.bus import bus_address, run_gateway
     from somrs.deployment.programs import run_program
+    from somrs.trust.credentials import Credentials
 
     def run() -> None:
-        address = bus_address(bus, name, url or f"http://{host}:{port}")
+        scheme = "http" if Credentials.of_environment() is None else "https"
+        address = bus_address(bus, name, url or f"{scheme}://{host}:{port}")
         run_program(run_gateway(address, host, port))
 
     guarded(run)

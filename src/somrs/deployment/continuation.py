@@ -20,7 +20,7 @@ from somrs.deployment.programs import say_ready, stop_signals, until_stopped
 from somrs.errors import RemoteError, UsageError
 from somrs.kernel.component import Stateful
 from somrs.kernel.durability import JournaledComponent
-from somrs.runtime.bus import BusAddress
+from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import CarryOut, Node, refuse_work
 from somrs.storage.journal import Journal, Log

@@ -32,7 +32,7 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.knowledge import QueryMap, ReadMap, UpdateMap
 from somrs.protocol.messages.observations import Observation, observed_at
-from somrs.runtime.bus import BusAddress
+from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
 from somrs.runtime.wire import retry_unanswered

@@ -16,7 +16,7 @@ from somrs.deployment.device import DeviceRunner, device_journal, last_port, lis
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, run_program, until_stopped
 from somrs.deployment.shared_map import MAPS, SharedMap
 from somrs.errors import DeviceError, SomrsError
-from somrs.runtime.bus import BusAddress
+from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.host import Host
 
 log = logging.getLogger(__name__)

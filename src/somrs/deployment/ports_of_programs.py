@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 from somrs.client.addresses import Addresses, registry_path, task_manager_path
 from somrs.errors import UsageError
 from somrs.ports import Reservation
-from somrs.runtime.bus import BusAddress
+from somrs.runtime.bus_address import BusAddress
 
 
 class Part(IntEnum):

@@ -6,10 +6,13 @@ import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from somrs.trust.authority import Authority
-from somrs.trust.credentials import VARIABLE
+from somrs.trust.credentials import VARIABLE, Credentials
 from somrs.trust.identity import Identity, Role
+
+if TYPE_CHECKING:
+    from somrs.trust.authority import Authority
 
 CLIENT = "client"
 """The name of the certificate of those who use the system from its data folder, such as the command line."""
@@ -18,6 +21,8 @@ RENEWAL_PAUSE = 3600.0
 """Seconds between two looks whether certificates are due for renewal."""
 
 _ROLES = {
+    "bus": Role.BUS,
+    "gateway": Role.GATEWAY,
     "repository": Role.REPOSITORY,
     "registry": Role.REGISTRY,
     "task-manager": Role.TASK_MANAGER,
@@ -30,11 +35,18 @@ _ROLES = {
 """The roles of programs, by their command. All others only read."""
 
 
-class ProgramCertificates:
-    """Gives the programs of the system with this data folder, at this host, certificates of the site's authority."""
+def certificates_of_programs(data: Path, host: str, site: str) -> ProgramCertificates:
+    """The certificates of the programs of the system with this data folder, at this host."""
+    from somrs.trust.authority import Authority  # loads libraries that others do without
 
-    def __init__(self, data: Path, host: str) -> None:
-        self._authority, self._hosts = Authority.of_data(data), tuple(dict.fromkeys((host, "127.0.0.1", "localhost")))
+    return ProgramCertificates(Authority.of_data(data), host, site)
+
+
+class ProgramCertificates:
+    """Gives the programs of a system at this host certificates of an authority, which is made for this site if there is none."""
+
+    def __init__(self, authority: Authority, host: str, site: str) -> None:
+        self._authority, self._site, self._hosts = authority, site, tuple(dict.fromkeys((host, "127.0.0.1", "localhost")))
         self._identities: dict[str, Identity] = {}
         self._renewed_at = time.monotonic()
 
@@ -42,11 +54,14 @@ class ProgramCertificates:
     def folder(self) -> Path:
         return self._authority.folder
 
-    def prepare(self, site: str) -> None:
+    def prepare(self) -> None:
         """Make the authority, if there is none, and the certificate of clients."""
-        if not self._authority.exists:
-            self._authority.create(site, datetime.now(UTC))
         self._issue(Identity(name=CLIENT, roles=frozenset({Role.CLIENT})))
+        self._authority.list_holders()
+
+    def of_bus(self) -> Credentials:
+        """With what the system itself uses its bus: it has all rights there."""
+        return Credentials(self._issue(Identity(name="bus", roles=frozenset({Role.BUS}))))
 
     def environment(self, name: str, arguments: Sequence[str]) -> dict[str, str]:
         """What a program needs to prove who it is. A process of devices speaks for each of them: `NAME=DRIVER` of its arguments."""
@@ -62,5 +77,7 @@ class ProgramCertificates:
                 self._issue(identity)
 
     def _issue(self, identity: Identity) -> Path:
+        if not self._authority.exists:
+            self._authority.create(self._site, datetime.now(UTC))
         self._identities[identity.name] = identity
         return self._authority.issue_program(identity, self._hosts, datetime.now(UTC))[0]

@@ -25,6 +25,7 @@ from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.ports_of_programs import Part, Ports, ports_before, reserve_ports
 from somrs.deployment.private_files import discard, make_private
 from somrs.deployment.program import Program
+from somrs.deployment.program_certificates import certificates_of_programs
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, has_windows
 from somrs.deployment.task_managers import task_manager_count
 from somrs.deployment.watchdog import BEAT_VARIABLE
@@ -32,10 +33,10 @@ from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError, UsageError
 from somrs.limits import limits
 from somrs.ports import Reservation, until_listening
-from somrs.runtime.bus import BusAddress
+from somrs.runtime.bus_address import BusAddress
 from somrs.storage.locking import is_in_use
 from somrs.storage.log_files import empty_if_full
-from somrs.trust.credentials import FOLDER
+from somrs.trust.credentials import FOLDER, Credentials
 
 log = logging.getLogger(__name__)
 
@@ -140,11 +141,7 @@ class System:
         self.problems: list[str] = []
         """What was left out at the start, and why, for people."""
         self._reservation: Reservation | None = None
-        self._certificates = None
-        if certificates:
-            from somrs.deployment.program_certificates import ProgramCertificates  # loads libraries that others do without
-
-            self._certificates = ProgramCertificates(data, host)
+        self._certificates = certificates_of_programs(data, host, site_name(self.site)) if certificates else None
         self._launcher = launcher or Launcher()
 
     def _check_site(self) -> None:
@@ -168,7 +165,7 @@ class System:
     async def discard(self) -> None:
         """Delete what its data folder and its bus have kept of it. Raises UsageError if it runs."""
         if self._bus is not None and self._bus != OWN_BUS:
-            await discard_site(self._bus, self._name or site_name(self.site))
+            await discard_site(self._bus, self._name or site_name(self.site), self._bus_credentials())
         discard(self.data, keep=[*self.site, *access_files(self.data), self.data / FOLDER])
 
     def _prepare_access(self) -> None:
@@ -178,9 +175,11 @@ class System:
         if self._oidc is not None:
             check_oidc(self._oidc, secure=self.secure)
         if self._certificates is not None:
-            if self._bus is not None:
-                raise UsageError("components on a bus have no certificates yet: start the system with --bus or with --certificates")
-            self._certificates.prepare(site_name(self.site))
+            self._certificates.prepare()
+
+    def _bus_credentials(self) -> Credentials | None:
+        """With what this process uses the bus, if programs have certificates."""
+        return self._certificates.of_bus() if self._certificates is not None else None
 
     async def start(self) -> None:
         """Start all programs. Return when all devices offer their services."""
@@ -241,7 +240,7 @@ class System:
         # Not earlier: when a start fails because an address is taken, the next start tries the same address again.
         self.addresses.write(self.data, LAST_FILE)
         if bus is not None:
-            await list_site(self.addresses)
+            await list_site(self.addresses, self._bus_credentials())
 
     def _selected(self, selection: Selection) -> list[tuple[str, str]]:
         """The devices to start. Those that are left out are reported."""
@@ -276,14 +275,15 @@ class System:
             return None
         name = self._name or site_name(self.site)
         server_port, gateway_port = ports[Part.BUS], ports[Part.GATEWAY]
-        servers = f"nats://{self.host}:{server_port}" if self._bus == OWN_BUS else self._bus
-        bus = bus_address(servers, name, f"http://{self.host}:{gateway_port}")
+        bus_scheme, gateway_scheme = ("nats", "http") if self._certificates is None else ("tls", "https")
+        servers = f"{bus_scheme}://{self.host}:{server_port}" if self._bus == OWN_BUS else self._bus
+        bus = bus_address(servers, name, f"{gateway_scheme}://{self.host}:{gateway_port}")
         if self._bus == OWN_BUS:
             assert self._reservation is not None, "made before"
             self._reservation.release(server_port)
             await self._start(BUS, "--port", str(server_port))
         else:
-            await check_reachable(bus)  # here, so that who starts the system reads why it does not go on
+            await check_reachable(bus, self._bus_credentials())  # here, so that who starts the system reads why it does not go on
         await self._start(GATEWAY, "--bus", servers, "--name", name, "--port", str(gateway_port))
         return bus
 

@@ -7,6 +7,9 @@ from the path of its recipient's address, `http://robots.example:8600/devices/Ro
 
 Each process has an inbox as well, a subject of its own that its replies name. Later messages to any component of this process go to the
 inbox, together (`bus_processes.py`).
+
+With certificates, the subject of a message has its sender after the site, as `somrs-from.office.SENDER.devices.Robot001`, in which the NATS
+servers let only this sender publish (`bus_rights.py`).
 """
 
 from __future__ import annotations
@@ -16,10 +19,10 @@ import contextlib
 import logging
 import uuid
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import partial
 from itertools import takewhile
 from typing import TYPE_CHECKING
-from urllib.parse import quote, unquote, urlsplit
+from urllib.parse import urlsplit
 
 import msgspec
 
@@ -30,11 +33,17 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.protocol.soap.document import MOST_BYTES, SENDER
 from somrs.runtime import batches
+from somrs.runtime.bus_address import ROOT, BusAddress, token_of
 from somrs.runtime.bus_processes import BusProcesses
+from somrs.runtime.bus_requests import Requests, answer_subject
+from somrs.runtime.bus_rights import may_answer, proof_of_subject, rights_on
 from somrs.runtime.outbox import Dispersed
+from somrs.runtime.proofs import NO_SOURCE, Denials, Source
 from somrs.runtime.reception import Format, Handler, Reception
 from somrs.runtime.wire import NONE_ADDRESS, Unanswered, batch_documents, read_outcomes, write_document
-from somrs.storage.nats_connection import connect
+from somrs.storage.audit_log import AuditLog
+from somrs.storage.nats_connection import INBOXES, connect
+from somrs.trust.credentials import Credentials
 
 if TYPE_CHECKING:
     from nats.aio.client import Client
@@ -43,31 +52,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-ROOT = "somrs"
-"""The first token of all subjects."""
-
-BEGINNINGS = "somrs-beginnings"
-"""The first token of the subjects on which components say that they listen from now on; the second is the site."""
-
 _MESSAGES: Codec[Message] = Codec(Message)
-
-
-class BusAddress(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a site's bus is. `servers`: URLs of NATS servers, separated by commas. `gateway`: the URL below which all addresses of the site
-    are."""
-
-    servers: str
-    site: str
-    gateway: str
-
-    def __post_init__(self) -> None:
-        if not self.site or quote(self.site, safe="") != self.site or "." in self.site:
-            raise ValueError(f"a site on the bus is named with letters, digits, '-' and '_', and not {self.site!r}")
-
-    def subject(self, path: str) -> str:
-        """The subject of the component at a path."""
-        tokens = (quote(unquote(part), safe="").replace(".", "%2E") for part in path.strip("/").split("/"))
-        return ".".join((ROOT, self.site, *tokens))
 
 
 def encode(message: Message) -> bytes:
@@ -98,14 +83,20 @@ MSGPACK = Format(encode, decode, fault)
 class Bus:
     """The connection of a process to the bus: sends messages, and receives those for its `parts`, the handlers by path.
 
-    It has the interfaces of `http.Server` and of `wire.Wire`. Connections are renewed until the bus is closed.
+    It has the interfaces of `http.Server` and of `wire.Wire`. Connections are renewed until the bus is closed. `credentials`: with them,
+    it connects to servers with TLS only, and checks the rights of the sender of each message; by default, those of the environment.
     """
 
-    def __init__(self, address: BusAddress) -> None:
+    def __init__(self, address: BusAddress, credentials: Credentials | None = None) -> None:
         self.address = address
+        self._credentials = credentials = credentials if credentials is not None else Credentials.of_environment()
+        self._token = token_of(credentials.name) if credentials is not None else "-"
         self.parts: dict[str, Handler] = _Parts(self._listen, self._silence)
-        self._reception = Reception(MSGPACK, self.parts)
+        data = credentials.data if credentials is not None else None
+        audit_log = AuditLog(data) if data is not None else None
+        self._reception = Reception(MSGPACK, self.parts, Denials(audit_log, rights_on(address)))
         self._client: Client | None = None
+        self._requests: Requests | None = None
         self._processes = BusProcesses()
         self._inbox = ""
         self._subscriptions: dict[str, asyncio.Task[Subscription]] = {}
@@ -130,10 +121,13 @@ class Bus:
 
     async def start(self) -> None:
         """Connect, however long the bus cannot be reached. Raises UsageError as `nats_connection.connect`."""
-        self._client = await connect(self.address.servers, disconnected_cb=self._on_disconnect)
-        await self._client.subscribe(f"{BEGINNINGS}.{self.address.site}", cb=self._on_begin)
-        self._inbox = f"{ROOT}.{self.address.site}.processes.{uuid.uuid4().hex}"
-        self._together = await self._client.subscribe(self._inbox, cb=self._receive)
+        self._client = await connect(self.address.servers, self._credentials, disconnected_cb=self._on_disconnect)
+        if (credentials := self._credentials) is not None:
+            self._requests = Requests(self._client, self.address, self._token, partial(may_answer, credentials, self.address))
+            await self._requests.start()
+        await self._client.subscribe(self.address.beginning(">"), cb=self._on_begin)
+        self._inbox = f"{ROOT}.{self.address.site}.processes.{self._token}.{uuid.uuid4().hex}"
+        self._inbox_subscription = await self._client.subscribe(self._heard(self._inbox), cb=self._receive)
 
     async def listening(self) -> None:
         """Return when the servers know of all components that have been added. Raises Unanswered when they cannot be reached."""
@@ -155,7 +149,7 @@ class Bus:
         from nats import errors
 
         if self._client is not None and self._client.is_connected:
-            await asyncio.gather(_drain(self._together), *map(_end, self._subscriptions.values()))
+            await asyncio.gather(_drain(self._inbox_subscription), *map(_end, self._subscriptions.values()))
             with contextlib.suppress(errors.Error, OSError):  # the connection is lost just now
                 await self._flush()
         self._reception.stop()
@@ -171,24 +165,25 @@ class Bus:
 
     def covers(self, address: str) -> bool:
         """Whether the address is one of this site."""
-        return address.startswith(f"{self.address.gateway}/")
+        return self.address.covers(address)
 
     def destination(self, address: str) -> str | None:
         """The inbox of the process with this component, if one of its replies has named it."""
-        return self._processes.inbox_of(self._subject(address))
+        return self._processes.inbox_of(self.address.subject_of(address))
 
-    def _subject(self, address: str) -> str:
-        return _subject(self.address, address)
+    def _heard(self, subject: str) -> str:
+        """The subject to which a component subscribes to get messages of all senders."""
+        return self.address.with_sender(subject, "*") if self._credentials is not None else subject
 
     async def post(self, message: Message, timeout: float = 30.0) -> Message | None:
         """Send the message, as `Wire.post`."""
         if message.header.recipient == NONE_ADDRESS:
             return None
-        return await self.post_to(self._subject(message.header.recipient), message, timeout)
+        return await self.post_to(self.address.subject_of(message.header.recipient), message, timeout)
 
-    async def post_to(self, subject: str, message: Message, timeout: float) -> Message | None:
-        """Send the message to who listens to the subject."""
-        [outcome] = await self._post(subject, [message], [write_document(message, encode)], timeout)
+    async def post_to(self, subject: str, message: Message, timeout: float, sender: str | None = None) -> Message | None:
+        """Send the message to who listens to the subject. `sender`: who has proven to a gateway to have sent it."""
+        [outcome] = await self._post(subject, [message], [write_document(message, encode)], timeout, sender)
         if isinstance(outcome, RemoteError):
             raise outcome
         return outcome
@@ -200,7 +195,7 @@ class Bus:
             lambda message: message is first or ANONYMOUS not in (message.header.reply_to, first.header.reply_to), messages
         )
         documents = batch_documents([*together], encode)
-        outcomes = await self._post(self._subject(first.header.recipient), messages[: len(documents)], documents, timeout)
+        outcomes = await self._post(self.address.subject_of(first.header.recipient), messages[: len(documents)], documents, timeout)
         if isinstance(outcomes[0], RemoteError):
             raise outcomes[0]
         accepted: list[Message | None] = []
@@ -223,7 +218,7 @@ class Bus:
         outcomes = _read_reply(reply, sent_messages)
         for message, outcome in zip(sent_messages, outcomes, strict=True):
             if isinstance(outcome, RemoteError):
-                self._processes.forget_component(self._subject(message.header.recipient))
+                self._processes.forget_component(self.address.subject_of(message.header.recipient))
         return outcomes
 
     async def _ask_process(self, inbox: str, payload: bytes, timeout: float) -> Msg:
@@ -241,7 +236,7 @@ class Bus:
         raise Dispersed(f"a process on the bus did not answer: {failure}")
 
     async def _post(
-        self, subject: str, messages: Sequence[Message], documents: list[bytes], timeout: float
+        self, subject: str, messages: Sequence[Message], documents: list[bytes], timeout: float, sender: str | None = None
     ) -> list[Message | RemoteError | None]:
         """Send messages for one component to its subject."""
         from nats import errors
@@ -249,7 +244,7 @@ class Bus:
         recipient = messages[0].header.recipient
         deadline = asyncio.get_running_loop().time() + timeout
         try:
-            while (reply := await self._request(subject, batches.batch(documents), deadline)) is None:
+            while (reply := await self._request(subject, batches.batch(documents), deadline, sender)) is None:
                 pass  # the recipient has begun anew
         except errors.NoRespondersError:
             raise Unanswered(f"{recipient} cannot be reached: nobody on the bus listens to {subject}") from None
@@ -262,7 +257,7 @@ class Bus:
             self._processes.learn(subject, reply.reply)
         return outcomes
 
-    async def _request(self, subject: str, payload: bytes, deadline: float) -> Msg | None:
+    async def _request(self, subject: str, payload: bytes, deadline: float, sender: str | None = None) -> Msg | None:
         """Send a request, and return the reply; None when nothing will answer it, because the recipient has begun anew meanwhile.
 
         Raises Unanswered when the connection is lost, and nats.errors.Error.
@@ -271,8 +266,13 @@ class Bus:
         assert task is not None, "messages are sent in tasks"
         cancellations, reply = task.cancelling(), None
         self._waiting[task] = subject
+        timeout = max(deadline - asyncio.get_running_loop().time(), 0.0)
         try:
-            reply = await self.client.request(subject, payload, timeout=max(deadline - asyncio.get_running_loop().time(), 0.0))
+            if self._requests is None:
+                reply = await self.client.request(subject, payload, timeout=timeout)
+            else:
+                target = self.address.with_sender(subject, token_of(sender) if sender is not None else self._token)
+                reply = await self._requests.request(subject, target, payload, timeout)
         except asyncio.CancelledError:
             if task in self._waiting:
                 raise
@@ -297,7 +297,7 @@ class Bus:
         self._give_up()
 
     async def _on_begin(self, notice: Msg) -> None:
-        subject = notice.data.decode(errors="replace")
+        subject = self.address.begun(notice.subject)
         self._give_up(subject)
         if (inbox := self._processes.begin(subject)) is not None:
             self._give_up(inbox)
@@ -308,9 +308,9 @@ class Bus:
         self._subscriptions[path] = asyncio.create_task(self._subscribe(self.address.subject(path)))
 
     async def _subscribe(self, subject: str) -> Subscription:
-        subscription = await self.client.subscribe(subject, cb=self._receive)
+        subscription = await self.client.subscribe(self._heard(subject), cb=self._receive)
         # Who waits for an answer of an earlier process would wait in vain.
-        await self.client.publish(f"{BEGINNINGS}.{self.address.site}", subject.encode())
+        await self.client.publish(self.address.beginning(subject))
         return subscription
 
     def _silence(self, path: str) -> None:
@@ -329,14 +329,22 @@ class Bus:
     async def _handle(self, request: Msg) -> None:
         from nats import errors
 
+        if not request.reply.startswith(INBOXES):
+            log.debug("a request on %s is dropped: its reply subject, %s, is nobody's inbox", request.subject, request.reply)
+            return
         try:
-            outcomes = await self._reception.outcomes(batches.documents_of(request.data))
+            outcomes = await self._reception.outcomes(batches.documents_of(request.data), self._source(request.subject))
         except ValueError as error:
             outcomes = [(404, f"this is not a batch of messages: {error}\n".encode())]
+        answered_at = request.reply if self._credentials is None else answer_subject(self.address, self._token, request.reply)
         try:
-            await self.client.publish(request.reply, batches.answer(outcomes), reply=self._inbox)
+            await self.client.publish(answered_at, batches.answer(outcomes), reply=self._inbox)
         except (errors.Error, OSError) as error:  # the sender sends its messages again
             log.debug("an answer on %s is lost: %s", request.subject, error)
+
+    def _source(self, subject: str) -> Source:
+        """Where a request with this subject comes from."""
+        return NO_SOURCE if self._credentials is None else Source(proof=proof_of_subject(self._credentials, subject))
 
 
 class _Parts(dict[str, Handler]):
@@ -354,11 +362,6 @@ class _Parts(dict[str, Handler]):
     def __delitem__(self, path: str) -> None:
         super().__delitem__(path)
         self._silence(path)
-
-
-@lru_cache(maxsize=10_000)
-def _subject(bus: BusAddress, address: str) -> str:
-    return bus.subject(urlsplit(address).path)
 
 
 def _read_reply(reply: Msg, messages: Sequence[Message]) -> list[Message | RemoteError | None]:

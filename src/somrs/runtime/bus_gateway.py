@@ -7,12 +7,16 @@ from functools import partial
 
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.bus import Bus
+from somrs.runtime.proofs import current_source
 from somrs.runtime.reception import Handler, NotTaken
 from somrs.runtime.wire import Unanswered
 
 
 class BusParts(Mapping[str, Handler]):
-    """The components of a site on the bus, as the `parts` of a gateway: each path has a handler, which passes messages on."""
+    """The components of a site on the bus, as the `parts` of a gateway: each path has a handler, which passes messages on.
+
+    They go on in the name that their sender has proven to the gateway, if it has to prove one.
+    """
 
     def __init__(self, bus: Bus, answer_time: float) -> None:
         self._bus, self._answer_time = bus, answer_time
@@ -29,7 +33,8 @@ class BusParts(Mapping[str, Handler]):
         return 1
 
     async def _pass_on(self, subject: str, message: Message) -> Message | None:
+        proof = current_source.get().proof
         try:
-            return await self._bus.post_to(subject, message, self._answer_time)
+            return await self._bus.post_to(subject, message, self._answer_time, proof().name if proof is not None else None)
         except Unanswered as error:
             raise NotTaken(str(error)) from None

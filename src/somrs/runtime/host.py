@@ -14,7 +14,8 @@ from somrs.errors import RemoteError
 from somrs.kernel.component import Component, Received, Stateful
 from somrs.kernel.durability import JournaledComponent
 from somrs.protocol.messages.envelope import Message
-from somrs.runtime.bus import Bus, BusAddress
+from somrs.runtime.bus import Bus
+from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import Server
 from somrs.runtime.node import CarryOut, Node, Watch, refuse_work
@@ -46,7 +47,7 @@ class Host:
     ) -> None:
         credentials = credentials if credentials is not None else Credentials.of_environment()
         self.clock = clock if clock is not None else Clock()
-        self._wire, self._bus = Wire(credentials), Bus(bus) if bus is not None else None
+        self._wire, self._bus = Wire(credentials), Bus(bus, credentials) if bus is not None else None
         self._nodes: dict[str, Node] = {}
         self._parts: dict[str, Handler] = self._bus.parts if self._bus is not None else {}
         self._server = self._bus or Server(host, port, self._parts, credentials=credentials)

@@ -24,7 +24,7 @@ from somrs.protocol.soap.wsdl import description, schema
 from somrs.runtime import batches
 from somrs.runtime.batches import Outcome
 from somrs.runtime.bounded_http import PEER_CERTIFICATE, BoundedConfig, QuietServer
-from somrs.runtime.proofs import Source, proof_of
+from somrs.runtime.proofs import Denials, Source, proof_of
 from somrs.runtime.reception import Format, Handler, Reception, unavailable
 from somrs.storage.audit_log import AuditLog
 from somrs.trust.credentials import Credentials
@@ -62,7 +62,7 @@ class Server:
         self._serving: asyncio.Task[None] | None = None
         self._server: QuietServer | None = None
         data = credentials.data if credentials is not None else None
-        self._reception = Reception(SOAP, self.parts, AuditLog(data) if data is not None else None)
+        self._reception = Reception(SOAP, self.parts, Denials(AuditLog(data) if data is not None else None))
 
     @property
     def url(self) -> str:

@@ -6,6 +6,7 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextvars import ContextVar
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -33,6 +34,13 @@ class Source(NamedTuple):
     proof: Proof | None = None
 
 
+NO_SOURCE = Source()
+"""That of a binding whose members are known."""
+
+current_source: ContextVar[Source] = ContextVar("current_source", default=NO_SOURCE)
+"""Where the message comes from that is handled now."""
+
+
 def proof_of(credentials: Credentials, certificate: Mapping[str, Any] | None) -> Proof:
     """The proof of who has the certificate of a connection."""
 
@@ -48,10 +56,10 @@ def proof_of(credentials: Credentials, certificate: Mapping[str, Any] | None) ->
 
 class Denials:
     """Refuses what senders have no right to send. The first time that a sender sends such a type of message is recorded in the `audit_log`,
-    and then each tenth, hundredth and so on."""
+    and then each tenth, hundredth and so on. `check_message`: raises WireError for a message that its sender may not send."""
 
-    def __init__(self, audit_log: AuditLog | None = None) -> None:
-        self._audit_log = audit_log
+    def __init__(self, audit_log: AuditLog | None = None, check_message: Callable[[Message, Identity], None] = check_right) -> None:
+        self._audit_log, self._check_message = audit_log, check_message
         self.counts: Counter[tuple[Actor, str]] = Counter()
 
     def check(self, message: Message, proof: Proof, address: str = "") -> None:
@@ -60,7 +68,7 @@ class Denials:
         try:
             identity = proof()
             name = identity.name
-            check_right(message, identity)
+            self._check_message(message, identity)
         except UsageError as error:
             self._note(Actor(name=name, address=address), message, str(error))
             raise WireError(DENIED, str(error)) from None

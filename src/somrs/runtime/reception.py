@@ -19,9 +19,8 @@ from somrs.protocol.messages.ranges import check_ranges
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import SENDER
 from somrs.runtime.batches import Outcome
-from somrs.runtime.proofs import Denials, Source
+from somrs.runtime.proofs import NO_SOURCE, Denials, Source, current_source
 from somrs.runtime.reply_hosts import ReplyHosts
-from somrs.storage.audit_log import AuditLog
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +29,6 @@ T = TypeVar("T")
 Handler = Callable[[Message], Awaitable[Message | None]]
 """Handles a message; returns the answer, when it goes back on the same connection."""
 
-_KNOWN = Source()
 _STOPPING = "this component is stopping"
 
 
@@ -51,14 +49,15 @@ class Format(NamedTuple):
 
 
 class Reception:
-    """Receives documents in one format for `parts`, the handlers by path. `audit_log`: where it is recorded what senders have no right to.
+    """Receives documents in one format for `parts`, the handlers by path. `denials`: refuses what senders have no right to.
 
     The outcome of a message is 202 when the component accepted it and any answer goes elsewhere, 200 with the answer when the sender waits
     for it, a Fault with the status of SOAP 1.2 part 2, 7.5.2.2, 404 or 503 with a text when no component has accepted it.
     """
 
-    def __init__(self, format: Format, parts: Mapping[str, Handler], audit_log: AuditLog | None = None) -> None:
-        self._format, self._parts, self._reply_hosts, self._denials = format, parts, ReplyHosts(), Denials(audit_log)
+    def __init__(self, format: Format, parts: Mapping[str, Handler], denials: Denials | None = None) -> None:
+        self._format, self._parts, self._reply_hosts = format, parts, ReplyHosts()
+        self._denials = denials if denials is not None else Denials()
         self._open: set[asyncio.Task[object]] = set()
         self.is_stopping = False
 
@@ -78,17 +77,20 @@ class Reception:
         if self.is_stopping:
             raise NotTaken(_STOPPING)
 
-    async def outcomes(self, documents: Iterable[bytes], source: Source = _KNOWN) -> list[Outcome]:
+    async def outcomes(self, documents: Iterable[bytes], source: Source = NO_SOURCE) -> list[Outcome]:
         """Handle messages in order, each at the component to which it is addressed. `source`: see `outcome`."""
         messages = [await self._read(document, source) for document in documents]
+        current_source.set(source)
         return await asyncio.gather(*map(self._handle, messages))
 
-    async def outcome(self, document: bytes, handler: Handler | None = None, source: Source = _KNOWN) -> Outcome:
+    async def outcome(self, document: bytes, handler: Handler | None = None, source: Source = NO_SOURCE) -> Outcome:
         """Return the outcome of a message at the handler; without a handler, at the component to which it is addressed.
 
         `source`: where it comes from; by default, from a binding whose members are known.
         """
-        return await self._handle(await self._read(document, source), handler)
+        message = await self._read(document, source)
+        current_source.set(source)
+        return await self._handle(message, handler)
 
     async def _read(self, document: bytes, source: Source) -> Message | Outcome:
         """The message in a document; or the outcome, if it is not one that is handled."""

@@ -37,7 +37,7 @@ class ReplyHosts:
 
     async def check(self, message: Message, peer: str) -> None:
         """Check the addresses in a message from the computer with this IP address. Raises UsageError."""
-        for name, address in _addresses(message):
+        for name, address in addresses_in(message):
             host = _host(address)
             if host is None or host in self._allowed_hosts or (host, peer) in self._checked:
                 continue
@@ -51,7 +51,7 @@ class ReplyHosts:
             self._checked[host, peer] = None
 
 
-def _addresses(message: Message) -> Iterator[tuple[str, str]]:
+def addresses_in(message: Message) -> Iterator[tuple[str, str]]:
     """The addresses to which the message may have somebody send, each with the name of the field."""
     yield "From", message.header.sender
     yield "ReplyTo", message.header.reply_to

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import ssl
 from collections.abc import Callable, Coroutine, Set
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from somrs.errors import UsageError
+from somrs.trust.credentials import Credentials, advice
 
 if TYPE_CHECKING:
     from nats.aio.client import Client
@@ -37,10 +39,25 @@ _TOO_MANY_COPIES = frozenset({10074, 10005})
 """The errors that there are fewer servers than copies."""
 
 
-async def connect(servers: str, **options: Any) -> Client:
+INBOXES = "_INBOX."
+"""How subjects for answers begin. An answer goes nowhere else: it would be sent with the rights of who answers."""
+
+RENEWAL_LOOK = 2.0
+"""Seconds between two looks whether the own certificate has been renewed."""
+
+logging.getLogger("asyncio").addFilter(lambda record: "returning true from eof_received()" not in str(record.msg))
+# The NATS library gives TLS a protocol of asyncio that is made for plain connections; the warning at each end of one says nothing else.
+
+_renewing: set[asyncio.Task[None]] = set()
+"""The tasks that renew connections."""
+
+
+async def connect(servers: str, credentials: Credentials | None = None, **options: Any) -> Client:
     """Connect to one of the servers, whose URLs are separated by commas, and renew the connection until it is closed.
 
-    Servers that cannot be reached are tried again, however long; the log says so once. `options`: those of `nats.connect`.
+    Servers that cannot be reached are tried again, however long; the log says so once. `credentials`: with them, the connection begins with
+    TLS, so that nobody in between can have it do without, and is made anew when the own certificate has been renewed. `options`: those of
+    `nats.connect`.
 
     Raises UsageError for a wrong URL, or when the library is not installed.
     """
@@ -56,9 +73,14 @@ async def connect(servers: str, **options: Any) -> Client:
         nonlocal failures
         failures += 1
         if client is None and failures == len(urls):  # one of several servers may be away
-            log.warning("the bus at %s cannot be reached: %s; it is tried again", servers, error)
+            log.warning("the bus at %s cannot be reached: %s; it is tried again", servers, _problem(error))
+        elif "permissions violation" in str(error).lower():
+            log.warning("the bus at %s has denied this program something: %s", servers, error)
         log.debug("the bus: %s", error)
 
+    if credentials is not None:
+        inbox = f"{INBOXES}{quote(credentials.name, safe='').replace('.', '%2E')}"
+        options |= {"tls": credentials.client, "tls_handshake_first": True, "inbox_prefix": inbox}
     try:
         for url in urls:
             if "://" in url and urlsplit(url).scheme not in SCHEMES:
@@ -68,7 +90,32 @@ async def connect(servers: str, **options: Any) -> Client:
         )
     except (nats.errors.Error, ValueError) as error:  # nothing else ends the attempts
         raise UsageError(f"{servers}: this is not the URL of a NATS server: {error}") from None
+    if credentials is not None:
+        task = asyncio.create_task(_renew(client, credentials, credentials.generation))
+        _renewing.add(task)
+        task.add_done_callback(_renewing.discard)
     return client
+
+
+async def _renew(client: Client, credentials: Credentials, generation: int) -> None:
+    """Connect anew whenever the own certificate has been renewed: the servers end connections whose certificate has expired."""
+    while not client.is_closed:
+        credentials.renew()
+        if credentials.generation != generation and client.is_connected:
+            generation = credentials.generation
+            await client.force_reconnect()
+        await asyncio.sleep(RENEWAL_LOOK)
+
+
+def _problem(error: Exception) -> str:
+    """Why there is no connection, for people."""
+    if isinstance(error, ssl.SSLError):
+        if "WRONG_VERSION_NUMBER" in str(error):
+            return "it has no TLS, and this program has a certificate: start its servers with certificates, too"
+        return advice(error)
+    if "authorization violation" in str(error).lower():
+        return "its servers do not know the certificate of this program: it is revoked or has expired, or they do not know it yet"
+    return str(error)
 
 
 async def patiently(ask: Callable[[], Coroutine[Any, Any, T]], refusals: Set[int] = frozenset()) -> T:

