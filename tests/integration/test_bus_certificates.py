@@ -357,7 +357,7 @@ def test_only_servers_of_the_bus_join_it_as_servers(tmp_path: Path) -> None:
             running(folders[0], bus.address.servers, server, ports[0], routes),
             running(folders[1], f"tls://127.0.0.1:{free_port()}", second, ports[1], routes),
         ):
-            await noted(folders[0], "JetStream cluster new metadata leader")
+            await noted(folders[0], "metadata leader")
             async with running(folders[2], f"tls://127.0.0.1:{free_port()}", robot, ports[2], [*routes, f"127.0.0.1:{ports[2]}"]):
                 await noted(folders[2], "Authorization Violation")
 
