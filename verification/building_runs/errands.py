@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from somrs.devices.simulator.link.lines import HANDLES
+from somrs.devices.simulator.link.lines import HANDLES, PathStop, StandAt
 from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
@@ -110,8 +110,9 @@ def _trips(map: Map, simulation: Simulation, count: int, chance: random.Random) 
     for robot, place in pairs:
         if len(chosen) == count:
             break
-        if _is_reached(simulation, [robot.name], place):
-            chosen.append(Trip(robot.name, place, abs(robot.solid.z - solids[place].z) > SAME_STOREY))
+        solid = solids[place]
+        if _is_reached(simulation, [robot.name], StandAt(solid.x, solid.y, solid.z)):
+            chosen.append(Trip(robot.name, place, abs(robot.solid.z - solid.z) > SAME_STOREY))
     return chosen
 
 
@@ -162,7 +163,7 @@ def _edge_points(support: Solid) -> Iterator[Point]:
         yield support.world(x * max(width - INSET, 0.0), y * max(depth - INSET, 0.0))
 
 
-def _is_reached(simulation: Simulation, carriers: list[str], stop: str | tuple[float, float, float]) -> bool:
+def _is_reached(simulation: Simulation, carriers: list[str], stop: PathStop) -> bool:
     """Whether one of the robots gets there, by doors that one of them can open."""
     ways = [find_legs(simulation, carrier, (stop,)) for carrier in carriers]
     shut_doors = {door for way in ways for door in way.shut}
