@@ -22,6 +22,9 @@ LINK_TIME = 86400.0
 MAX_NAME = 80
 """Characters of a name."""
 
+MAX_PASSKEYS = 20
+"""Passkeys of one account."""
+
 MAX_SESSIONS = 50
 """Sessions of one account. A new one takes the place of the oldest."""
 
@@ -75,6 +78,24 @@ class Token(Struct, frozen=True, kw_only=True):
     author: str = ""
 
 
+class Passkey(Struct, frozen=True, kw_only=True):
+    """A key of which a person's device has the other half (Web Authentication).
+
+    `id`: of the credential, which the device gives, in base64url; `name`: by which the person distinguishes several. `host`: the name in
+    the address at which it can be used. `public_key`: as the device states it (COSE). `sign_count`: how often it has been used, if the
+    device counts. `used_at`: the last time; None: never.
+    """
+
+    id: str
+    name: str
+    account: str
+    host: str
+    public_key: bytes
+    sign_count: int
+    created_at: float
+    used_at: float | None = None
+
+
 class Link(Struct, frozen=True, kw_only=True):
     """A sign-in link. `account`: who is signed in by it; None: who uses it states a name, and becomes an administrator."""
 
@@ -94,6 +115,7 @@ class AccessState(Struct, frozen=True, kw_only=True):
     sessions: dict[str, Session] = {}
     tokens: dict[str, Token] = {}
     links: dict[str, Link] = {}
+    passkeys: dict[str, Passkey] = {}
 
     @property
     def cookie(self) -> str:
@@ -165,10 +187,38 @@ class AccessState(Struct, frozen=True, kw_only=True):
         return replace(self.signed_out(name, kept_session), accounts=self.accounts | {name: account})
 
     def without_account(self, name: str) -> AccessState:
-        """The state without a person, and without the person's sessions and links. Raises UsageError for the last administrator."""
+        """The state without a person, the person's sessions, links and passkeys. Raises UsageError for the last administrator."""
         self.account(name)
-        removed = replace(self.signed_out(name), accounts={key: account for key, account in self.accounts.items() if key != name})
+        signed_out = replace(self.signed_out(name), passkeys={id: key for id, key in self.passkeys.items() if key.account != name})
+        removed = replace(signed_out, accounts={key: account for key, account in self.accounts.items() if key != name})
         return self._unless_last(name, removed)
+
+    def passkeys_of(self, name: str) -> list[Passkey]:
+        """The passkeys of a person, oldest first."""
+        return [passkey for passkey in self.passkeys.values() if passkey.account == name]
+
+    def with_passkey(self, passkey: Passkey) -> AccessState:
+        """The state with a new passkey. Raises UsageError if the person has one of this name, or too many, or needs none."""
+        self.account(passkey.account).check_own()
+        earlier_passkeys = self.passkeys_of(passkey.account)
+        if passkey.name.casefold() in {earlier.name.casefold() for earlier in earlier_passkeys}:
+            raise UsageError(f"you have a passkey {passkey.name} already; choose another name")
+        if len(earlier_passkeys) >= MAX_PASSKEYS:
+            raise UsageError(f"you have {MAX_PASSKEYS} passkeys, which is the most; remove one that you do not use")
+        if passkey.id in self.passkeys:
+            raise UsageError("this passkey is known already")
+        return replace(self, passkeys=self.passkeys | {passkey.id: passkey})
+
+    def without_passkey(self, name: str, id: str) -> AccessState:
+        """The state without a passkey of a person. Raises UsageError if the person has none with this id."""
+        if id not in {passkey.id for passkey in self.passkeys_of(name)}:
+            raise UsageError(f"{name} has no passkey {id}; it may have been removed")
+        return replace(self, passkeys={key: passkey for key, passkey in self.passkeys.items() if key != id})
+
+    def without_passkeys(self, name: str) -> AccessState:
+        """The state without all passkeys of a person, who is signed out everywhere."""
+        self.account(name)
+        return replace(self.signed_out(name), passkeys={id: key for id, key in self.passkeys.items() if key.account != name})
 
     def with_session(self, secret: str, session: Session) -> AccessState:
         oldest_first = sorted((key for key, other in self.sessions.items() if other.account == session.account), key=self._session_start)

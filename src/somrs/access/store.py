@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
+from msgspec.structs import replace
 
 from somrs.access.auditor import Auditor, current_actor
 from somrs.access.identity import Identity
@@ -21,6 +22,7 @@ from somrs.access.state import (
     AccessState,
     Account,
     Link,
+    Passkey,
     Session,
     Subject,
     Token,
@@ -124,6 +126,33 @@ class AccessStore:
             change.state.account(name)
             change.actor = Actor(name=name, address=address)
             secret, change.state = _with_session(change.state, name, address, browser)
+        return secret
+
+    def add_passkey(self, passkey: Passkey) -> None:
+        """Add a passkey of a person. Raises UsageError if the person has one of this name, or too many."""
+        with self._changing("add_passkey", name=passkey.account, passkey=passkey.name, host=passkey.host) as change:
+            change.state = change.state.with_passkey(passkey)
+
+    def remove_passkey(self, name: str, id: str) -> None:
+        with self._changing("remove_passkey", name=name) as change:
+            change.details["passkey"] = next((passkey.name for passkey in change.state.passkeys_of(name) if passkey.id == id), "")
+            change.state = change.state.without_passkey(name, id)
+
+    def remove_passkeys(self, name: str) -> None:
+        """Remove all passkeys of a person, and sign the person out everywhere."""
+        with self._changing("remove_passkeys", name=name) as change:
+            change.details["passkeys"] = [passkey.name for passkey in change.state.passkeys_of(name)]
+            change.state = change.state.without_passkeys(name)
+
+    def open_session_by(self, passkey: Passkey, sign_count: int, address: str = "", browser: str = "") -> str:
+        """Sign in the person with this passkey, which has now been used so often, and return the secret of the session."""
+        with self._changing("sign_in", by="a passkey", passkey=passkey.name, browser=browser[:MOST_BROWSER]) as change:
+            if passkey.id not in change.state.passkeys:
+                raise UsageError(f"{passkey.account} has no passkey {passkey.name} any more")
+            change.actor = Actor(name=passkey.account, address=address)
+            used_passkey = replace(passkey, sign_count=sign_count, used_at=time.time())
+            state = replace(change.state, passkeys=change.state.passkeys | {passkey.id: used_passkey})
+            secret, change.state = _with_session(state, passkey.account, address, browser)
         return secret
 
     def open_session_of(

@@ -22,13 +22,25 @@ DAY = 86400.0
 
 
 class PersonAccess(msgspec.Struct, frozen=True, kw_only=True):
-    """A person who may sign in. `created_at`: seconds since 1970. `provider`: who says so, and in which role; empty: this system."""
+    """A person who may sign in. `created_at`: seconds since 1970. `provider`: who says so, and in which role; empty: this system.
+    `passkeys`: how many the person has."""
 
     name: str
     role: Role
     has_password: bool
     created_at: float
     provider: str = ""
+    passkeys: int = 0
+
+
+class PasskeyAccess(msgspec.Struct, frozen=True, kw_only=True):
+    """A passkey. `host`: the name in the address at which it can be used; times in seconds since 1970; `used_at`: None: never."""
+
+    id: str
+    name: str
+    host: str
+    created_at: float
+    used_at: float | None
 
 
 class TokenAccess(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,6 +72,7 @@ class OwnAccess(msgspec.Struct, frozen=True, kw_only=True):
     session: str | None
     sessions: tuple[Session, ...]
     provider: str = ""
+    passkeys: tuple[PasskeyAccess, ...] = ()
 
 
 class NewPerson(msgspec.Struct, frozen=True, kw_only=True):
@@ -112,6 +125,10 @@ class AccessService:
             session=identity.session,
             sessions=tuple(s for s in state.sessions.values() if account is not None and s.account == account.name),
             provider=account.provider if account is not None else "",
+            passkeys=tuple(
+                PasskeyAccess(id=key.id, name=key.name, host=key.host, created_at=key.created_at, used_at=key.used_at)
+                for key in (state.passkeys_of(account.name) if account is not None else ())
+            ),
         )
 
     @operation("POST", "/access/me/password", Right.SEE)
@@ -132,6 +149,11 @@ class AccessService:
             raise UsageError(f"{identity.name} has no session {id}; it may have ended")
         self._store.end_session(id)
 
+    @operation("DELETE", "/access/me/passkeys/{id}", Right.SEE)
+    async def remove_own_passkey(self, id: str) -> None:
+        """Remove a passkey of one's own, with which one cannot sign in any more."""
+        self._store.remove_passkey(self._person().name, id)
+
     @operation("GET", "/access", Right.ADMINISTER)
     async def read(self) -> AccessView:
         """All people, sessions and tokens."""
@@ -144,6 +166,7 @@ class AccessService:
                     has_password=account.password is not None,
                     created_at=account.created_at,
                     provider=account.provider,
+                    passkeys=len(state.passkeys_of(account.name)),
                 )
                 for account in state.accounts.values()
             ),
@@ -185,6 +208,11 @@ class AccessService:
     async def remove_password(self, name: str) -> None:
         """Remove the password of a person, whose sessions end at once."""
         self._store.set_password(name, None)
+
+    @operation("DELETE", "/access/people/{name}/passkeys", Right.ADMINISTER)
+    async def remove_passkeys(self, name: str) -> None:
+        """Remove all passkeys of a person, whose sessions end at once."""
+        self._store.remove_passkeys(name)
 
     @operation("DELETE", "/access/sessions/{id}", Right.ADMINISTER)
     async def end_session(self, id: str) -> None:

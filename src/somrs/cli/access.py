@@ -70,6 +70,14 @@ def password(
     guarded(lambda: run(name, new_password, data))
 
 
+@user_app.command(name="remove-passkeys")
+def remove_passkeys(name: PersonName, data: Data = DEFAULT_FOLDER) -> None:
+    """Remove all passkeys of a person, as after a loss, and end the person's sessions."""
+    from somrs.cli.access_commands import remove_passkeys as run
+
+    guarded(lambda: run(name, data))
+
+
 @user_app.command()
 def remove(name: PersonName, data: Data = DEFAULT_FOLDER) -> None:
     """Remove a person, and end the person's sessions. Records keep the name."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from somrs.access.passwords import hashed_password
 from somrs.access.rights import Right, Role
+from somrs.access.state import Account
 from somrs.access.store import AccessStore
 from somrs.client import terminal
 from somrs.client.addresses import Addresses
@@ -56,6 +57,11 @@ def set_password(name: str, password: str | None, data: Path) -> None:
     print(f"{name}: {'has a new password' if password is not None else 'has no password'}, and is signed out everywhere")
 
 
+def remove_passkeys(name: str, data: Path) -> None:
+    _store(data).remove_passkeys(name)
+    print(f"{name}: has no passkeys, and is signed out everywhere")
+
+
 def remove(name: str, data: Path) -> None:
     _store(data).remove_account(name)
     print(f"{name}: removed")
@@ -71,6 +77,7 @@ def list_users(data: Path, *, json: bool) -> None:
                 "role": account.role,
                 "has_password": account.password is not None,
                 "provider": account.provider,
+                "passkeys": [passkey.name for passkey in state.passkeys_of(account.name)],
                 "sessions": sessions[account.name],
             }
             for account in state.accounts.values()
@@ -81,7 +88,7 @@ def list_users(data: Path, *, json: bool) -> None:
             (
                 account.name,
                 account.role,
-                account.provider or ("password" if account.password else "link"),
+                account.provider or _ways_in(account, len(state.passkeys_of(account.name))),
                 len(sessions[account.name]),
                 terminal.moment(account.created_at),
             )
@@ -90,6 +97,12 @@ def list_users(data: Path, *, json: bool) -> None:
         terminal.console().print(terminal.table("People", ("name", "role", "signs in by", "sessions", "since"), rows))
     else:
         print("nobody yet; the link that `somrs up` prints adds the first administrator, and `somrs user add NAME` others")
+
+
+def _ways_in(account: Account, passkey_count: int) -> str:
+    """How a person signs in at this system."""
+    ways = (["password"] if account.password else []) + (["passkeys"] if passkey_count else [])
+    return ", ".join(ways) or "link"
 
 
 def new_token(name: str, rights: Sequence[Right], days: float, data: Path) -> None:

@@ -80,12 +80,13 @@ def _application(api: LiveApi, data: Path, access: AccessStore | None, provider:
 
     from somrs.gui.pages import access as access_page
     from somrs.gui.pages import define, fleet, history, map, missing, ontology, person, start, tasks
+    from somrs.gui.passkey_list import SCRIPT
     from somrs.gui.shell import LOOK
 
     pages = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     pages.mount("/api", Proxy(api.client))
     if access is not None:
-        pages.router.routes.extend(SignIn(access, LOOK, provider=provider).routes())
+        pages.router.routes.extend(SignIn(access, LOOK, provider=provider, passkey_script=SCRIPT).routes())
     app.config.quasar_config["loadingBar"]["skipHijack"] = True  # no bar for requests: it has no name, and no page waits for one
     for page_module in (access_page, start, map, ontology, define, tasks, fleet, history, person, missing):
         page_module.register(api)

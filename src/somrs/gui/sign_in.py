@@ -19,6 +19,7 @@ from somrs.access.passwords import SignInDelays, is_right
 from somrs.access.state import MAX_NAME
 from somrs.access.store import AccessStore
 from somrs.errors import SomrsError
+from somrs.gui.passkeys import PasskeySignIn
 from somrs.gui.provider_sign_in import ProviderSignIn
 from somrs.gui.sign_in_page import SIGN_IN, SIGN_OUT, SignInPage, address_of, browser_of, next_page
 from somrs.limits import limits
@@ -27,13 +28,20 @@ log = logging.getLogger(__name__)
 
 
 class SignIn:
-    """The routes to sign in and out. `style`: the address of the style sheet. `provider`: at which people sign in, too."""
+    """The routes to sign in and out. `style`: the address of the style sheet. `provider`: at which people sign in, too. `passkey_script`:
+    the address of the script of passkeys; empty: people have none."""
 
     def __init__(
-        self, store: AccessStore, style: str, clock: Callable[[], float] = time.monotonic, provider: Provider | None = None
+        self,
+        store: AccessStore,
+        style: str,
+        clock: Callable[[], float] = time.monotonic,
+        provider: Provider | None = None,
+        passkey_script: str = "",
     ) -> None:
         self._store, self._clock = store, clock
-        self._page = SignInPage(store, style, provider.settings.name if provider is not None else "")
+        self._page = SignInPage(store, style, provider.settings.name if provider is not None else "", passkey_script)
+        self._passkeys = PasskeySignIn(self._page) if passkey_script else None
         self._provider = ProviderSignIn(self._page, provider) if provider is not None else None
         bounds = limits()
         self._delays = SignInDelays(bounds.sign_in_tries, float(bounds.sign_in_seconds))
@@ -44,6 +52,7 @@ class SignIn:
             Route(SIGN_IN, self._submit, methods=["POST"]),
             Route(SIGN_OUT, self._leave, methods=["POST"]),
             *(self._provider.routes() if self._provider is not None else ()),
+            *(self._passkeys.routes() if self._passkeys is not None else ()),
         ]
 
     async def _open(self, request: Request) -> Response:

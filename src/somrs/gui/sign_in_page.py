@@ -22,14 +22,16 @@ _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Sig
 <meta name="viewport" content="width=device-width, initial-scale=1"><link rel="stylesheet" href="{style}"></head>
 <body class="somrs-sign-in"><main><h1>SO-MRS</h1>{content}</main></body></html>"""
 
-_FORM = """<p>Sign in to see and operate this site.</p>{problem}{provider}
+_FORM = """<p>Sign in to see and operate this site.</p>{problem}{others}
 <form method="post" action="/sign-in"><input type="hidden" name="next" value="{next}">
 <label>Name <input name="name" autocomplete="username" value="{name}" required autofocus></label>
 <label>Password <input name="password" type="password" autocomplete="current-password" required></label>
 <button>Sign in</button></form>
 <p class="somrs-hint">No password? <code>somrs user link NAME</code>, where the system runs, prints a link to sign in with.</p>"""
 
-_PROVIDER = """<a class="somrs-sign-in-other" href="{page}?next={next}">Sign in with {name}</a><p class="somrs-sign-in-or">or</p>"""
+_OTHERS = """<div class="somrs-sign-in-ways"{hidden}>{ways}<p class="somrs-sign-in-or">or</p></div>"""
+_PROVIDER = """<a class="somrs-sign-in-other" href="{page}?next={next}">Sign in with {name}</a>"""
+_PASSKEY = """<button type="button" class="somrs-sign-in-passkey" data-next="{next}" hidden>Sign in with a passkey</button>"""
 
 _FIRST_FORM = """<p>Nobody has an account here yet. You become the administrator, who can add others.</p>{problem}
 <form method="post" action="/sign-in"><input type="hidden" name="next" value="{next}"><input type="hidden" name="link" value="{link}">
@@ -38,29 +40,41 @@ _FIRST_FORM = """<p>Nobody has an account here yet. You become the administrator
 
 
 class SignInPage:
-    """The page to sign in. `style`: the address of the style sheet. `provider`: the name of the provider, empty without one."""
+    """The page to sign in. `style`: the address of the style sheet. `provider`: the name of the provider, empty without one.
+    `passkey_script`: the address of the script of passkeys, empty without them."""
 
-    def __init__(self, store: AccessStore, style: str, provider: str = "") -> None:
-        self.store, self._style, self._provider = store, style, provider
+    def __init__(self, store: AccessStore, style: str, provider: str = "", passkey_script: str = "") -> None:
+        self.store, self._style, self._provider, self._passkey_script = store, style, provider, passkey_script
 
     def form(self, fields: Mapping[str, str], problem: str = "", code: int = 200, headers: Mapping[str, str] | None = None) -> Response:
         """The form, with what was typed before and what was wrong about it."""
         shown = {name: html.escape(fields.get(name, "")) for name in ("link", "next", "name")}
         alert = f'<p class="somrs-problem" role="alert">{html.escape(problem)}</p>' if problem else ""
-        target = html.escape(quote(next_page(fields), safe=""))
-        provider = _PROVIDER.format(page=PROVIDER_PAGE, next=target, name=html.escape(self._provider)) if self._provider else ""
-        content = (_FIRST_FORM if fields.get("link") else _FORM).format(problem=alert, provider=provider, **shown)
-        return HTMLResponse(
-            _PAGE.format(head="", style=self._style, content=content), code, {"Cache-Control": "no-store", **(headers or {})}
-        )
+        has_passkeys = bool(self._passkey_script and self.store.read().passkeys)
+        head = f'<script type="module" src="{self._passkey_script}"></script>' if has_passkeys else ""
+        ways = self._other_ways(next_page(fields), has_passkeys=has_passkeys)
+        content = (_FIRST_FORM if fields.get("link") else _FORM).format(problem=alert, others=ways, **shown)
+        page = _PAGE.format(head=head, style=self._style, content=content)
+        return HTMLResponse(page, code, {"Cache-Control": "no-store", **(headers or {})})
+
+    def _other_ways(self, target: str, *, has_passkeys: bool) -> str:
+        """The ways to sign in besides a password. The script shows that by passkeys, where the browser has them."""
+        address = html.escape(quote(target, safe=""))
+        provider = _PROVIDER.format(page=PROVIDER_PAGE, next=address, name=html.escape(self._provider)) if self._provider else ""
+        passkey = _PASSKEY.format(next=html.escape(target)) if has_passkeys else ""
+        hidden = "" if provider else " hidden"
+        return _OTHERS.format(ways=provider + passkey, hidden=hidden) if provider or passkey else ""
 
     def begin_session(self, request: Request, fields: Mapping[str, str], secret: str, seconds: float = SESSION_TIME) -> Response:
         """Give the browser the secret of a session, and lead it on."""
         response = self.leading_on(next_page(fields), "Signed in.")
-        is_https = request.url.scheme == "https"
-        cookie = self.store.read().cookie
-        response.set_cookie(cookie, secret, max_age=int(seconds), httponly=True, samesite="strict", secure=is_https)
+        self.set_cookie(request, response, secret, seconds)
         return response
+
+    def set_cookie(self, request: Request, response: Response, secret: str, seconds: float = SESSION_TIME) -> None:
+        """Give the browser the secret of a session."""
+        is_https, cookie = request.url.scheme == "https", self.store.read().cookie
+        response.set_cookie(cookie, secret, max_age=int(seconds), httponly=True, samesite="strict", secure=is_https)
 
     def leading_on(self, address: str, text: str) -> Response:
         """A page that goes on itself. Browsers send the cookie with no request that another site's page has begun, nor with its

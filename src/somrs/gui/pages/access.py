@@ -17,6 +17,7 @@ from somrs.gui.audit_list import AuditList
 from somrs.gui.components.confirm_dialog import confirm
 from somrs.gui.icons import format_time
 from somrs.gui.panel import panel
+from somrs.gui.passkey_list import SCRIPT, PasskeyList
 from somrs.gui.shell import guarded, notify, page, page_at
 
 RIGHTS_TEXT = {
@@ -42,6 +43,7 @@ def register(api: LiveApi) -> None:
             if who() is None:
                 ui.label(INSECURE_TEXT).classes("somrs-sheet somrs-access-note")
                 return
+            ui.add_head_html(f'<script type="module" src="{SCRIPT}"></script>')
             await _AccessPage(api).build()
 
 
@@ -72,6 +74,7 @@ class _AccessPage:
             ui.label(f"You sign in at {own_access.provider}, which says what your role is.")
         else:
             self._build_password(own_access)
+            PasskeyList(self._api, self._change, self.build).build(own_access.passkeys)
         self._build_sessions(own_access.sessions, own_access.session, self._api.access.end_own_session, with_names=False)
 
     def _build_password(self, own_access: OwnAccess) -> None:
@@ -108,13 +111,16 @@ class _AccessPage:
         with ui.element("div").classes("somrs-access-row").props(f'role="group" aria-label="{person.name}"'):
             ui.label(person.name).classes("somrs-access-name")
             sessions = f"{session_count} session{'s' if session_count != 1 else ''}"
-            way_in = f"signs in at {person.provider}" if person.provider else f"{'with' if person.has_password else 'without'} password"
-            ui.label(f"{sessions}, {way_in}").classes("somrs-soft")
+            ui.label(f"{sessions}, {_way_in(person)}").classes("somrs-soft")
             roles = [role.value for role in Role]
             select = ui.select(roles, value=person.role.value, label="Role").props("dense outlined").classes("somrs-access-role")
             if person.provider:
                 select.props("disable").tooltip(f"{person.provider} says what the role is")
             select.on_value_change(lambda: self._change(self._api.access.set_role(person.name, Role(select.value))))
+            if person.passkeys:
+                ui.button("Remove passkeys", on_click=lambda: self._remove_passkeys(person.name)).props("flat dense no-caps").tooltip(
+                    f"{person.name} has lost a device"
+                )
             ui.button("Link", icon="link", on_click=lambda: self._show_link(person.name)).props("flat dense no-caps").tooltip(
                 f"Make a link with which {person.name} signs in, once"
             )
@@ -197,6 +203,10 @@ class _AccessPage:
         if await confirm(f"{name} is signed out everywhere, and cannot sign in any more. Records keep the name.", f"Remove {name}"):
             await self._change(self._api.access.remove_person(name))
 
+    async def _remove_passkeys(self, name: str) -> None:
+        if await confirm(f"{name} is signed out everywhere, and cannot sign in with a passkey any more.", "Remove passkeys"):
+            await self._change(self._api.access.remove_passkeys(name))
+
     async def _revoke(self, name: str) -> None:
         if await confirm(f"The program {name} has no access any more.", f"Revoke {name}"):
             await self._change(self._api.access.remove_token(name))
@@ -214,6 +224,14 @@ class _AccessPage:
                 ui.button("Close", on_click=dialog.close).props("unelevated no-caps")
         await dialog
         dialog.delete()
+
+
+def _way_in(person: PersonAccess) -> str:
+    """How a person signs in."""
+    if person.provider:
+        return f"signs in at {person.provider}"
+    password = f"{'with' if person.has_password else 'without'} password"
+    return f"{password}, {person.passkeys} passkey{'s' if person.passkeys != 1 else ''}" if person.passkeys else password
 
 
 def _password(label: str, kind: str) -> ui.input:
