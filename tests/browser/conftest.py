@@ -41,7 +41,7 @@ FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--disable-gpu-rasterization",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # requests to other machines are errors on the console
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",  # requests to other machines are errors on the console
     "--js-flags=--no-maglev --no-opt",  # pages of tests end before optimized code pays
     "--process-per-site",  # so that a page need not start a process, nor compile scripts: see `profiles`
     # Only the last list of features counts, so this contains the relevant part of Playwright's list. It also disables the pages that
