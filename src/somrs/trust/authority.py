@@ -17,7 +17,6 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import hmac
-import os
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,8 +29,9 @@ import msgspec
 from somrs.errors import UsageError
 from somrs.trust import certificates
 from somrs.trust.certificates import CERTIFICATE_DAYS, Issued
-from somrs.trust.credentials import FOLDER
-from somrs.trust.holders import HOLDERS_FILE, Holder, write_holders
+from somrs.trust.credentials import FOLDER, fingerprint
+from somrs.trust.files import install, write_private
+from somrs.trust.holders import HOLDERS_FILE, REVOKED_FILE, Holder, write_holders, write_revoked
 from somrs.trust.identity import Identity, Role, certificate_uri
 
 INVITATION_SECONDS = 3600.0
@@ -56,12 +56,13 @@ class IssuedCertificate(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Invitation(msgspec.Struct, frozen=True, kw_only=True):
-    """Who may ask once for a certificate. Of the word, only the hash is kept."""
+    """Who may ask once for a certificate. Of the word, only the hash is kept. `hosts`: where it is reached, if whoever invites says so."""
 
     word_hash: str
     name: str
     roles: tuple[Role, ...]
     speaks_for: tuple[str, ...] = ()
+    hosts: tuple[str, ...] = ()
     ends: float
 
 
@@ -135,19 +136,23 @@ class Authority:
             return certificate_file, key_file
         request = certificates.make_request()
         certificate = self.issue(identity, request.certificate, hosts, now)
-        write_private(key_file, request.key)
-        write_private(certificate_file, certificate)
+        install(certificate_file, certificate, request.key)
         return certificate_file, key_file
 
-    def invite(self, identity: Identity, now: datetime, seconds: float = INVITATION_SECONDS) -> str:
-        """Let an identity enrol itself once. Returns the word that proves it; it is not kept."""
-        word = secrets.token_hex(18)
+    def invite(self, identity: Identity, now: datetime, seconds: float = INVITATION_SECONDS, hosts: tuple[str, ...] = ()) -> str:
+        """Let an identity, which is reached at these hosts, enrol itself once. Returns the word that proves it; it is not kept.
+
+        Who has the word knows this authority by it.
+        """
+        certificates.check_hosts(hosts)
+        word = f"{secrets.token_hex(18)}.{fingerprint(self.certificate_file.read_text())}"
         with self._changing() as register:
             invitation = Invitation(
                 word_hash=_hash(word),
                 name=identity.name,
                 roles=tuple(sorted(identity.roles)),
                 speaks_for=tuple(sorted(identity.speaks_for)),
+                hosts=hosts,
                 ends=now.timestamp() + seconds,
             )
             open_invitations = [
@@ -157,7 +162,7 @@ class Authority:
         return word
 
     def enrol(self, word: str, request: bytes, hosts: tuple[str, ...], now: datetime) -> bytes:
-        """Issue the certificate that a word invites to, and use it up. Returns it in PEM."""
+        """Issue the certificate that a word invites to, and use it up. Returns it in PEM. `hosts`: if the invitation names none."""
         with self._changing() as register:
             word_hash = _hash(word)
             invitation = next(
@@ -170,17 +175,27 @@ class Authority:
                     f"the invitation of {invitation.name} has expired: get another one with `somrs trust invite {invitation.name}`"
                 )
             identity = Identity(name=invitation.name, roles=frozenset(invitation.roles), speaks_for=frozenset(invitation.speaks_for))
-            certificate = self._issue(register, identity, request, hosts, now)
+            certificate = self._issue(register, identity, request, invitation.hosts or hosts, now)
             register.invitations.remove(invitation)
             return certificate
 
     def renew(self, certificate: bytes, request: bytes, now: datetime) -> bytes:
         """Issue a certificate to follow one that still holds, for the same identity and hosts. Returns it in PEM."""
+        self.check(certificate, now)
+        return self.renew_serial(certificates.serial(certificates.load(certificate, "the certificate")), request, now)
+
+    def renew_serial(self, serial: str, request: bytes, now: datetime, *, is_due: bool = False) -> bytes:
+        """Issue a certificate to follow the one with this serial number, which its owner has proven to have. Returns it in PEM.
+
+        `is_due`: only if half of its time is over.
+        """
         with self._changing() as register:
-            identity = self.check(certificate, now)
-            number = certificates.serial(certificates.load(certificate, "the certificate"))
-            hosts = next((entry.hosts for entry in register.certificates if entry.serial == number), ())
-            return self._issue(register, identity, request, hosts, now)
+            entry = next((entry for entry in register.certificates if entry.serial == serial), None)
+            if entry is None or entry.revoked_at is not None or entry.ends <= now.timestamp():
+                raise UsageError("this certificate does not hold: enrol again, with a new invitation")
+            if is_due and now.timestamp() < (entry.begins + entry.ends) / 2:
+                raise UsageError(f"the certificate of {entry.name} is not due for renewal: less than half of its time is over")
+            return self._issue(register, entry.identity, request, entry.hosts, now)
 
     def revoke(self, name: str, now: datetime) -> list[str]:
         """Revoke all certificates and invitations of a name. Returns the serial numbers."""
@@ -233,7 +248,7 @@ class Authority:
 
     def _write_revoked(self, register: Register, now: datetime) -> None:
         lifetime = timedelta(days=certificates.AUTHORITY_DAYS)  # it is read from this folder, where no older one takes its place
-        write_private(self.folder / "revoked.txt", "".join(f"{serial}\n" for serial in sorted(_revoked(register))).encode())
+        write_private(self.folder / REVOKED_FILE, write_revoked(_revoked(register)))
         write_private(self.revocation_file, certificates.revocation_list(self._signer(), _revoked(register), now, lifetime))
 
     @contextmanager
@@ -272,15 +287,4 @@ def _revoked(register: Register) -> frozenset[str]:
 
 
 def _hash(word: str) -> str:
-    return hashlib.sha256(word.strip().encode()).hexdigest()  # of 144 random bits: nothing is gained by trying words
-
-
-def write_private(file: Path, content: bytes) -> None:
-    """Replace a file, which only its user may read, in one step."""
-    draft = file.with_name(f".{file.name}.{os.getpid()}")
-    descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    with os.fdopen(descriptor, "wb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    draft.replace(file)
+    return hashlib.sha256(word.strip().partition(".")[0].encode()).hexdigest()  # of 144 random bits: nothing is gained by trying words

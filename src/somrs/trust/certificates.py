@@ -201,6 +201,12 @@ def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
     )
 
 
+def check_hosts(hosts: tuple[str, ...]) -> None:
+    """Raises UsageError if one is no name of a host and no IP address."""
+    for host in hosts:
+        _host_name(host)
+
+
 def _host_name(host: str) -> x509.GeneralName:
     try:
         return x509.IPAddress(ip_address(host))

@@ -6,6 +6,7 @@ revoked, or whose certificate expires, is refused on connections that are open, 
 
 from __future__ import annotations
 
+import hashlib
 import os
 import ssl
 from collections.abc import Mapping
@@ -15,11 +16,15 @@ from pathlib import Path
 from typing import Any
 
 from somrs.errors import UsageError
-from somrs.trust.holders import HOLDERS_FILE, Holder, holder_named, read_holders
-from somrs.trust.identity import Identity, identity_of_uris
+from somrs.trust.files import next_key
+from somrs.trust.holders import HOLDERS_FILE, REVOKED_FILE, Holder, holder_named, read_holders
+from somrs.trust.identity import Identity, certificate_uri, identity_of_uris
 
 FOLDER = "trust"
 """The folder of the authority in the data folder."""
+
+SERVICE_FILE = "service.txt"
+"""The file beside the certificate of the authority with the URL of its service."""
 
 VARIABLE = "SOMRS_CREDENTIALS"
 """The environment variable with the certificate of a program, as a path of a file `NAME.pem`."""
@@ -57,9 +62,10 @@ class Credentials:
         self.certificate, self.key = certificate, certificate.with_suffix(".key")
         self.authority = _beside(certificate, "authority.pem")
         self.generation = 0
-        self._revoked = _WatchedFile(_beside(certificate, "revoked.txt"))
+        self.folder = self.authority.parent
+        self._revoked = _WatchedFile(self.folder / REVOKED_FILE)
         self._revoked_serials: frozenset[str] = frozenset()
-        self._holders_file = _WatchedFile(_beside(certificate, HOLDERS_FILE))
+        self._holders_file = _WatchedFile(self.folder / HOLDERS_FILE)
         self._holders: tuple[Holder, ...] = ()
         self._own_file = _WatchedFile(certificate)
         self._own_file.has_changed()
@@ -76,8 +82,27 @@ class Credentials:
     @property
     def data(self) -> Path | None:
         """The data folder of the system; None on a computer to which only certificates were brought."""
-        folder = self.authority.parent
-        return folder.parent if folder.name == FOLDER else None
+        return self.folder.parent if self.folder.name == FOLDER else None
+
+    @property
+    def service(self) -> str | None:
+        """The URL of the service of the authority; None if there is none, or if this is the computer of the authority."""
+        file = self.folder / SERVICE_FILE
+        is_elsewhere = file.exists() and not (self.folder / "register.json").exists()
+        return file.read_text().strip() if is_elsewhere else None
+
+    @property
+    def revoked(self) -> frozenset[str]:
+        """The serial numbers of certificates that are revoked, as far as this computer knows."""
+        if self._revoked.has_changed():
+            self._revoked_serials = frozenset(self._revoked.path.read_text().split())
+        return self._revoked_serials
+
+    def is_renewal_due(self, now: float) -> bool:
+        """Whether two thirds of the time of the own certificate are over."""
+        uris = _uris(ssl.PEM_cert_to_DER_cert(self.certificate.read_text()))
+        holder = next((holder for holder in self.holders if certificate_uri(holder.serial) in uris), None)
+        return holder is not None and now >= holder.begins + (holder.ends - holder.begins) * 2 / 3
 
     def renew(self) -> None:
         """Use a certificate that has taken the place of the own one, on new connections."""
@@ -123,9 +148,7 @@ class Credentials:
     def check(self, peer: Peer, now: float) -> None:
         """Raises UsageError, which says who, what and what to do next, if a certificate does not hold at this time."""
         name = peer.identity.name
-        if self._revoked.has_changed():
-            self._revoked_serials = frozenset(self._revoked.path.read_text().split())
-        if peer.serial in self._revoked_serials:
+        if peer.serial in self.revoked:
             raise UsageError(f"the certificate of {name} ({peer.serial}) is revoked: enrol it again, with a new invitation")
         if now >= peer.ends:
             raise UsageError(f"the certificate of {name} has expired: enrol it again, with a new invitation")
@@ -136,12 +159,23 @@ class Credentials:
         context.verify_mode = ssl.CERT_REQUIRED
         try:
             context.load_verify_locations(self.authority)
-            context.load_cert_chain(self.certificate, self.key)
+            self._load(context)
         except (ssl.SSLError, OSError) as error:
             raise UsageError(
                 f"{self.certificate} cannot be used with {self.key} and {self.authority}: {error}; `somrs trust enrol` makes all three"
             ) from None
         return context
+
+    def _load(self, context: ssl.SSLContext) -> None:
+        """Load the own certificate, whose key may not be in its place: a program has ended just when it replaced both."""
+        try:
+            context.load_cert_chain(self.certificate, self.key)
+        except (ssl.SSLError, OSError):
+            later_key = next_key(self.certificate)
+            if not later_key.exists():
+                raise
+            context.load_cert_chain(self.certificate, later_key)
+            later_key.replace(self.key)
 
 
 @dataclass(slots=True)
@@ -185,6 +219,11 @@ def _uris(certificate: bytes) -> list[str]:
 def _beside(certificate: Path, name: str) -> Path:
     in_folder = certificate.parent / name
     return in_folder if in_folder.exists() else certificate.parent.parent / name
+
+
+def fingerprint(certificate: str) -> str:
+    """The first 128 bits of the SHA-256 of a certificate in PEM, in hexadecimal digits."""
+    return hashlib.sha256(ssl.PEM_cert_to_DER_cert(certificate)).hexdigest()[:32]
 
 
 ADVICE = {

@@ -13,7 +13,7 @@ import msgspec
 from somrs.errors import UsageError
 from somrs.trust.identity import Identity, Role
 
-HOLDERS_FILE = "holders.json"
+HOLDERS_FILE, REVOKED_FILE = "holders.json", "revoked.txt"
 
 
 class Holder(msgspec.Struct, frozen=True, kw_only=True):
@@ -52,3 +52,24 @@ def holder_named(holders: Iterable[Holder], name: str, now: float) -> Holder:
     if not holding:
         raise UsageError(f"{name} has no certificate that holds: enrol it again, with a new invitation")
     return max(holding, key=lambda holder: holder.begins)
+
+
+class TrustNews(msgspec.Struct, frozen=True, kw_only=True):
+    """What the service of the authority says to programs elsewhere: the serial numbers of what is revoked, who holds a certificate, and
+    the addresses of the system, if it runs. `version`: changes with any of it."""
+
+    version: str
+    revoked: tuple[str, ...]
+    holders: tuple[Holder, ...]
+    system: dict[str, object] | None = None
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """The same as files beside a certificate, by their names."""
+        system = {"system.json": msgspec.json.format(msgspec.json.encode(self.system))} if self.system is not None else {}
+        return {REVOKED_FILE: write_revoked(self.revoked), HOLDERS_FILE: write_holders(self.holders)} | system
+
+
+def write_revoked(serials: Iterable[str]) -> bytes:
+    """The content of the file of serial numbers."""
+    return "".join(f"{serial}\n" for serial in sorted(serials)).encode()

@@ -26,7 +26,9 @@ def call(data: Path, *arguments: str) -> Result:
 def enrolled(data: Path, folder: Path) -> Path:
     word = call(data, "invite", "Robot7", "--speaks-for", "Arm7").output.strip()
     result = call(data, "enrol", word, "--host", "127.0.0.1", "--out", str(folder))
-    assert [Path(line).name for line in result.output.split()] == ["Robot7.key", "Robot7.pem", "authority.pem"]
+    assert [Path(line).name for line in result.output.split()] == [
+        *("Robot7.key", "Robot7.pem", "authority.pem", "holders.json", "revoked.txt")
+    ]
     assert {os.stat(folder / name).st_mode & 0o777 for name in os.listdir(folder)} == {0o600}
     return folder / "Robot7.pem"
 
@@ -50,6 +52,9 @@ def test_a_device_is_invited_enrolled_renewed_and_revoked(site: Path, tmp_path: 
     [
         (["enrol", "guess"], "this invitation is unknown or was used"),
         (["invite", "Robot7", "--role", "king"], "there is no role 'king'; the roles are device"),
+        (["invite", "Robot7", "--host", "a b"], "'a b' is no name of a host"),
+        (["enrol", "guess", "--at", "https://127.0.0.1:1"], "this is not a whole word of an invitation"),
+        (["enrol", "a.b", "--at", "https://127.0.0.1:1", "--host", "robot"], "`somrs trust invite --host` names hosts"),
         (["revoke", "Robot7"], "Robot7 has no certificate that holds"),
         (["init"], "has an authority already"),
         (["show", "/nowhere.pem"], "/nowhere.pem: No such file"),
