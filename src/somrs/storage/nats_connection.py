@@ -67,13 +67,16 @@ async def connect(servers: str, credentials: Credentials | None = None, **option
         raise UsageError("the bus needs additional packages: pip install 'somrs[bus]'") from None
 
     client: Client | None = None
-    urls, failures = servers.split(","), 0
+    urls, failures, denials = servers.split(","), 0, 0
 
     async def explain(error: Exception) -> None:
-        nonlocal failures
+        nonlocal failures, denials
         failures += 1
+        denials += _is_denied(error)
         if client is None and failures == len(urls):  # one of several servers may be away
             log.warning("the bus at %s cannot be reached: %s; it is tried again", servers, _problem(error))
+        elif client is not None and _is_denied(error) and denials == 1:
+            log.error("the bus at %s has ended the connection of this program: %s", servers, _problem(error))
         elif "permissions violation" in str(error).lower():
             log.warning("the bus at %s has denied this program something: %s", servers, error)
         log.debug("the bus: %s", error)
@@ -105,6 +108,13 @@ async def _renew(client: Client, credentials: Credentials, generation: int) -> N
             generation = credentials.generation
             await client.force_reconnect()
         await asyncio.sleep(RENEWAL_LOOK)
+    if client.last_error is not None and _is_denied(client.last_error):
+        log.error("the bus has ended the connection of %s: %s", credentials.name, _problem(client.last_error))
+
+
+def _is_denied(error: Exception) -> bool:
+    """Whether the servers do not let this program in."""
+    return "authorization" in str(error).lower()
 
 
 def _problem(error: Exception) -> str:
@@ -113,7 +123,7 @@ def _problem(error: Exception) -> str:
         if "WRONG_VERSION_NUMBER" in str(error):
             return "it has no TLS, and this program has a certificate: start its servers with certificates, too"
         return advice(error)
-    if "authorization violation" in str(error).lower():
+    if _is_denied(error):
         return "its servers do not know the certificate of this program: it is revoked or has expired, or they do not know it yet"
     return str(error)
 
