@@ -10,7 +10,9 @@ import pytest
 
 from somrs.api.service import open_api_service
 from somrs.cli.import_commands import import_sources
+from somrs.client.addresses import Addresses
 from somrs.client.client import Client
+from somrs.deployment.device import DeviceRunner
 from somrs.deployment.system import OWN_BUS, System
 from somrs.errors import RemoteError
 from somrs.protocol.messages.frp import Outcome
@@ -20,8 +22,11 @@ from somrs.trust.authority import Authority
 from somrs.trust.credentials import VARIABLE
 from somrs.trust.identity import Identity, Role
 from tests.support import warm
+from tests.support.command import somrs
 from tests.support.hang import HANG_TIME
 from tests.support.paths import ROOT
+from tests.support.small_system import Porter
+from tests.support.virtual_system import SITE
 
 PARCELS = ROOT / "examples" / "parcels"
 GOAL = "letter lies harbour AND crate lies mill"
@@ -69,5 +74,42 @@ def test_a_system_with_certificates_works_and_keeps_strangers_out(tmp_path: Path
             async with Client(stranger) as nobody:
                 with pytest.raises(Unanswered, match="cannot be reached"):
                     await nobody.map()
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("bus", [None, OWN_BUS])
+def test_a_device_on_another_computer_works_until_it_is_revoked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bus: str | None) -> None:
+    async def run() -> None:
+        site, data, elsewhere = tmp_path / "site.yaml", tmp_path / "run", tmp_path / "robot"
+        site.write_text(SITE)
+        async with System([site], data, simulates=False, launcher=warm.launcher(), certificates=True, bus=bus) as system:
+            word = (await asyncio.to_thread(somrs, "trust", "invite", "Robot1", "--data", data)).stdout.strip()
+            service = system.addresses.trust_service
+            assert service is not None
+            await asyncio.to_thread(somrs, "trust", "enrol", word, "--at", service, "--out", elsewhere)
+            with monkeypatch.context() as environment:
+                environment.setenv(VARIABLE, str(elsewhere / "Robot1.pem"))
+                runner = DeviceRunner(Porter("Robot1"), Addresses.read(elsewhere), elsewhere)
+                await runner.start()
+            async with Client(system.addresses) as client:
+                assert await outcome_of(client, "Jar002 isOn Platform001") is Outcome.ACCOMPLISHED
+                Authority.of_data(data).revoke("Robot1", datetime.now(UTC))
+                task = await client.submit(Submit(effect="Jar002 isOn Cupboard002"))
+                logs = [data / "logs" / f"{name}.log" for name in ("task-manager", "registry", "repository")]
+
+                def is_cut_off() -> bool:
+                    """Whether a component has denied it something, or the bus has ended its connection before."""
+                    bus_connection = runner._runtime._bus if runner._runtime is not None else None
+                    if bus_connection is not None and not bus_connection.client.is_connected:
+                        return True
+                    return any("denied: " in log.read_text() and "Robot1" in log.read_text() for log in logs)
+
+                async with asyncio.timeout(HANG_TIME):
+                    while not is_cut_off():
+                        await asyncio.sleep(0.1)
+                assert not (await client.query("Jar002 isOn Cupboard002")).rows
+                await client.cancel(task, "enough")
+            await runner.stop()
 
     asyncio.run(run())

@@ -100,6 +100,22 @@ def gateway(
 
 
 @run_app.command()
+def trust(
+    data: Data = DEFAULT_FOLDER,
+    host: HostOption = LOOPBACK,
+    port: PortOption = 8610,
+    url: Annotated[
+        str | None, typer.Option(help="The URL for other computers, if it is not that of HOST and PORT.", show_default=False)
+    ] = None,
+) -> None:
+    """The service of the certificate authority, where programs on other computers enrol and renew their certificates."""
+    from somrs.deployment.programs import run_program
+    from somrs.deployment.trust_service import run_trust
+
+    guarded(lambda: run_program(run_trust(data, host, port, url)))
+
+
+@run_app.command()
 def registry(
     number: Annotated[int, typer.Option(min=1, help="Which one, in a system with several.")] = 1,
     data: Data = DEFAULT_FOLDER,

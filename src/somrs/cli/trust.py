@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from somrs.cli.options import DEFAULT_FOLDER, Data, Json, guarded
+from somrs.cli.options import DEFAULT_FOLDER, Data, Json, awaited, fail, guarded
 
 if TYPE_CHECKING:
     from somrs.trust.authority import Authority
@@ -69,16 +69,22 @@ def invite(
     speaks_for: Annotated[
         list[str], typer.Option("--speaks-for", help="A device in whose name it speaks, too; may be repeated.", show_default=False)
     ] = [],  # noqa: B006
+    host: Hosts = [],  # noqa: B006
     data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Let a device or program enrol itself once, within an hour. Prints the word that it needs for that."""
+    from somrs.trust.credentials import SERVICE_FILE
     from somrs.trust.identity import Identity, role_named
 
     def invited() -> str:
         identity = Identity(name=name, roles=frozenset(map(role_named, role)), speaks_for=frozenset(speaks_for))
-        return _authority(data).invite(identity, _now())
+        return _authority(data).invite(identity, _now(), hosts=tuple(host))
 
-    print(guarded(invited))
+    word = guarded(invited)
+    print(word)
+    service = _authority(data).folder / SERVICE_FILE
+    if service.exists():
+        typer.echo(f"on the computer of {name}: somrs trust enrol {word} --at {service.read_text().strip()}", err=True)
 
 
 @trust_app.command()
@@ -90,12 +96,23 @@ def enrol(
         typer.Option(help="A certificate request (PEM), of a device that keeps its key; by default, a key is made.", show_default=False),
     ] = None,
     out: OutFolder = Path("."),
+    at: Annotated[
+        str | None,
+        typer.Option(help="The URL of the authority's service, on another computer than that of the authority.", show_default=False),
+    ] = None,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Get the certificate to which a word invites."""
     from somrs.trust.enrolment import enrol
 
-    written = guarded(lambda: enrol(_authority(data), word, tuple(host), out, _now(), request))
+    if at is None:
+        written = guarded(lambda: enrol(_authority(data), word, tuple(host), out, _now(), request))
+    elif host or request is not None:
+        fail("--host and --request are for the computer of the authority; elsewhere, `somrs trust invite --host` names hosts", 2)
+    else:
+        from somrs.runtime.trust_client import enrol_at
+
+        written = awaited(enrol_at(at, word, out))
     print("\n".join(map(str, written)))
 
 

@@ -40,6 +40,8 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
 
     trust: str | None = None
     """The folder of the site's certificate authority, if the components have certificates."""
+    trust_service: str | None = None
+    """The URL of the authority's service, if there is one."""
 
     @property
     def task_managers(self) -> dict[str, str]:

@@ -19,6 +19,7 @@ from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.bus_gateway import BusParts
 from somrs.runtime.http import Server
 from somrs.runtime.node import ANSWER_TIME
+from somrs.runtime.trust_client import following
 from somrs.storage.nats_connection import made_with_copies, patiently
 from somrs.storage.stream_log import RunningComponent, discard_journals, status_subject
 from somrs.trust.credentials import Credentials
@@ -62,7 +63,8 @@ async def run_gateway(bus: BusAddress, host: str, port: int) -> None:
         await server.start()
         if listed is None or listed.bus != bus:
             await sites.put(bus.site, msgspec.json.encode(addresses_on(bus)))
-        await until_stopped("gateway", bus.gateway)
+        async with following(credentials):
+            await until_stopped("gateway", bus.gateway)
         await server.stop()
     finally:
         await connection.close()

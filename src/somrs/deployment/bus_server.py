@@ -21,6 +21,7 @@ from somrs.limits import limits
 from somrs.runtime.bus import Bus
 from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.bus_rights import permissions
+from somrs.runtime.trust_client import following
 from somrs.trust.credentials import Credentials
 from somrs.trust.holders import Holder
 from somrs.trust.identity import Role, certificate_uri, role_uri
@@ -51,9 +52,15 @@ async def run_bus(
     credentials = credentials if credentials is not None else Credentials.of_environment()
     configuration = _Configuration(folder, _settings(folder, host, port) | _cluster(host, cluster_port, routes, credentials), credentials)
     configuration.write()
+    async with following(credentials):
+        await _run_server(configuration, folder, f"{'nats' if credentials is None else 'tls'}://{host}:{port}")
+
+
+async def _run_server(configuration: _Configuration, folder: Path, url: str) -> None:
+    """Run the server until this process is asked to stop."""
     process = await asyncio.create_subprocess_exec(_server(), "--config", str(configuration.file), preexec_fn=_end_with_parent)
     try:
-        await _serve(process, configuration, folder, f"{'nats' if credentials is None else 'tls'}://{host}:{port}")
+        await _serve(process, configuration, folder, url)
     finally:
         if process.returncode is None:
             process.terminate()

@@ -26,9 +26,10 @@ class Part(IntEnum):
     TRAFFIC = 7
     BUS = 8
     GATEWAY = 9
+    TRUST = 10
 
 
-_WITHOUT_BUS = {Part.WORLD, Part.WINDOWS, Part.API}
+_WITHOUT_BUS = {Part.WORLD, Part.WINDOWS, Part.API, Part.TRUST}
 """Those that have ports of their own also in a system on a bus; the others have addresses below the gateway's."""
 
 
@@ -82,6 +83,7 @@ class Ports:
             scheduler=f"{self._component_origin(self[Part.SCHEDULER], bus)}/scheduler",
             bus=bus,
             trust=str(self._trust.resolve()) if self._trust is not None else None,
+            trust_service=f"https://{self._host}:{self[Part.TRUST]}" if self._trust is not None else None,
         )
 
     def _component_origin(self, port: int, bus: BusAddress | None) -> str:
@@ -122,6 +124,7 @@ def ports_before(addresses: Addresses, *, task_managers: int, is_on_bus: bool, h
         Part.TRAFFIC: addresses.traffic or "",
         Part.BUS: addresses.bus.servers if addresses.bus is not None else "",
         Part.GATEWAY: addresses.bus.gateway if addresses.bus is not None else "",
+        Part.TRUST: addresses.trust_service or "",
     }
     ports = {part: urlsplit(place).port or 0 for part, place in places.items()}
     if addresses.bus is None:

@@ -219,6 +219,8 @@ class System:
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         first = [self._start_one_of(REGISTRY, number, port, *neighbours) for number, port in enumerate(ports.registries, 1)]
         first += [self._start_one_of(TASK_MANAGER, number, port) for number, port in enumerate(ports.task_managers, 1)]
+        if self._certificates is not None:
+            first.append(self._start("trust", "--port", str(ports[Part.TRUST])))
         if not has_world:
             first.append(self._start("traffic", "--port", str(ports[Part.TRAFFIC])))
         elif self._world_address is None:

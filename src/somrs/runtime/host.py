@@ -21,6 +21,7 @@ from somrs.runtime.http import Server
 from somrs.runtime.node import CarryOut, Node, Watch, refuse_work
 from somrs.runtime.outbox import Outboxes, OutgoingMessage, Transport
 from somrs.runtime.reception import Handler
+from somrs.runtime.trust_client import following
 from somrs.runtime.wire import Wire
 from somrs.storage.journal import Journal
 from somrs.trust.credentials import Credentials
@@ -46,6 +47,7 @@ class Host:
         credentials: Credentials | None = None,
     ) -> None:
         credentials = credentials if credentials is not None else Credentials.of_environment()
+        self._credentials, self._exits = credentials, contextlib.AsyncExitStack()
         self.clock = clock if clock is not None else Clock()
         self._wire, self._bus = Wire(credentials), Bus(bus, credentials) if bus is not None else None
         self._nodes: dict[str, Node] = {}
@@ -72,6 +74,7 @@ class Host:
 
     async def start(self) -> None:
         await self._server.start()
+        await self._exits.enter_async_context(following(self._credentials))
 
     async def listening(self) -> None:
         """Return when others can reach the components that have been added."""
@@ -229,3 +232,4 @@ class Host:
         await self._wire.close()
         if self._bus is not None:
             await self._bus.close()
+        await self._exits.aclose()

@@ -81,7 +81,7 @@ class Denials:
         if key not in self.counts and len(self.counts) >= MOST_DENIALS:
             self.counts.clear()
         self.counts[key] += 1
-        if (count := self.counts[key]) != 10 ** (len(str(count)) - 1):
+        if not is_noteworthy(count := self.counts[key]):
             return
         log.warning("denied: %s (%d times)", text, count)
         if self._audit_log is not None:
@@ -89,6 +89,11 @@ class Denials:
                 self._audit_log.append(f"send {key[1]}", "denied", actor, {"why": text, "times": count})
             except UsageError as error:
                 log.error("not in the audit log: %s", error)
+
+
+def is_noteworthy(count: int) -> bool:
+    """Whether what has happened so many times is recorded: the first time, the tenth, the hundredth and so on."""
+    return count == int("1".ljust(len(str(count)), "0"))
 
 
 class _Hashable:

@@ -172,8 +172,8 @@ class Wire:
 
     def _connection_problem(self, error: aiohttp.ClientError) -> str:
         """Why there is no connection, for people."""
-        if (tls_error := _tls_error(error)) is not None:
-            return advice(tls_error)
+        if (cause := tls_error(error)) is not None:
+            return advice(cause)
         if self._credentials is not None and (own_problem := self._credentials.own_problem(datetime.now(UTC))):
             return own_problem
         if isinstance(error, aiohttp.ClientConnectorError):
@@ -186,7 +186,7 @@ class Wire:
             self._session = None
 
 
-def _tls_error(error: BaseException | None) -> ssl.SSLError | None:
+def tls_error(error: BaseException | None) -> ssl.SSLError | None:
     """The error of TLS from which another one comes, if there is one."""
     while error is not None:
         for cause in (getattr(error, "certificate_error", None), getattr(error, "os_error", None), error):
