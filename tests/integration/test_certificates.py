@@ -11,6 +11,7 @@ from pathlib import Path
 
 import aiohttp
 import pytest
+from msgspec import structs
 
 from somrs.errors import RemoteError
 from somrs.protocol.messages import directory, frp, knowledge
@@ -122,6 +123,37 @@ def test_who_has_not_reads_what_is_missing(
         (f"send {type(body).__name__}", "denied", Actor(name=name, address="127.0.0.1"))
     ] * 2
     assert [entry.details["times"] for entry in entries] == [1, 10]
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "path"),
+    [
+        ("Robot1", Role.DEVICE, "/devices/Robot2"),
+        ("Robot1", Role.DEVICE, "/task-manager"),
+        ("task-manager-2", Role.TASK_MANAGER, "/task-manager"),
+        ("manager", Role.TASK_MANAGER, "/repository"),
+    ],
+)
+def test_nobody_sends_from_the_address_of_another_one(tmp_path: Path, name: str, role: Role, path: str) -> None:
+    async def scenario(office: Office) -> None:
+        credentials = enrolled(office.authority, name, role)
+        body = COMPLETED if role is Role.DEVICE else frp.Stop(reason="enough")
+        message = office.message(body)
+        wire = Wire(credentials)
+        try:
+            for header in (
+                structs.replace(message.header, sender=f"{office.server.url}{path}"),
+                structs.replace(message.header, reply_to=f"{office.server.url}{path}"),
+            ):
+                answer = await wire.post(structs.replace(message, header=header))
+                assert answer is not None
+                assert isinstance(answer.body, frp.Fault)
+                assert (answer.body.code, f"{name} may not name {office.server.url}{path}" in answer.body.text) == (DENIED, True)
+        finally:
+            await wire.close()
+        assert office.taken == []
+
+    run(tmp_path, scenario)
 
 
 def test_nobody_is_heard_without_a_certificate_of_the_site(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What an identity may do on a bus: at which paths it may listen, what the NATS servers permit it, and in whose name its messages speak.
+"""What an identity may do on a bus: what the NATS servers permit it, and which of its messages recipients accept.
 
 The servers know certificates and not roles: `permissions` says for each identity to which subjects it may publish and subscribe. That
 every message has the token of its sender in its subject follows from it, so recipients know who that is.
@@ -8,44 +8,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import lru_cache
-from urllib.parse import urlsplit
 
-from somrs.errors import UsageError, WireError
+from somrs.errors import UsageError
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.rights import DENIED, check_right
-from somrs.runtime.bus_address import BEGINNINGS, PROVEN_ROOT, BusAddress, path_tokens, sender_of, token_of
+from somrs.protocol.messages.rights import check_right
+from somrs.runtime.bus_address import BEGINNINGS, PROVEN_ROOT, BusAddress, sender_of, token_of
+from somrs.runtime.places import check_addresses, component_names, listening_patterns, may_listen
 from somrs.runtime.proofs import Proof
-from somrs.runtime.reply_hosts import addresses_in
 from somrs.storage.nats_connection import INBOXES
 from somrs.trust.credentials import Credentials
 from somrs.trust.identity import Identity, Role
 
-MOST_OF_A_KIND = 32
-"""How many Task Managers, Registries and simulators a site with certificates has on a bus: NATS has no patterns within a token."""
-
 _SITES = "KV_somrs-sites"
-_NUMBERS = range(2, MOST_OF_A_KIND + 1)
-_SPOKEN = ("devices", "passages", "maps")
-"""The first parts of paths at which a device listens; the second is its name."""
-
-
-def _numbered(name: str) -> tuple[str, ...]:
-    return (name, *(f"{name}-{number}" for number in _NUMBERS))
-
-
-_PATHS: dict[Role, tuple[str, ...]] = {
-    Role.REPOSITORY: ("repository",),
-    Role.REGISTRY: _numbered("registry"),
-    Role.TASK_MANAGER: _numbered("task-manager"),
-    Role.SCHEDULER: ("scheduler",),
-    Role.TRAFFIC: ("traffic", "map-follower", *_numbered("simulator")),
-    Role.API: ("news.*",),
-    Role.CLIENT: ("news.*",),
-    Role.VIEWER: ("news.*",),
-}
-"""The paths at which programs listen, as subjects."""
-
 _WITH_JOURNALS = frozenset({Role.REPOSITORY, Role.REGISTRY, Role.TASK_MANAGER, Role.SCHEDULER})
 """The roles of components whose journals are on the bus."""
 
@@ -69,14 +43,6 @@ _STORING = (
 """What components with a journal may: what is stored is theirs together, but only one of them can write to each journal."""
 
 
-@lru_cache(maxsize=2000)
-def listening_patterns(identity: Identity) -> tuple[str, ...]:
-    """The paths at which an identity may listen, as subjects without their site; `*` is any token."""
-    fixed = [pattern for role in sorted(identity.roles) for pattern in _PATHS.get(role, ())]
-    names = sorted({identity.name, *identity.speaks_for}) if Role.DEVICE in identity.roles else []
-    return (*fixed, *(f"{first}.{token_of(name)}" for name in names for first in _SPOKEN))
-
-
 def permissions(identity: Identity) -> dict[str, object]:
     """The permissions of an identity, as in the configuration of a NATS server."""
     if Role.BUS in identity.roles:
@@ -90,7 +56,7 @@ def permissions(identity: Identity) -> dict[str, object]:
         publish += [f"$JS.API.STREAM.CREATE.{_SITES}", "$KV.somrs-sites.*"]
     for role in identity.roles & _WITH_JOURNALS:
         publish += _STORING
-        for component in _PATHS[role]:
+        for component in component_names(identity, role):
             publish += [f"{root}.*.{component}" for root in ("somrs-journal", "$KV.somrs-leaders", "somrs-resignation")]
             subscribe += [f"{root}.*.{component}" for root in ("somrs-journal", "somrs-resignation")]
         subscribe.append("somrs-status.*")
@@ -121,7 +87,7 @@ def may_answer(credentials: Credentials, bus: BusAddress, name: str, subject: st
         identity = credentials.identity_named(name, time.time())
     except UsageError:
         return False
-    return _may_listen(identity, tokens)
+    return may_listen(identity, tokens)
 
 
 def rights_on(bus: BusAddress) -> Callable[[Message, Identity], None]:
@@ -132,17 +98,6 @@ def rights_on(bus: BusAddress) -> Callable[[Message, Identity], None]:
 
     def check(message: Message, identity: Identity) -> None:
         check_right(message, identity)
-        for field, address in addresses_in(message):
-            if bus.covers(address) and not _may_listen(identity, path_tokens(urlsplit(address).path)):
-                text = f"{identity.name} may not name {address[:200]} as {field}: it needs a certificate with which it can listen there"
-                raise WireError(DENIED, text)
+        check_addresses(message, identity, bus.covers)
 
     return check
-
-
-def _may_listen(identity: Identity, tokens: list[str]) -> bool:
-    return any(_matches(pattern.split("."), tokens) for pattern in listening_patterns(identity))
-
-
-def _matches(pattern: list[str], tokens: list[str]) -> bool:
-    return len(pattern) == len(tokens) and all(part in ("*", token) for part, token in zip(pattern, tokens, strict=True))

@@ -18,16 +18,20 @@ from starlette.types import Send as SendPart
 from somrs.errors import RemoteError, UsageError
 from somrs.limits import Limits
 from somrs.ports import listen_at
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.rights import check_right
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.protocol.soap.wsdl import description, schema
 from somrs.runtime import batches
 from somrs.runtime.batches import Outcome
 from somrs.runtime.bounded_http import PEER_CERTIFICATE, BoundedConfig, QuietServer
+from somrs.runtime.places import check_addresses, has_known_path
 from somrs.runtime.proofs import Denials, Source, proof_of
 from somrs.runtime.reception import Format, Handler, Reception, unavailable
 from somrs.storage.audit_log import AuditLog
 from somrs.trust.credentials import Credentials
+from somrs.trust.identity import Identity
 
 SOAP = Format(soap.encode, soap.decode, soap.fault)
 
@@ -62,7 +66,7 @@ class Server:
         self._serving: asyncio.Task[None] | None = None
         self._server: QuietServer | None = None
         data = credentials.data if credentials is not None else None
-        self._reception = Reception(SOAP, self.parts, Denials(AuditLog(data) if data is not None else None))
+        self._reception = Reception(SOAP, self.parts, Denials(AuditLog(data) if data is not None else None, _check_message))
 
     @property
     def url(self) -> str:
@@ -164,6 +168,12 @@ class Server:
         if (schema_name := query.get("xsd")) is not None:
             return _xml(schema(schema_name))
         return PlainTextResponse(f"a SOAP 1.2 endpoint of SO-MRS; its description is at {path}?wsdl\n")
+
+
+def _check_message(message: Message, identity: Identity) -> None:
+    """Raises WireError with the code `DENIED` for a message that an identity may not send, or not with these addresses."""
+    check_right(message, identity)
+    check_addresses(message, identity, has_known_path)
 
 
 def _response(outcome: Outcome) -> Response:
