@@ -7,6 +7,7 @@ import contextlib
 import os
 import socket
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 START_TIME = 30.0
@@ -23,7 +24,7 @@ class Programs:
         self._data = data
         self._running: list[asyncio.subprocess.Process] = []
 
-    async def start(self, module: str, *arguments: str) -> str:
+    async def start(self, module: str, *arguments: str, environment: Mapping[str, str] | None = None) -> str:
         """Run `contestants.MODULE` with the arguments, and return its report that it is ready."""
         line = [sys.executable, "-m", f"contestants.{module}", *arguments]
         process = await asyncio.create_subprocess_exec(
@@ -31,7 +32,7 @@ class Programs:
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             cwd=self._data,
-            env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1]), "TMPDIR": str(self._data)},
+            env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1]), "TMPDIR": str(self._data), **(environment or {})},
         )
         self._running.append(process)
         assert process.stdout is not None

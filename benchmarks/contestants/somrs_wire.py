@@ -9,7 +9,8 @@ import asyncio
 import os
 import signal
 import sys
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 from contestants.contest import BIDDERS
@@ -31,29 +32,65 @@ from somrs.runtime.node import Report
 from somrs.runtime.wire import Wire
 from somrs.storage.journal import Journal
 from somrs.task_manager.manager import SCHEMA, TaskManager
+from somrs.trust.authority import Authority
+from somrs.trust.credentials import VARIABLE, Credentials
+from somrs.trust.identity import Identity, Role
 
 HOST = "127.0.0.1"
 GROUP = BIDDERS // 2
 """The number of devices in one process."""
 
 
+class Certificates:
+    """The certificates of the programs, if they have some: those of an authority in the data folder."""
+
+    def __init__(self, data: Path, *, are_wanted: bool) -> None:
+        self._authority = Authority.of_data(data) if are_wanted else None
+        if self._authority is not None:
+            self._authority.create("bench", datetime.now(UTC))
+
+    def of(self, name: str, role: Role, speaks_for: Sequence[str] = ()) -> Path | None:
+        if self._authority is None:
+            return None
+        identity = Identity(name=name, roles=frozenset({role}), speaks_for=frozenset(speaks_for))
+        return self._authority.issue_program(identity, (HOST,), datetime.now(UTC))[0]
+
+    def credentials(self) -> Credentials | None:
+        """Those of the clients."""
+        certificate = self.of("client", Role.CLIENT)
+        return Credentials(certificate) if certificate is not None else None
+
+    async def start(self, programs: Programs, part: str, argument: str) -> None:
+        """Start a program of this module, with its certificate."""
+        if part == "devices":
+            certificate = self.of(f"devices-{argument}", Role.DEVICE, CARRIERS[int(argument) : int(argument) + GROUP])
+        else:
+            certificate = self.of(part, Role(part.removesuffix("-2")))
+        environment = {VARIABLE: str(certificate)} if certificate is not None else {}
+        await programs.start("somrs_wire", part, argument, environment=environment)
+
+
 class OverHttp:
     """The clients' process, which starts the others."""
 
+    has_certificates = False
+
     async def start(self, data: Path) -> None:
-        self._programs, self._wire = Programs(data), Wire()
+        certificates = Certificates(data, are_wanted=self.has_certificates)
+        self._programs, self._wire = Programs(data), Wire(certificates.credentials())
         (data / "site.yaml").write_text(site())
+        scheme = "https" if self.has_certificates else "http"
         ports = [free_port() for _ in range(3)]
         addresses = Addresses(
-            repository=f"http://{HOST}:{ports[0]}/repository",
-            registry=f"http://{HOST}:{ports[1]}/registry",
-            task_manager=f"http://{HOST}:{ports[2]}/task-manager",
+            repository=f"{scheme}://{HOST}:{ports[0]}/repository",
+            registry=f"{scheme}://{HOST}:{ports[1]}/registry",
+            task_manager=f"{scheme}://{HOST}:{ports[2]}/task-manager",
         )
         addresses.write(data)
         for part, port in zip(("repository", "registry", "task-manager"), ports, strict=True):
-            await self._programs.start("somrs_wire", part, str(port))
+            await certificates.start(self._programs, part, str(port))
         for first in range(0, BIDDERS, GROUP):
-            await self._programs.start("somrs_wire", "devices", str(first))
+            await certificates.start(self._programs, "devices", str(first))
         self._lines = Lines(self._ask, addresses.task_manager)
         await self._lines.until_offered(addresses.registry)
 
@@ -70,23 +107,32 @@ class OverHttp:
         return answer
 
 
+class OverHttps(OverHttp):
+    """The same with certificates."""
+
+    has_certificates = True
+
+
 class OnBus:
     """The clients' process, which starts the others, with a bus of one server. Nobody needs a gateway here."""
 
     task_managers: tuple[str, ...] = ("task-manager",)
+    has_certificates = False
 
     async def start(self, data: Path) -> None:
-        self._programs = Programs(data)
+        certificates = Certificates(data, are_wanted=self.has_certificates)
+        self._programs, credentials = Programs(data), certificates.credentials()
         (data / "site.yaml").write_text(site())
         port = free_port()
-        bus = BusAddress(servers=f"nats://{HOST}:{port}", site="bench", gateway=f"http://{HOST}:1")
+        bus_scheme, scheme = ("tls", "https") if self.has_certificates else ("nats", "http")
+        bus = BusAddress(servers=f"{bus_scheme}://{HOST}:{port}", site="bench", gateway=f"{scheme}://{HOST}:1")
         addresses = addresses_on(bus)
         addresses.write(data)
         for part in ("bus", "repository", "registry", *self.task_managers):
-            await self._programs.start("somrs_wire", part, str(port))
+            await certificates.start(self._programs, part, str(port))
         for first in range(0, BIDDERS, GROUP):
-            await self._programs.start("somrs_wire", "devices", str(first))
-        self._bus = Bus(bus)
+            await certificates.start(self._programs, "devices", str(first))
+        self._bus = Bus(bus, credentials)
         await self._bus.start()
         self._lines = [Lines(self._ask, f"{bus.gateway}/{name}") for name in self.task_managers]
         await self._lines[0].until_offered(addresses.registry)
@@ -102,6 +148,12 @@ class OnBus:
         answer = await self._bus.post(message, timeout=90.0)
         assert answer is not None, "a request gets an answer"
         return answer
+
+
+class OnSecureBus(OnBus):
+    """The same with certificates."""
+
+    has_certificates = True
 
 
 class OnBusWithTwo(OnBus):
