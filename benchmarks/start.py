@@ -1,4 +1,5 @@
-"""Measures the start of a system: CPU and memory of its programs, by `somrs up` and as separate processes, in turns.
+"""Measures the start of a system: CPU and memory of its programs, by `somrs up` with some of its options, and as separate processes,
+in turns.
 
 It starts the paper's scenario with its windows. CPU is that of each process until all are ready, from /proc; memory is the proportional set
 size (Pss), which divides shared memory among the processes that share it. Run it as `python benchmarks/start.py`.
@@ -6,6 +7,7 @@ size (Pss), which divides shared memory among the processes that share it. Run i
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import os
 import signal
@@ -22,7 +24,6 @@ from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.system import System
 
 SITE = Path(__file__).parents[1] / "src" / "somrs" / "demo" / "data" / "scenario-1.yaml"
-ROUNDS = 5
 
 
 class Singly(Launcher):
@@ -73,10 +74,10 @@ async def started_singly() -> Cost:
             return cost(wall, [program.process.pid for program in system.programs.values()])
 
 
-def started_by_command() -> Cost:
-    """Start a system with `somrs up`; the cost includes all its processes."""
+def started_by_command(*options: str) -> Cost:
+    """Start a system with `somrs up` and these options; the cost includes all its processes."""
     with tempfile.TemporaryDirectory() as folder:
-        line = [sys.executable, "-m", "somrs.cli.main", "up", str(SITE), "--data", folder]
+        line = [sys.executable, "-m", "somrs.cli.main", "up", str(SITE), "--data", folder, *options]
         started_at = time.perf_counter()
         with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as program:
             assert program.stdout is not None
@@ -101,15 +102,19 @@ def cost(wall: float, processes: Sequence[int]) -> Cost:
 
 
 def main() -> None:
-    results: dict[str, list[Cost]] = {"somrs up, itself included": [], "each by itself": []}
-    for _ in range(ROUNDS):
-        results["somrs up, itself included"].append(started_by_command())
-        results["each by itself"].append(asyncio.run(started_singly()))
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--rounds", type=int, default=5, help="number of rounds")
+    rounds = parser.parse_args().rounds
+    results: dict[str, list[Cost]] = {}
+    for _ in range(rounds):
+        for options in ((), ("--certificates",), ("--bus",), ("--bus", "--certificates")):
+            results.setdefault(" ".join(("somrs up", *options)), []).append(started_by_command(*options))
+        results.setdefault("each by itself", []).append(asyncio.run(started_singly()))
     for name, costs in results.items():
         wall, spent, own_memory = (
             statistics.median(getattr(sample, attribute) for sample in costs) for attribute in ("wall", "cpu", "memory")
         )
-        print(f"{name:26} {wall:5.1f} s, {spent:5.1f} s of CPU, {own_memory:5.0f} MB")
+        print(f"{name:32} {wall:5.1f} s, {spent:5.1f} s of CPU, {own_memory:5.0f} MB")
 
 
 if __name__ == "__main__":
