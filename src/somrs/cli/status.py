@@ -16,6 +16,7 @@ from somrs.api.system import PartView
 from somrs.client import terminal
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
+from somrs.client.credentials import credentials_for
 from somrs.client.state_labels import map_neighbour_is_away, map_neighbour_text, neighbour_text
 from somrs.deployment.bus import running_components
 from somrs.deployment.incidents import Incident
@@ -57,7 +58,7 @@ async def _read(addresses: Addresses, data: Path) -> Status:
         return Status(
             parts=system.parts, neighbours=system.neighbours, neighbouring_maps=system.neighbouring_maps, incidents=system.incidents
         )
-    processes = await running_components(addresses.bus)
+    processes = await running_components(addresses.bus, credentials_for(addresses))
     if processes:
         with contextlib.suppress(RemoteError):  # the table says what does not run
             async with Client(addresses) as client:
