@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,14 +12,12 @@ import msgspec
 from somrs.access.identity import sender, user_of_process
 from somrs.errors import UsageError
 from somrs.storage.audit_log import Actor, AuditLog
+from somrs.storage.denial_counts import DenialCounts
 
 log = logging.getLogger(__name__)
 
 DONE, DENIED, FAILED = "done", "denied", "failed"
 """The outcomes of acts. `failed`: it is not known whether it was done, or how much of it."""
-
-MOST_DENIALS = 1000
-"""How many different denials are counted."""
 
 LONG = 4000
 """Bytes of details that are recorded whole; of longer ones, the beginning."""
@@ -38,25 +35,20 @@ def current_actor() -> Actor:
 class Auditor:
     """Records acts in the log of a data folder.
 
-    Whoever tries the same in vain again and again does not fill the disk: the first denial is recorded, and then each tenth, hundredth and
-    so on. What cannot be recorded is reported in the program's own log, and does not keep anybody from operating the site: a full disk must
-    not take the stop button away.
+    Of the same denials, only some are recorded (`DenialCounts`). What cannot be recorded is reported in the program's own log, and does not
+    keep anybody from operating the site: a full disk must not take the stop button away.
     """
 
     def __init__(self, data: Path) -> None:
         self.log = AuditLog(data)
-        self._denials: Counter[tuple[str, str, str]] = Counter()
+        self._denials = DenialCounts()
 
     def done(self, act: str, actor: Actor, details: Mapping[str, object], outcome: str = DONE) -> None:
         self._append(act, outcome, actor, shown(details))
 
     def denied(self, act: str, actor: Actor, reason: str, details: Mapping[str, object] | None = None) -> None:
         """Record what somebody tried who may not do it, or has not proven who it is."""
-        key = (act, actor.name, actor.address)
-        if key not in self._denials and len(self._denials) >= MOST_DENIALS:
-            self._denials.clear()
-        self._denials[key] += 1
-        if (count := self._denials[key]) == 10 ** (len(str(count)) - 1):
+        if (count := self._denials.add((act, actor))) is not None:
             self._append(act, DENIED, actor, shown({**(details or {}), "why": reason, **({"times": count} if count > 1 else {})}))
 
     def _append(self, act: str, outcome: str, actor: Actor, details: object) -> None:

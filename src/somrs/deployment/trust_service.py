@@ -12,7 +12,6 @@ import asyncio
 import hashlib
 import ssl
 import time
-from collections import Counter
 from collections.abc import Awaitable, Callable
 from datetime import UTC, datetime
 from ipaddress import ip_address
@@ -31,9 +30,9 @@ from somrs.errors import UsageError
 from somrs.ports import listen_at
 from somrs.runtime.bounded_http import PEER_CERTIFICATE, BoundedConfig, QuietServer
 from somrs.runtime.http import KEPT_TIME
-from somrs.runtime.proofs import MOST_DENIALS, is_noteworthy
 from somrs.runtime.trust_client import AUTHORITY_PATH, ENROL_PATH, NEWS_PATH, RENEW_PATH, Enrolled, EnrolRequest, RenewRequest
 from somrs.storage.audit_log import Actor, AuditLog
+from somrs.storage.denial_counts import DenialCounts
 from somrs.trust.authority import Authority
 from somrs.trust.credentials import SERVICE_FILE, Credentials, peer_of
 from somrs.trust.files import write_private
@@ -123,7 +122,7 @@ class TrustService:
     def __init__(self, authority: Authority, credentials: Credentials) -> None:
         self._authority, self._credentials = authority, credentials
         self._audit_log = AuditLog(authority.folder.parent)
-        self._denials: Counter[str] = Counter()
+        self._denials = DenialCounts()
         self._is_stopping = False
         self.application = Starlette(
             routes=[
@@ -153,10 +152,7 @@ class TrustService:
     async def _note_denial(self, request: Request, text: str) -> None:
         """Record who was refused. Anybody can ask, so not each time."""
         address = _address(request)
-        if address not in self._denials and len(self._denials) >= MOST_DENIALS:
-            self._denials.clear()
-        self._denials[address] += 1
-        if is_noteworthy(count := self._denials[address]):
+        if (count := self._denials.add(address)) is not None:
             act, actor, details = request.url.path.strip("/"), Actor(name="", address=address), {"why": text, "times": count}
             await asyncio.to_thread(self._audit_log.append, act, "denied", actor, details)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from functools import lru_cache
@@ -14,13 +13,11 @@ from somrs.errors import UsageError, WireError
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.rights import DENIED, check_right
 from somrs.storage.audit_log import Actor, AuditLog
+from somrs.storage.denial_counts import DenialCounts
 from somrs.trust.credentials import Credentials, Peer, peer_of
 from somrs.trust.identity import Identity
 
 log = logging.getLogger(__name__)
-
-MOST_DENIALS = 1000
-"""How many senders with types of messages are counted."""
 
 Proof = Callable[[], Identity]
 """Returns the identity that is proven now. Raises UsageError if its certificate does not hold any more."""
@@ -55,12 +52,12 @@ def proof_of(credentials: Credentials, certificate: Mapping[str, Any] | None) ->
 
 
 class Denials:
-    """Refuses what senders have no right to send. The first time that a sender sends such a type of message is recorded in the `audit_log`,
-    and then each tenth, hundredth and so on. `check_message`: raises WireError for a message that its sender may not send."""
+    """Refuses what senders have no right to send, and records it in the `audit_log`, as often as `DenialCounts` says. `check_message`:
+    raises WireError for a message that its sender may not send."""
 
     def __init__(self, audit_log: AuditLog | None = None, check_message: Callable[[Message, Identity], None] = check_right) -> None:
         self._audit_log, self._check_message = audit_log, check_message
-        self.counts: Counter[tuple[Actor, str]] = Counter()
+        self._counts = DenialCounts()
 
     def check(self, message: Message, proof: Proof, address: str = "") -> None:
         """Raises WireError if the message is denied. `address`: from where it came."""
@@ -77,23 +74,15 @@ class Denials:
             raise
 
     def _note(self, actor: Actor, message: Message, text: str) -> None:
-        key = (actor, type(message.body).__name__)
-        if key not in self.counts and len(self.counts) >= MOST_DENIALS:
-            self.counts.clear()
-        self.counts[key] += 1
-        if not is_noteworthy(count := self.counts[key]):
+        kind = type(message.body).__name__
+        if (count := self._counts.add((actor, kind))) is None:
             return
         log.warning("denied: %s (%d times)", text, count)
         if self._audit_log is not None:
             try:
-                self._audit_log.append(f"send {key[1]}", "denied", actor, {"why": text, "times": count})
+                self._audit_log.append(f"send {kind}", "denied", actor, {"why": text, "times": count})
             except UsageError as error:
                 log.error("not in the audit log: %s", error)
-
-
-def is_noteworthy(count: int) -> bool:
-    """Whether what has happened so many times is recorded: the first time, the tenth, the hundredth and so on."""
-    return count == int("1".ljust(len(str(count)), "0"))
 
 
 class _Hashable:
