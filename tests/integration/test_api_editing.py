@@ -352,7 +352,10 @@ def test_all_of_it_is_done_over_http_too(tmp_path: Path) -> None:
         assert wrong.json()["broken"][0]["section"] == "objects"
         mistaken = await client.post("/ontology/import.yaml", json={"text": "types:\n  A: {parent: B}\n"})
         assert (mistaken.status_code, mistaken.json()["mistakes"][0]["line"]) == (400, 2)
-        assert (await client.get("/map", params={"version": 99})).status_code == 409
+        assert (await client.get("/map", params={"version": 99})).status_code == 400
+        query = await client.get("/map/query", params={"formula": "Jar001 isOn"})
+        assert (query.status_code, query.json()["error"]) == (400, "RequestMistaken")
+        assert (await client.get("/map/objects/Jar999/history")).status_code == 400
         assert (await client.get("/ontology/export.yaml", params={"whole": True})).text.startswith("ontology:")
         described = (await client.get("/openapi.json")).json()
         assert {"/ontology/undo/{version}", "/map/events", "/map/renames"} <= described["paths"].keys()

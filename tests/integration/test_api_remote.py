@@ -246,7 +246,7 @@ def test_browsers_have_the_api_below_the_windows_own_address(tmp_path: Path) -> 
                 assert passed.headers["content-type"] == direct.headers["content-type"]
             assert (await browser.get("/map/export.yaml")).headers["content-disposition"] == 'attachment; filename="site.yaml"'
             wrong = await browser.get("/map/query", params={"formula": "Jar001 isOn"})
-            assert (wrong.status_code, wrong.json()["error"]) == (409, "RemoteError")
+            assert (wrong.status_code, wrong.json()["error"]) == (400, "RequestMistaken")
             body = msgspec.json.encode(UpdateMap(changes=(ValueSet("Jar001", "Weight", 0.4),)))
             async with connect(f"ws://{place}/live") as live:
                 await live.send('{"follow": ["map"], "confirm": 1}')

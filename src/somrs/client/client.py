@@ -47,6 +47,10 @@ class Refused(RemoteError):
         super().__init__("\n".join(rejected.problems))
 
 
+class RequestMistaken(RemoteError):
+    """A component found a mistake in the request, and did nothing: it has to be another request."""
+
+
 def client_name() -> str:
     """The name of this client, user@host, which is recorded with a task. It is not an address: replies arrive on the connection."""
     return client_address(user_of_process())
@@ -89,6 +93,7 @@ class Client:
 
         Raises:
             RemoteError: there was no reply, or one of another type.
+            RequestMistaken: the component found a mistake in the request.
             Refused: the Repository rejected the change.
         """
         header = Header(
@@ -104,7 +109,7 @@ class Client:
         if isinstance(answer.body, expected):
             return answer.body
         if isinstance(answer.body, frp.Fault):
-            raise RemoteError(answer.body.text)
+            raise (RequestMistaken if answer.body.is_of_sender else RemoteError)(answer.body.text)
         if isinstance(answer.body, knowledge.Rejected):
             raise Refused(answer.body)
         raise RemoteError(f"{address} answered {type(body).__name__} with {type(answer.body).__name__}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from somrs.client.client import Refused
+from somrs.client.client import Refused, RequestMistaken
 from somrs.errors import FormulaError, InputError, ModelError, Problem, RemoteError, SomrsError, UsageError
 from somrs.protocol.messages.knowledge import BrokenRule, Rejected
 from somrs.runtime.wire import Unanswered
@@ -111,7 +111,7 @@ def status(error: SomrsError) -> int:
             return 405
         case WrongFormat():
             return 415
-        case InputError():
+        case InputError() | RequestMistaken():
             return 400
         case _:
             return 409

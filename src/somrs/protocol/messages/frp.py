@@ -217,3 +217,8 @@ class Fault(MessageBody, frozen=True, kw_only=True, tag=True):
 
     code: str
     text: str
+
+    @property
+    def is_of_sender(self) -> bool:
+        """Whether the mistake is in the message, which must not be sent again as it is."""
+        return self.code.removeprefix("env:") == "Sender"
