@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from email.utils import parsedate_to_datetime
 
 import aiohttp
+import httpx
 import pytest
 import uvicorn
 from msgspec import structs
@@ -410,6 +411,12 @@ def test_who_comes_while_a_process_starts_comes_again() -> None:
                 await wire.post(query(f"{server.url}/repository"))
             with pytest.raises(Unanswered, match=message_pattern):
                 await wire.post_batch([query(f"{server.url}/repository")] * 2, 30)
+            async with httpx.AsyncClient() as plain_client:
+                headers = {"Content-Type": "application/soap+xml"}
+                refused = await plain_client.post(f"{server.url}/repository", content=b"<x/>", headers=headers)
+            assert (refused.status_code, refused.headers["content-type"].partition(";")[0]) == (503, "application/soap+xml")
+            fault = soap.decode(refused.content).body
+            assert fault == frp.Fault(code="env:Receiver", text="no component is available yet; this process is starting")
             pending_reply = asyncio.create_task(retry_unanswered(lambda: wire.post(query(f"{server.url}/repository")), 60))
             await asyncio.sleep(0.05)
             assert not pending_reply.done()

@@ -15,7 +15,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import Receive, Scope
 from starlette.types import Send as SendPart
 
-from somrs.errors import RemoteError, UsageError
+from somrs.errors import RemoteError, UsageError, WireError
 from somrs.limits import Limits
 from somrs.ports import listen_at
 from somrs.protocol.messages.envelope import Message
@@ -181,7 +181,9 @@ def _response(outcome: Outcome) -> Response:
     if status == 202:
         return _ACCEPTED
     if status == 503:
-        return Response(content, status, media_type="text/plain", headers=_HANG_UP)
+        # A Fault, for senders that show people nothing else. It is no answer: the message is to be sent again.
+        fault = soap.fault(WireError(soap.RECEIVER, content.decode().strip()))
+        return Response(fault, status, media_type=CONTENT_TYPE, headers=_HANG_UP)
     return Response(content, status, media_type=CONTENT_TYPE)
 
 

@@ -166,7 +166,7 @@ class Reception:
 
 
 def unavailable(error: RemoteError) -> Outcome:
-    """Return the outcome for a message that was not accepted. A Fault would be an answer, but the sender has to send the message again."""
+    """Return the outcome for a message that was not accepted. It is no answer: the sender has to send the message again."""
     return 503, f"{error}\n".encode()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import ssl
 from collections.abc import Awaitable, Callable, Sequence
@@ -15,6 +16,7 @@ from somrs.errors import RemoteError, WireError
 from somrs.kernel.durability import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.protocol.messages.bodies import REQUESTS
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
+from somrs.protocol.messages.frp import Fault
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime import batches
@@ -236,7 +238,7 @@ def _read(response: _Response, message: Message, decode: Decode) -> Message | No
 
     Peers of other makes accept a message with 200 or 204 or with a page, too. That is no answer to a request which waits for one here.
     """
-    if not response.document or response.media_type != soap.MEDIA_TYPE:
+    if response.status in UNTAKEN or not response.document or response.media_type != soap.MEDIA_TYPE:
         waits_here = type(message.body) in REQUESTS and message.header.reply_to == ANONYMOUS
         if response.status == 202 or (200 <= response.status < 300 and not waits_here):
             return None
@@ -247,7 +249,17 @@ def _read(response: _Response, message: Message, decode: Decode) -> Message | No
         raise RemoteError(f"{message.header.recipient} sent an answer that cannot be read: {error}") from None
 
 
+def _text(response: _Response) -> str:
+    """What a response that is no answer says, in a Fault or in plain text."""
+    if response.media_type == soap.MEDIA_TYPE:
+        with contextlib.suppress(WireError):
+            body = soap.decode(response.document).body
+            if isinstance(body, Fault):
+                return body.text
+    return response.document[:500].decode(errors="replace").strip()
+
+
 def _unexpected(response: _Response, message: Message) -> RemoteError:
-    text = response.document[:500].decode(errors="replace").strip()
+    text = _text(response)
     problem = f"{message.header.recipient} answered with HTTP {response.status}{': ' + text if text else ''}"
     return Unanswered(problem) if response.status in UNTAKEN else RemoteError(problem)
