@@ -175,6 +175,18 @@ def test_who_is_slow_reads_so(request_bytes: bytes, code: int) -> None:
     run_scenario(Limits(request_seconds=1), scenario)
 
 
+@pytest.mark.parametrize(("rate", "code"), [(1, 200), (2**20, 408)])
+def test_a_large_body_has_as_much_time_as_the_rate_takes(rate: int, code: int) -> None:
+    async def scenario(servings: Servings) -> None:
+        large = await servings.connect(post(b"a" * 1000, length=1001))
+        assert (await (await servings.connect(b"GET / HT")).answer())[0] == 408, "now the time for those who send nothing is over"
+        if code == 200:
+            await large.send(b"b")
+        assert (await large.answer())[0] == code
+
+    run_scenario(Limits(request_seconds=1, bytes_per_second=rate), scenario)
+
+
 def test_a_client_that_reads_nothing_of_its_answer_is_left() -> None:
     async def scenario(servings: Servings) -> None:
         client = await servings.connect(b"GET /much HTTP/1.1\r\nHost: x\r\n\r\n")

@@ -119,9 +119,8 @@ def audit_files(data: Path) -> list[Path]:
 class AuditLog:
     """The log in a data folder. Methods may be called by several threads. They raise UsageError if the file cannot be used."""
 
-    def __init__(self, data: Path, limit: int | None = None) -> None:
-        """`limit`: how many entries are kept; None: as the limits say."""
-        self._path, self._limit = data / FILE, limit if limit is not None else limits().audit_entries
+    def __init__(self, data: Path) -> None:
+        self._path, self._limit = data / FILE, limits().audit_entries
 
     def append(self, act: str, outcome: str, actor: Actor, details: object = None, moment: float | None = None) -> None:
         """Add an entry. `details`: what JSON can express."""

@@ -7,10 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from somrs.access.rights import PersonRole
+from somrs.access.store import AccessStore
 from somrs.deployment import program as programs
 from somrs.deployment.launcher import Process
 from somrs.deployment.program import Program
+from somrs.deployment.system import System
 from somrs.errors import UsageError
+from somrs.storage.audit_log import AuditLog
 
 
 def program(folder: Path) -> Program:
@@ -51,3 +55,17 @@ def test_a_program_that_ends_before_it_is_ready_says_why(tmp_path: Path, output:
         assert str(refused.value) == expected_text.format(log=ends.log)
 
     asyncio.run(run())
+
+
+def test_what_begins_anew_keeps_who_has_access_and_who_did_what(tmp_path: Path) -> None:
+    store = AccessStore(tmp_path)
+    store.add_account("Ada", PersonRole.ADMINISTRATOR)
+    entries = [*AuditLog(tmp_path).entries()]
+    (tmp_path / "repository.sqlite").touch()
+    (tmp_path / "logs").mkdir()
+    asyncio.run(System([tmp_path / "site.yaml"], tmp_path).discard())
+    assert not (tmp_path / "repository.sqlite").exists()
+    assert not (tmp_path / "logs").exists()
+    assert [*AuditLog(tmp_path).entries()] == entries
+    assert AuditLog(tmp_path).verify().entries == len(entries)
+    assert "Ada" in AccessStore(tmp_path).read().accounts

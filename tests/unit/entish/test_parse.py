@@ -77,6 +77,17 @@ def test_only_parentheses_that_are_open_and_no_part_of_a_text_count(read_: Calla
     assert refusal(read_, f"{prefix}{deep}(a isOn b") == (len(prefix) + MAX_DEPTH, problem, "write it flatter")
 
 
+def test_negations_and_operations_are_limited() -> None:
+    assert parse("NOT " * MAX_DEPTH + "a isOn b")
+    assert refusal(parse, "NOT " * (MAX_DEPTH + 1) + "a isOn b")[1:] == (
+        f"more than {MAX_DEPTH} NOTs in a row",
+        "two NOTs cancel each other",
+    )
+    assert parse("a.W = 1" + " + 1" * MAX_DEPTH)
+    problem = f"more than {MAX_DEPTH} operations in one expression"
+    assert refusal(parse, "a.W = 1" + " + 1" * (MAX_DEPTH + 1))[1:] == (problem, "write a shorter sum")
+
+
 @pytest.mark.parametrize(
     ("text", "tokens", "next_kinds"),
     [

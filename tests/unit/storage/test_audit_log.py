@@ -143,8 +143,9 @@ def test_erasing_without_an_entry_is_noticed(tmp_path: Path) -> None:
         log.verify()
 
 
-def test_too_many_entries_are_not_kept(tmp_path: Path) -> None:
-    log = AuditLog(tmp_path, limit=20)
+def test_too_many_entries_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOMRS_LIMIT_AUDIT_ENTRIES", "20")
+    log = AuditLog(tmp_path)
     for number in range(100):
         log.append("map.change", "done", ADA, number)
         assert log.verify().entries <= 21
