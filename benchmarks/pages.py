@@ -23,7 +23,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from rich.console import Console
 from rich.table import Table
 
-from somrs.access.rights import Role
+from somrs.access.rights import PersonRole
 from somrs.access.store import AccessStore
 from somrs.cli.import_commands import import_site
 from somrs.deployment.system import System
@@ -84,7 +84,7 @@ class Running:
         asyncio.run_coroutine_threadsafe(self._system.start(), self._loop).result()
         self.url = self._system.addresses.gui or ""
         store = AccessStore(self._system.data)
-        store.add_account("Benchmark", Role.ADMINISTRATOR)
+        store.add_account("Benchmark", PersonRole.ADMINISTRATOR)
         self._session, self._cookie = store.open_session("Benchmark"), store.read().cookie
         return self
 

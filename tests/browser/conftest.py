@@ -15,7 +15,7 @@ from typing import Literal
 
 import pytest
 
-from somrs.access.rights import Role
+from somrs.access.rights import PersonRole
 from somrs.client.addresses import Addresses
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
@@ -280,7 +280,7 @@ def empty_page(profile: BrowserContext) -> Page:
     return opened.value
 
 
-def sign_in(profile: BrowserContext, url: str, role: Role = Role.ADMINISTRATOR, name: str = TESTER) -> None:
+def sign_in(profile: BrowserContext, url: str, role: PersonRole = PersonRole.ADMINISTRATOR, name: str = TESTER) -> None:
     """Sign a person in in all pages of a profile: at the system with this page, or, for an empty page, at all."""
     for cookie, secret, address in session_cookies(url, role, name):
         profile.add_cookies([{"name": cookie, "value": secret, "url": address}])

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from somrs.access.rights import Right, Role
+from somrs.access.rights import PersonRole, Right
 from somrs.access.store import AccessStore
 from tests.support.hang import HANG_TIME
 
@@ -56,7 +56,7 @@ def test_a_new_system_makes_who_opens_the_link_its_administrator(system: Running
 
 def test_one_signs_in_with_a_password_and_gets_where_one_wanted(system: RunningSystem, profile: BrowserContext) -> None:
     store = AccessStore(system.data)
-    store.add_account("Grace", Role.OPERATOR)
+    store.add_account("Grace", PersonRole.OPERATOR)
     sign_in(profile, system.url, name="Grace")
     page = profile.new_page()
     page.goto(f"{system.url}/access")
@@ -109,7 +109,7 @@ def test_administrators_see_who_did_what(system: RunningSystem, window: Callable
     store = AccessStore(system.data)
     for number in range(30):
         store.add_token(f"Program {number}", frozenset({Right.SEE}), 3600.0)
-    sign_in(profile, system.url, Role.VIEWER, "Eve")
+    sign_in(profile, system.url, PersonRole.VIEWER, "Eve")
     assert profile.request.post(f"{system.url}/api/tasks", data={"effect": "Jar002 isOn Platform001"}).status == 403
     page = window(f"{system.url}/access")
     log = page.locator("details").filter(has_text="Audit log")
@@ -127,14 +127,14 @@ def test_administrators_see_who_did_what(system: RunningSystem, window: Callable
 
 
 def test_a_viewer_sees_and_stops_and_changes_nothing_else(system: RunningSystem, profile: BrowserContext) -> None:
-    sign_in(profile, system.url, Role.VIEWER, "Viewer")
+    sign_in(profile, system.url, PersonRole.VIEWER, "Viewer")
     page = profile.new_page()
     page.goto(f"{system.url}/fleet")
     page.get_by_role("button", name="Stop all devices").click()
     release = page.locator(".somrs-release")
     expect(release).to_be_visible()
     expect(release).to_be_disabled()
-    sign_in(profile, system.url, Role.OPERATOR, "Operator")
+    sign_in(profile, system.url, PersonRole.OPERATOR, "Operator")
     page.goto(f"{system.url}/map")
     release.click()
     expect(release).to_be_hidden()

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, CDPSession, Page, expect
 
-from somrs.access.rights import Role
+from somrs.access.rights import PersonRole
 from tests.support.signed_in import note
 
 from .conftest import SCHEMES, RunningSystem, fits, resize, sign_in, take_screenshot
@@ -48,7 +48,7 @@ def visit(system: RunningSystem, browser: Browser) -> Iterator[Visit]:
     url = system.url.replace("127.0.0.1", "localhost")
     note(system.data, url)
     with browser.new_context() as profile:
-        sign_in(profile, url, Role.OPERATOR, "Grace")
+        sign_in(profile, url, PersonRole.OPERATOR, "Grace")
         page = profile.new_page()
         yield Visit(page, profile.new_cdp_session(page), url)
 
@@ -106,7 +106,7 @@ def test_one_adds_passkeys_signs_in_with_one_and_removes_them(visit: Visit) -> N
 
 def test_an_ip_address_has_no_passkeys(system: RunningSystem, browser: Browser) -> None:
     with browser.new_context() as profile:
-        sign_in(profile, system.url, Role.OPERATOR, "Katherine")
+        sign_in(profile, system.url, PersonRole.OPERATOR, "Katherine")
         page = profile.new_page()
         page.goto(f"{system.url}/access")
         expect(page.get_by_text("Passkeys are for names, and not for IP addresses")).to_be_visible()

@@ -15,7 +15,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from somrs.access.rights import Right, Role
+from somrs.access.rights import PersonRole, Right
 from somrs.access.state import AccessState
 from somrs.access.store import AccessStore, local_token
 from somrs.api.remote import Api
@@ -54,18 +54,18 @@ def test_every_operation_by_everybody(tmp_path: Path) -> None:
     async def run() -> None:
         async with guarded(tmp_path) as (store, url), httpx.AsyncClient(base_url=url) as client:
             rights: dict[str, frozenset[Right]] = {"": frozenset(), "a guess": frozenset()}
-            for role in Role:
+            for role in PersonRole:
                 store.add_account(f"a person who is {role}", role)
                 rights[store.open_session(f"a person who is {role}")] = role.rights
             for right in Right:
                 rights[store.add_token(f"only {right}", frozenset({right}), DAY)] = frozenset({right})
             rights[store.add_token("expired", frozenset(Right), -1.0)] = frozenset()
-            store.add_account("Removed", Role.ADMINISTRATOR)
+            store.add_account("Removed", PersonRole.ADMINISTRATOR)
             rights[store.open_session("Removed")] = frozenset()
             store.remove_account("Removed")
-            store.add_account("Demoted", Role.ADMINISTRATOR)
-            rights[store.open_session("Demoted")] = Role.VIEWER.rights
-            store.set_role("Demoted", Role.VIEWER)
+            store.add_account("Demoted", PersonRole.ADMINISTRATOR)
+            rights[store.open_session("Demoted")] = PersonRole.VIEWER.rights
+            store.set_role("Demoted", PersonRole.VIEWER)
             store.renew_local_token()
             rights[local_token(tmp_path) or ""] = frozenset()
             store.renew_local_token()
@@ -89,7 +89,7 @@ def test_a_refusal_says_how_to_go_on(tmp_path: Path) -> None:
             unknown = await client.get("/map")
             assert "Authorization: Bearer TOKEN" in unknown.json()["problem"]
             assert unknown.headers["www-authenticate"] == "Bearer"
-            store.add_account("Ada", Role.VIEWER)
+            store.add_account("Ada", PersonRole.VIEWER)
             refused = await client.post("/tasks", headers=bearer(store.open_session("Ada")), json={"effect": "Jar1 isOn Table1"})
             assert refused.status_code == 403
             assert "Ada does not have the right to operate, which an operator has" in refused.json()["problem"]
@@ -105,13 +105,13 @@ def test_a_websocket_ends_when_access_ends(tmp_path: Path) -> None:
                 async with connect(news):
                     pass
             assert refused.value.response.status_code == 401
-            store.add_account("Ada", Role.VIEWER)
+            store.add_account("Ada", PersonRole.VIEWER)
             only_operates = store.add_token("Program", frozenset({Right.OPERATE}), DAY)
             with pytest.raises(InvalidStatus) as refused:
                 async with connect(news, additional_headers=bearer(only_operates)):
                     pass
             assert refused.value.response.status_code == 403
-            store.add_account("Root", Role.ADMINISTRATOR)
+            store.add_account("Root", PersonRole.ADMINISTRATOR)
             cookie = {"Cookie": f"{store.read().cookie}={store.open_session('Ada')}"}
             async with connect(news, additional_headers=cookie) as socket:
                 await socket.send('{"follow": [], "confirm": 1}')
@@ -128,7 +128,7 @@ def test_a_websocket_ends_when_access_ends(tmp_path: Path) -> None:
 def test_the_author_is_who_has_proven_it(tmp_path: Path) -> None:
     async def run() -> None:
         async with guarded(tmp_path) as (store, url), httpx.AsyncClient(base_url=url) as client:
-            store.add_account("Ada", Role.ENGINEER)
+            store.add_account("Ada", PersonRole.ENGINEER)
             session = bearer(store.open_session("Ada"))
             change = {"situation": "Jar001.Weight = 0.7", "author": "Mallory"}
             assert (await client.post("/map/changes", json=change, headers=session)).status_code == 200
@@ -165,7 +165,7 @@ def test_each_operation_that_changes_something_says_by_whom() -> None:
 
 def test_times_end(tmp_path: Path) -> None:
     store = AccessStore(tmp_path)
-    store.add_account("Ada", Role.ADMINISTRATOR)
+    store.add_account("Ada", PersonRole.ADMINISTRATOR)
     session, token = store.open_session("Ada"), store.add_token("Program", frozenset({Right.SEE}), 60.0)
     state: AccessState = store.read()
     later = time.time() + 61.0

@@ -11,11 +11,12 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from somrs.access.auditor import MOST_DENIALS, Auditor
+from somrs.access.auditor import Auditor
 from somrs.access.passwords import hashed_password
-from somrs.access.rights import Role
+from somrs.access.rights import PersonRole
 from somrs.access.store import AccessStore, local_token
 from somrs.storage.audit_log import FILE, Actor, AuditEntry, AuditLog
+from somrs.storage.denial_counts import MOST_DENIALS
 from tests.integration.test_access import bearer, guarded
 from tests.integration.test_sign_in import PASSWORD, browser
 
@@ -34,7 +35,7 @@ def only(entries: Sequence[AuditEntry], act: str) -> AuditEntry:
 def test_what_changes_something_is_recorded_with_who_and_what(tmp_path: Path) -> None:
     async def run() -> None:
         async with guarded(tmp_path) as (store, url), httpx.AsyncClient(base_url=url) as client:
-            store.add_account("Ada", Role.ENGINEER)
+            store.add_account("Ada", PersonRole.ENGINEER)
             session = bearer(store.open_session("Ada", "10.0.0.7"))
             changed = await client.post("/map/changes", json={"situation": "Jar001.Weight = 0.7"}, headers=session)
             assert (await client.get("/map", headers=session)).status_code == 200
@@ -56,7 +57,7 @@ def test_what_changes_something_is_recorded_with_who_and_what(tmp_path: Path) ->
 def test_what_is_denied_is_recorded(tmp_path: Path) -> None:
     async def run() -> None:
         async with guarded(tmp_path) as (store, url), httpx.AsyncClient(base_url=url) as client:
-            store.add_account("Eve", Role.VIEWER)
+            store.add_account("Eve", PersonRole.VIEWER)
             session = bearer(store.open_session("Eve"))
             assert (await client.post("/tasks", json={"effect": "Jar1 isOn Table1"}, headers=session)).status_code == 403
             assert (await client.get("/access", headers=session)).status_code == 403
@@ -83,7 +84,7 @@ def test_what_is_denied_is_recorded(tmp_path: Path) -> None:
 def test_signing_in_and_who_has_access_are_recorded(tmp_path: Path) -> None:
     async def run() -> None:
         store = AccessStore(tmp_path)
-        store.add_account("Ada", Role.ADMINISTRATOR, hashed_password(PASSWORD))
+        store.add_account("Ada", PersonRole.ADMINISTRATOR, hashed_password(PASSWORD))
         async with browser(store) as client:
             await client.post("/sign-in", data={"name": "Ada", "password": "wrong"})
             await client.post("/sign-in", data={"name": "Ada", "password": PASSWORD})
@@ -111,9 +112,9 @@ def test_signing_in_and_who_has_access_are_recorded(tmp_path: Path) -> None:
 def test_a_role_is_recorded_as_it_was_and_as_it_is(tmp_path: Path) -> None:
     async def run() -> None:
         async with guarded(tmp_path) as (store, url), httpx.AsyncClient(base_url=url) as client:
-            store.add_account("Root", Role.ADMINISTRATOR)
+            store.add_account("Root", PersonRole.ADMINISTRATOR)
             root = bearer(store.open_session("Root", "10.0.0.9"))
-            store.add_account("Ada", Role.VIEWER)
+            store.add_account("Ada", PersonRole.VIEWER)
             assert (await client.post("/access/people/Ada/role", params={"role": "engineer"}, headers=root)).status_code == 200
             token = await client.post("/access/tokens", json={"name": "Keeper", "rights": ["see"]}, headers=root)
             entries = (await client.get("/access/audit", headers=root)).json()["entries"]
@@ -131,7 +132,7 @@ def test_a_role_is_recorded_as_it_was_and_as_it_is(tmp_path: Path) -> None:
 def test_passwords_are_not_recorded(tmp_path: Path) -> None:
     async def run() -> None:
         async with guarded(tmp_path) as (store, url), httpx.AsyncClient(base_url=url) as client:
-            store.add_account("Ada", Role.VIEWER)
+            store.add_account("Ada", PersonRole.VIEWER)
             session = bearer(store.open_session("Ada"))
             for current in ("", "not the current one"):
                 await client.post("/access/me/password", json={"password": PASSWORD, "current": current}, headers=session)
@@ -146,7 +147,7 @@ def test_passwords_are_not_recorded(tmp_path: Path) -> None:
 def test_a_task_and_a_stop_are_recorded(tmp_path: Path) -> None:
     async def run() -> None:
         async with guarded(tmp_path) as (store, url), httpx.AsyncClient(base_url=url) as client:
-            store.add_account("Ada", Role.OPERATOR)
+            store.add_account("Ada", PersonRole.OPERATOR)
             session = bearer(store.open_session("Ada"))
             submitted = await client.post("/tasks", json={"effect": "Jar001 isOn Platform001"}, headers=session)
             task = submitted.json()["task"]
@@ -183,7 +184,7 @@ def test_long_details_are_cut(tmp_path: Path) -> None:
 def test_a_log_that_cannot_be_written_keeps_nobody_from_working(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     async def run() -> None:
         async with guarded(tmp_path) as (store, url), httpx.AsyncClient(base_url=url) as client:
-            store.add_account("Ada", Role.ENGINEER)
+            store.add_account("Ada", PersonRole.ENGINEER)
             session = bearer(store.open_session("Ada"))
             for file in tmp_path.glob(f"{FILE}*"):
                 file.unlink()

@@ -14,7 +14,7 @@ from starlette.applications import Starlette
 from starlette.routing import Route
 
 from somrs.access.passkeys import CHALLENGE_TIME, Challenges
-from somrs.access.rights import Role
+from somrs.access.rights import PersonRole
 from somrs.access.state import MAX_PASSKEYS, Subject
 from somrs.access.store import AccessStore
 from somrs.api.guard import Guard
@@ -40,7 +40,7 @@ async def browser(store: AccessStore, url: str = OWN_URL) -> AsyncIterator[httpx
 
 def store_with_ada(tmp_path: Path) -> AccessStore:
     store = AccessStore(tmp_path)
-    store.add_account("Ada", Role.ADMINISTRATOR)
+    store.add_account("Ada", PersonRole.ADMINISTRATOR)
     return store
 
 
@@ -140,7 +140,7 @@ def test_answers_that_prove_nothing(tmp_path: Path, fault: Callable[[SoftAuthent
 def test_an_answer_counts_once_and_for_what_it_was_asked(tmp_path: Path) -> None:
     async def run() -> None:
         store, device = store_with_ada(tmp_path), SoftAuthenticator(OWN_URL)
-        store.add_account("Eve", Role.VIEWER)
+        store.add_account("Eve", PersonRole.VIEWER)
         async with browser(store) as client:
             await add(client, store, device, "Phone")
             options = (await client.post("/sign-in/passkey/options")).json()
@@ -199,11 +199,11 @@ def test_several_passkeys_of_a_person(tmp_path: Path) -> None:
 def test_passkeys_end_with_their_account(tmp_path: Path) -> None:
     async def run() -> None:
         store, device = store_with_ada(tmp_path), SoftAuthenticator(OWN_URL)
-        store.add_account("Eve", Role.VIEWER)
+        store.add_account("Eve", PersonRole.VIEWER)
         async with browser(store) as client:
             await add(client, store, device, "Phone", "Eve")
             store.remove_account("Eve")
-            store.add_account("Eve", Role.ADMINISTRATOR)
+            store.add_account("Eve", PersonRole.ADMINISTRATOR)
             assert (await sign_in(client, device)).status_code == 400
 
     asyncio.run(run())
@@ -213,7 +213,7 @@ def test_who_signs_in_at_a_provider_has_no_passkeys(tmp_path: Path) -> None:
     async def run() -> None:
         store = AccessStore(tmp_path)
         subject = Subject(issuer="https://login.example", id="7")
-        session = bearer(store.open_session_of(subject, ["Ada"], Role.VIEWER, 3600.0))
+        session = bearer(store.open_session_of(subject, ["Ada"], PersonRole.VIEWER, 3600.0))
         async with browser(store) as client:
             refused = await client.post("/passkeys/options", headers=session)
             assert refused.json()["problem"].startswith("Ada signs in at https://login.example")

@@ -12,12 +12,14 @@ from urllib.parse import parse_qs, urljoin, urlsplit
 
 import httpx
 import pytest
+from aiohttp import web
+from aiohttp.test_utils import TestServer
 from starlette.applications import Starlette
 from starlette.routing import Route
 
-from somrs.access.oidc import Provider
+from somrs.access.oidc import MOST_BYTES, Provider
 from somrs.access.oidc_settings import read_oidc_settings
-from somrs.access.rights import Role
+from somrs.access.rights import PersonRole
 from somrs.access.store import AccessStore
 from somrs.api.guard import Guard
 from somrs.errors import UsageError
@@ -119,7 +121,7 @@ def test_a_session_begins_and_ends(tmp_path: Path, store: AccessStore, provider:
             assert parse_qs(address.query) == {"client_id": ["somrs"], "post_logout_redirect_uri": [f"{OWN_URL}/sign-in"]}
             assert (await ada.browser.get("/map")).status_code == 303
         (account,) = store.read().accounts.values()
-        assert (account.name, account.role, account.provider) == ("Ada Lovelace", Role.ENGINEER, provider.issuer)
+        assert (account.name, account.role, account.provider) == ("Ada Lovelace", PersonRole.ENGINEER, provider.issuer)
         (entry,) = sign_ins(tmp_path)
         assert (entry.outcome, entry.actor) == ("done", Actor(name="Ada Lovelace", address=ADDRESS))
         assert entry.details["by"] == provider.issuer
@@ -210,13 +212,15 @@ def test_the_provider_says_what_the_role_is(tmp_path: Path, store: AccessStore, 
         client = configured(provider, tmp_path)
         async with visitor(store, client) as grace, visitor(store, client, "10.0.0.2") as eve:
             assert "Signed in" in (await grace.sign_in("grace")).text
-            assert store.read().accounts["Grace"].role is Role.ADMINISTRATOR, "the role with most rights counts"
+            assert store.read().accounts["Grace"].role is PersonRole.ADMINISTRATOR, "the role with most rights counts"
             provider.change_people({**PEOPLE, "grace": {"name": "Grace Hopper", "groups": ["robot-operators"]}})
             await grace.sign_in("grace")
-            assert {account.name: account.role for account in store.read().accounts.values()} == {"Grace": Role.OPERATOR}, "the name stays"
+            assert {account.name: account.role for account in store.read().accounts.values()} == {"Grace": PersonRole.OPERATOR}, (
+                "the name stays"
+            )
             refused_change = pytest.raises(UsageError, match=f"Grace signs in at {provider.issuer}, which also says what the role is")
             with refused_change:
-                store.set_role("Grace", Role.ENGINEER)
+                store.set_role("Grace", PersonRole.ENGINEER)
             with refused_change:
                 store.set_password("Grace", "hash")
             provider.change_people({**PEOPLE, "grace": {"name": "Grace"}})
@@ -237,18 +241,18 @@ def test_the_provider_says_what_the_role_is(tmp_path: Path, store: AccessStore, 
 
 def test_nobody_gets_the_name_of_somebody_else(tmp_path: Path, store: AccessStore, provider: RunningProvider) -> None:
     async def run() -> None:
-        store.add_account("Grace", Role.ADMINISTRATOR)
+        store.add_account("Grace", PersonRole.ADMINISTRATOR)
         client = configured(provider, tmp_path, "everyone: viewer\n")
         for login in ("ada", "ada2", "grace", "nameless", "eve"):
             async with visitor(store, client) as person:
                 assert "Signed in" in (await person.sign_in(login)).text
         assert {account.name: account.role for account in store.read().accounts.values()} == {
-            "Grace": Role.ADMINISTRATOR,
-            "Ada Lovelace": Role.ENGINEER,
-            "Ada Lovelace (ada.2)": Role.OPERATOR,
-            "Grace (grace)": Role.ADMINISTRATOR,
-            "nameless": Role.OPERATOR,
-            "Eve": Role.VIEWER,
+            "Grace": PersonRole.ADMINISTRATOR,
+            "Ada Lovelace": PersonRole.ENGINEER,
+            "Ada Lovelace (ada.2)": PersonRole.OPERATOR,
+            "Grace (grace)": PersonRole.ADMINISTRATOR,
+            "nameless": PersonRole.OPERATOR,
+            "Eve": PersonRole.VIEWER,
         }
 
     asyncio.run(run())
@@ -269,6 +273,31 @@ def test_a_provider_that_is_away_keeps_nobody_from_signing_in_otherwise_or_out(t
             assert refused.status_code == 503
             assert alert(refused).startswith(f"Example Ltd cannot be reached at {provider.issuer}/.well-known/openid-configuration")
             assert 'name="password"' in refused.text
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("content", "status", "problem"),
+    [
+        (b"x" * (MOST_BYTES + 1), 200, f"Example Ltd answers with more than {MOST_BYTES} bytes at http"),
+        (b"<html>", 200, "Example Ltd answers with what is not understood"),
+        (b"{}", 200, "Example Ltd answers with what is not understood"),
+        (b"", 500, "Example Ltd answers with status 500 at http"),
+    ],
+)
+def test_what_is_no_provider(tmp_path: Path, store: AccessStore, content: bytes, status: int, problem: str) -> None:
+    async def answer(_: web.Request) -> web.Response:
+        return web.Response(body=content, status=status)
+
+    async def run() -> None:
+        application = web.Application()
+        application.router.add_get("/.well-known/openid-configuration", answer)
+        async with TestServer(application) as server:
+            file = RunningProvider(f"http://127.0.0.1:{server.port}").write_settings(tmp_path)
+            async with visitor(store, Provider(read_oidc_settings(file))) as ada:
+                refused = await ada.browser.get("/sign-in/provider")
+                assert (refused.status_code, alert(refused)[: len(problem)]) == (503, problem)
 
     asyncio.run(run())
 

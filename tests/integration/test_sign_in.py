@@ -15,7 +15,7 @@ from starlette.routing import Route
 
 from somrs.access.identity import sender
 from somrs.access.passwords import hashed_password
-from somrs.access.rights import Role
+from somrs.access.rights import PersonRole
 from somrs.access.store import AccessStore
 from somrs.api.guard import Guard
 from somrs.gui.sign_in import SignIn, is_open, sign_in_first
@@ -40,7 +40,7 @@ async def browser(store: AccessStore, *, scheme: str = "http", address: str = "1
 
 def store_with_ada(tmp_path: Path) -> AccessStore:
     store = AccessStore(tmp_path)
-    store.add_account("Ada", Role.ADMINISTRATOR, hashed_password(PASSWORD))
+    store.add_account("Ada", PersonRole.ADMINISTRATOR, hashed_password(PASSWORD))
     return store
 
 
@@ -85,6 +85,25 @@ def test_what_is_typed_is_text(tmp_path: Path) -> None:
             assert refused.status_code == 403
             assert "<script" not in refused.text
             assert "&lt;script&gt;" in refused.text
+
+    asyncio.run(run())
+
+
+def test_how_long_wrong_passwords_delay_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOMRS_LIMIT_SIGN_IN_TRIES", "1")
+    monkeypatch.setenv("SOMRS_LIMIT_SIGN_IN_SECONDS", "2")
+
+    async def run() -> None:
+        time_passed = [0.0]
+        pages = Starlette(routes=SignIn(store_with_ada(tmp_path), "/look.css", lambda: time_passed[0]).routes())
+        transport = httpx.ASGITransport(app=pages, client=("10.0.0.1", 1))
+        async with httpx.AsyncClient(transport=transport, base_url="http://robots.example") as client:
+            delays = []
+            for _ in range(4):
+                assert (await client.post(SIGN_IN, data={"name": "Ada", "password": "wrong"})).status_code == 403
+                delays.append((await client.post(SIGN_IN, data={"name": "Ada", "password": PASSWORD})).headers["retry-after"])
+                time_passed[0] += 2.0
+            assert delays == ["1", "2", "2", "2"]
 
     asyncio.run(run())
 

@@ -6,7 +6,7 @@ import urllib.request
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from somrs.access.rights import Role
+from somrs.access.rights import PersonRole
 from somrs.access.store import AccessStore, local_token
 
 TESTER = "Tester"
@@ -33,14 +33,14 @@ def note(data: Path, *urls: str | None) -> None:
     _FOLDERS.update({urlsplit(url).netloc: data for url in urls if url is not None})
 
 
-def session_cookies(url: str, role: Role = Role.ADMINISTRATOR, name: str = TESTER) -> list[tuple[str, str, str]]:
+def session_cookies(url: str, role: PersonRole = PersonRole.ADMINISTRATOR, name: str = TESTER) -> list[tuple[str, str, str]]:
     """The cookies of a person who has signed in at the system with this page, or, for an empty page, at all systems that were `noted`: the
     name and the content of each, and the address for which it is."""
     servers = [server for server, folder in _FOLDERS.items() if folder.exists()]
     return [_session_cookie(server, role, name) for server in servers if urlsplit(url).netloc in ("", server)]
 
 
-def _session_cookie(server: str, role: Role, name: str) -> tuple[str, str, str]:
+def _session_cookie(server: str, role: PersonRole, name: str) -> tuple[str, str, str]:
     store = AccessStore(_FOLDERS[server])
     if name not in store.read().accounts:
         store.add_account(name, role)

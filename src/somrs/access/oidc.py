@@ -18,7 +18,7 @@ import msgspec
 from msgspec import Struct
 
 from somrs.access.oidc_settings import OidcSettings, values_of
-from somrs.access.rights import Role
+from somrs.access.rights import PersonRole
 from somrs.access.state import MAX_NAME, Subject, new_secret
 from somrs.errors import RemoteError, UsageError
 
@@ -70,7 +70,7 @@ class ProvenPerson(Struct, frozen=True, kw_only=True):
 
     subject: Subject
     names: tuple[str, ...]
-    role: Role | None
+    role: PersonRole | None
     groups: tuple[str, ...] = ()
 
 

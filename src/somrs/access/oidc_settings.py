@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 import msgspec
 from msgspec import Struct
 
-from somrs.access.rights import Role
+from somrs.access.rights import PersonRole
 from somrs.errors import UsageError
 from somrs.ontology.files.nodes import Source
 
@@ -29,8 +29,8 @@ class OidcSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     `client`: the id of this system at the provider. `secret_file`: the file with its secret there, relative to that of the settings; empty
     if it has none. `label`: the provider's name for people; empty: its host. `claim`: what the provider says of a person that `roles` are
-    for, such as its groups; a dot leads into an object. Of several roles, the last one in the order of `Role` counts. `everyone`: the role
-    of whoever signs in there; None: who has none of `roles` is not let in. `hours`: how long one stays signed in.
+    for, such as its groups; a dot leads into an object. Of several roles, that with most rights counts. `everyone`: the role of whoever
+    signs in there; None: who has none of `roles` is not let in. `hours`: how long one stays signed in.
     """
 
     issuer: str
@@ -39,8 +39,8 @@ class OidcSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     label: str = ""
     scopes: tuple[str, ...] = ("openid", "profile", "email")
     claim: str = "groups"
-    roles: dict[str, Role] = {}
-    everyone: Role | None = None
+    roles: dict[str, PersonRole] = {}
+    everyone: PersonRole | None = None
     hours: Annotated[float, msgspec.Meta(gt=0, le=720)] = 12.0
     secret: str = ""
     """The content of `secret_file`, when it has been read."""
@@ -50,11 +50,11 @@ class OidcSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """The provider's name for people."""
         return self.label or urlsplit(self.issuer).hostname or self.issuer
 
-    def role(self, claims: Mapping[str, Any]) -> Role | None:
+    def role(self, claims: Mapping[str, Any]) -> PersonRole | None:
         """The role of a person of whom the provider says this; None if it has none."""
         texts = values_of(claims, self.claim)
         roles = {role for text in texts if (role := self.roles.get(text)) is not None} | ({self.everyone} if self.everyone else set())
-        return max(roles, key=[*Role].index, default=None)
+        return max(roles, key=[*PersonRole].index, default=None)
 
 
 def values_of(claims: Mapping[str, Any], claim: str) -> tuple[str, ...]:

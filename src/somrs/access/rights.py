@@ -20,7 +20,7 @@ class Right(StrEnum):
     """Add and remove people, roles, tokens and sessions."""
 
 
-class Role(StrEnum):
+class PersonRole(StrEnum):
     """What a person may do. Each role has the rights of those before it."""
 
     VIEWER = "viewer"
@@ -35,13 +35,13 @@ class Role(StrEnum):
 
 _VIEWER = frozenset({Right.SEE, Right.STOP})
 _RIGHTS = {
-    Role.VIEWER: _VIEWER,
-    Role.OPERATOR: _VIEWER | {Right.OPERATE},
-    Role.ENGINEER: _VIEWER | {Right.OPERATE, Right.MODEL},
-    Role.ADMINISTRATOR: frozenset(Right),
+    PersonRole.VIEWER: _VIEWER,
+    PersonRole.OPERATOR: _VIEWER | {Right.OPERATE},
+    PersonRole.ENGINEER: _VIEWER | {Right.OPERATE, Right.MODEL},
+    PersonRole.ADMINISTRATOR: frozenset(Right),
 }
 
 
-def least_role(required_right: Right) -> Role:
+def least_role(required_right: Right) -> PersonRole:
     """The first role that has a right."""
-    return next(role for role in Role if required_right in role.rights)
+    return next(role for role in PersonRole if required_right in role.rights)

@@ -10,7 +10,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from somrs.access.identity import Identity
-from somrs.access.rights import Right, Role
+from somrs.access.rights import PersonRole, Right
 from somrs.errors import UsageError
 
 SESSION_TIME = 30 * 86400.0
@@ -41,7 +41,7 @@ class Account(Struct, frozen=True, kw_only=True):
     says who signs in and in which role; None: this system says so itself."""
 
     name: str
-    role: Role
+    role: PersonRole
     created_at: float
     password: str | None = None
     subject: Subject | None = None
@@ -149,13 +149,13 @@ class AccessState(Struct, frozen=True, kw_only=True):
             raise UsageError(f"there is {account.name} already; choose another name")
         return replace(self, accounts=self.accounts | {account.name: account})
 
-    def with_role(self, name: str, role: Role) -> AccessState:
+    def with_role(self, name: str, role: PersonRole) -> AccessState:
         """The state with another role of a person. Raises UsageError for the last administrator."""
         self.account(name).check_own()
         changed = replace(self, accounts=self.accounts | {name: replace(self.account(name), role=role)})
         return self._unless_last(name, changed)
 
-    def with_subject(self, subject: Subject, names: Sequence[str], role: Role, now: float) -> tuple[AccessState, Account]:
+    def with_subject(self, subject: Subject, names: Sequence[str], role: PersonRole, now: float) -> tuple[AccessState, Account]:
         """The state with a person in the role that a provider has stated, and the person, who keeps the name of the first time: of `names`,
         the first that nobody has. Raises UsageError if all are taken."""
         account = self.account_of(subject)
@@ -260,7 +260,7 @@ class AccessState(Struct, frozen=True, kw_only=True):
         return self.accounts[name]
 
     def first_administrator(self) -> Account | None:
-        administrators = [account for account in self.accounts.values() if account.role is Role.ADMINISTRATOR]
+        administrators = [account for account in self.accounts.values() if account.role is PersonRole.ADMINISTRATOR]
         return min(administrators, key=lambda account: account.created_at, default=None)
 
     def _names(self) -> Iterator[str]:

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from somrs.access.auditor import Auditor, current_actor
 from somrs.access.identity import Identity
-from somrs.access.rights import Right, Role
+from somrs.access.rights import PersonRole, Right
 from somrs.access.state import (
     LINK_TIME,
     SESSION_TIME,
@@ -98,14 +98,14 @@ class AccessStore:
         finally:
             os.close(descriptor)
 
-    def add_account(self, name: str, role: Role, password_hash: str | None = None) -> Account:
+    def add_account(self, name: str, role: PersonRole, password_hash: str | None = None) -> Account:
         """Add a person. Raises UsageError if the name is taken, or is none."""
         account = Account(name=checked_name(name), role=role, created_at=time.time(), password=password_hash)
         with self._changing("add_person", name=account.name, role=role) as change:
             change.state = change.state.with_account(account)
         return account
 
-    def set_role(self, name: str, role: Role) -> None:
+    def set_role(self, name: str, role: PersonRole) -> None:
         with self._changing("set_role", name=name, after=role) as change:
             change.details["before"] = change.state.account(name).role
             change.state = change.state.with_role(name, role)
@@ -156,7 +156,7 @@ class AccessStore:
         return secret
 
     def open_session_of(
-        self, subject: Subject, names: Sequence[str], role: Role, seconds: float, address: str = "", browser: str = ""
+        self, subject: Subject, names: Sequence[str], role: PersonRole, seconds: float, address: str = "", browser: str = ""
     ) -> str:
         """Sign in somebody whom a provider has identified, and return the secret of the session. `names`: for a new account, of which it
         gets the first that nobody has; `seconds`: how long the session lasts. Raises UsageError if all names are taken."""
@@ -220,7 +220,7 @@ class AccessStore:
             state = change.state.without_link(secret)
             person = link.account
             if person is None:
-                account = Account(name=checked_name(name), role=Role.ADMINISTRATOR, created_at=time.time())
+                account = Account(name=checked_name(name), role=PersonRole.ADMINISTRATOR, created_at=time.time())
                 state, person = state.with_account(account), account.name
                 change.details["role"] = account.role
             change.actor = Actor(name=person, address=address)

@@ -9,7 +9,7 @@ import msgspec
 
 from somrs.access.identity import Identity, sender
 from somrs.access.passwords import MAX_LENGTH, hashed_password, is_right
-from somrs.access.rights import Right, Role
+from somrs.access.rights import PersonRole, Right
 from somrs.access.state import Session
 from somrs.access.store import AccessStore
 from somrs.api.context import Context
@@ -26,7 +26,7 @@ class PersonAccess(msgspec.Struct, frozen=True, kw_only=True):
     `passkeys`: how many the person has."""
 
     name: str
-    role: Role
+    role: PersonRole
     has_password: bool
     created_at: float
     provider: str = ""
@@ -66,7 +66,7 @@ class OwnAccess(msgspec.Struct, frozen=True, kw_only=True):
     `provider`: who says who the person is, and in which role; empty: this system."""
 
     name: str
-    role: Role | None
+    role: PersonRole | None
     rights: frozenset[Right]
     has_password: bool
     session: str | None
@@ -77,7 +77,7 @@ class OwnAccess(msgspec.Struct, frozen=True, kw_only=True):
 
 class NewPerson(msgspec.Struct, frozen=True, kw_only=True):
     name: str
-    role: Role = Role.OPERATOR
+    role: PersonRole = PersonRole.OPERATOR
 
 
 class NewToken(msgspec.Struct, frozen=True, kw_only=True):
@@ -195,7 +195,7 @@ class AccessService:
         return Secret(secret=self._store.add_link(name))
 
     @operation("POST", "/access/people/{name}/role", Right.ADMINISTER)
-    async def set_role(self, name: str, role: Role) -> None:
+    async def set_role(self, name: str, role: PersonRole) -> None:
         """Give a person another role, which applies at once."""
         self._store.set_role(name, role)
 

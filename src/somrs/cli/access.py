@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from somrs.access.rights import Right, Role
+from somrs.access.rights import PersonRole, Right
 from somrs.cli.options import DEFAULT_FOLDER, Data, Json, guarded
 
 user_app = typer.Typer(help="People who may sign in, and what they may do.", no_args_is_help=True, rich_markup_mode=None)
@@ -24,7 +24,7 @@ ROLES += "templates and zones; administrator: also people and tokens."
 @user_app.command()
 def add(
     name: PersonName,
-    role: Annotated[Role, typer.Option(help=ROLES)] = Role.OPERATOR,
+    role: Annotated[PersonRole, typer.Option(help=ROLES)] = PersonRole.OPERATOR,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Add a person, and print a link to sign in with, once."""
@@ -50,7 +50,7 @@ def list_users(data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
 
 
 @user_app.command()
-def role(name: PersonName, role: Annotated[Role, typer.Argument(help=ROLES)], data: Data = DEFAULT_FOLDER) -> None:
+def role(name: PersonName, role: Annotated[PersonRole, typer.Argument(help=ROLES)], data: Data = DEFAULT_FOLDER) -> None:
     """Give a person another role. It applies at once."""
     from somrs.cli.access_commands import change_role as run
 

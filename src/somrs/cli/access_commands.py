@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from somrs.access.passwords import hashed_password
-from somrs.access.rights import Right, Role
+from somrs.access.rights import PersonRole, Right
 from somrs.access.state import Account
 from somrs.access.store import AccessStore
 from somrs.client import terminal
@@ -23,7 +23,7 @@ def _store(data: Path) -> AccessStore:
     return AccessStore(data)
 
 
-def add(name: str, role: Role, data: Path) -> None:
+def add(name: str, role: PersonRole, data: Path) -> None:
     account = _store(data).add_account(name, role)
     print(f"{account.name}: {role}")
     link(account.name, data)
@@ -45,7 +45,7 @@ def sign_in_url(windows: str, secret: str) -> str:
     return f"{windows}/sign-in?link={secret}"
 
 
-def change_role(name: str, role: Role, data: Path) -> None:
+def change_role(name: str, role: PersonRole, data: Path) -> None:
     _store(data).set_role(name, role)
     print(f"{name}: {role}")
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from somrs.access.oidc_settings import OidcSettings, check_oidc, read_oidc_settings
-from somrs.access.rights import Role
+from somrs.access.rights import PersonRole
 from somrs.errors import UsageError
 
 RIGHT = "issuer: https://login.example\nclient: somrs\nroles: {robots: operator}\n"
@@ -20,7 +20,12 @@ def test_a_file_is_read(tmp_path: Path) -> None:
     file.write_text(f"{RIGHT}secret_file: client.secret\nhours: 1\n", encoding="utf-8")
     (tmp_path / "client.secret").write_text("hush\n", encoding="utf-8")
     settings = read_oidc_settings(file)
-    assert (settings.name, settings.secret, settings.roles, settings.hours) == ("login.example", "hush", {"robots": Role.OPERATOR}, 1.0)
+    assert (settings.name, settings.secret, settings.roles, settings.hours) == (
+        "login.example",
+        "hush",
+        {"robots": PersonRole.OPERATOR},
+        1.0,
+    )
 
 
 @pytest.mark.parametrize(
@@ -54,20 +59,20 @@ def test_a_system_in_which_nobody_signs_in_needs_no_provider(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("claim", "claims", "role"),
     [
-        ("groups", {"groups": ["admins", "robots"]}, Role.ADMINISTRATOR),
-        ("groups", {"groups": "robots"}, Role.OPERATOR),
+        ("groups", {"groups": ["admins", "robots"]}, PersonRole.ADMINISTRATOR),
+        ("groups", {"groups": "robots"}, PersonRole.OPERATOR),
         ("groups", {"groups": ["staff"]}, None),
         ("groups", {"groups": [1, None, {}]}, None),
         ("groups", {"groups": {"robots": True}}, None),
         ("groups", {}, None),
-        ("realm_access.roles", {"realm_access": {"roles": ["robots"]}}, Role.OPERATOR),
+        ("realm_access.roles", {"realm_access": {"roles": ["robots"]}}, PersonRole.OPERATOR),
         ("realm_access.roles", {"realm_access": "robots"}, None),
-        ("https://site.example/roles", {"https://site.example/roles": ["robots"]}, Role.OPERATOR),
+        ("https://site.example/roles", {"https://site.example/roles": ["robots"]}, PersonRole.OPERATOR),
     ],
 )
-def test_roles_for_claims(claim: str, claims: dict[str, Any], role: Role | None) -> None:
-    roles = {"robots": Role.OPERATOR, "admins": Role.ADMINISTRATOR}
+def test_roles_for_claims(claim: str, claims: dict[str, Any], role: PersonRole | None) -> None:
+    roles = {"robots": PersonRole.OPERATOR, "admins": PersonRole.ADMINISTRATOR}
     settings = OidcSettings(issuer="https://login.example", client="somrs", claim=claim, roles=roles)
     assert settings.role(claims) is role
-    for_everyone = OidcSettings(issuer="https://login.example", client="somrs", claim=claim, roles=roles, everyone=Role.VIEWER)
-    assert for_everyone.role(claims) is (role or Role.VIEWER)
+    for_everyone = OidcSettings(issuer="https://login.example", client="somrs", claim=claim, roles=roles, everyone=PersonRole.VIEWER)
+    assert for_everyone.role(claims) is (role or PersonRole.VIEWER)

@@ -7,7 +7,7 @@ from functools import partial
 
 from nicegui import ui
 
-from somrs.access.rights import Right, Role
+from somrs.access.rights import PersonRole, Right
 from somrs.access.state import Session
 from somrs.api.access import AccessView, NewPassword, NewPerson, NewToken, OwnAccess, PersonAccess, TokenAccess
 from somrs.api.remote import LiveApi
@@ -28,10 +28,10 @@ RIGHTS_TEXT = {
     Right.ADMINISTER: "administer (people, tokens)",
 }
 ROLES_TEXT = {
-    Role.VIEWER: "viewer: sees, stops in an emergency",
-    Role.OPERATOR: "operator: also tasks, answers, devices",
-    Role.ENGINEER: "engineer: also maps, ontologies, templates, zones",
-    Role.ADMINISTRATOR: "administrator: also people, tokens",
+    PersonRole.VIEWER: "viewer: sees, stops in an emergency",
+    PersonRole.OPERATOR: "operator: also tasks, answers, devices",
+    PersonRole.ENGINEER: "engineer: also maps, ontologies, templates, zones",
+    PersonRole.ADMINISTRATOR: "administrator: also people, tokens",
 }
 USABLE_ONCE = "It works once, within a day."
 
@@ -112,11 +112,11 @@ class _AccessPage:
             ui.label(person.name).classes("somrs-access-name")
             sessions = f"{session_count} session{'s' if session_count != 1 else ''}"
             ui.label(f"{sessions}, {_way_in(person)}").classes("somrs-soft")
-            roles = [role.value for role in Role]
+            roles = [role.value for role in PersonRole]
             select = ui.select(roles, value=person.role.value, label="Role").props("dense outlined").classes("somrs-access-role")
             if person.provider:
                 select.props("disable").tooltip(f"{person.provider} says what the role is")
-            select.on_value_change(lambda: self._change(self._api.access.set_role(person.name, Role(select.value))))
+            select.on_value_change(lambda: self._change(self._api.access.set_role(person.name, PersonRole(select.value))))
             if person.passkeys:
                 ui.button("Remove passkeys", on_click=lambda: self._remove_passkeys(person.name)).props("flat dense no-caps").tooltip(
                     f"{person.name} has lost a device"
@@ -131,11 +131,11 @@ class _AccessPage:
     def _build_new_person(self) -> None:
         with ui.element("div").classes("somrs-access-form"):
             name = ui.input("Name").props("dense outlined")
-            role = ui.select({role.value: text for role, text in ROLES_TEXT.items()}, value=Role.OPERATOR.value, label="Role")
+            role = ui.select({role.value: text for role, text in ROLES_TEXT.items()}, value=PersonRole.OPERATOR.value, label="Role")
             role.props("dense outlined").classes("somrs-access-role")
 
             async def add() -> None:
-                secret = (await self._api.access.add_person(NewPerson(name=name.value, role=Role(role.value)))).secret
+                secret = (await self._api.access.add_person(NewPerson(name=name.value, role=PersonRole(role.value)))).secret
                 await self._show_secret(f"Link for {name.value}", self._link(secret), USABLE_ONCE)
                 await self.build()
 
