@@ -42,7 +42,7 @@ from somrs.runtime.proofs import NO_SOURCE, Denials, Source
 from somrs.runtime.reception import Format, Handler, Reception
 from somrs.runtime.wire import NONE_ADDRESS, Unanswered, batch_documents, read_outcomes, write_document
 from somrs.storage.audit_log import AuditLog
-from somrs.storage.nats_connection import INBOXES, connect
+from somrs.storage.nats_connection import INBOXES, connect, end
 from somrs.trust.credentials import Credentials
 
 if TYPE_CHECKING:
@@ -157,9 +157,7 @@ class Bus:
             await asyncio.wait({*self._handling})
 
     async def close(self) -> None:
-        if self._client is not None:
-            with contextlib.suppress(OSError, RuntimeError):  # the connection is lost just now, or uvloop has closed it
-                await self._client.close()
+        await end(self._client)
 
     # Sending
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import ssl
 from collections.abc import Callable, Coroutine, Set
@@ -98,6 +99,14 @@ async def connect(servers: str, credentials: Credentials | None = None, **option
         _renewing.add(task)
         task.add_done_callback(_renewing.discard)
     return client
+
+
+async def end(client: Client | None) -> None:
+    """Close a connection, which may be lost just now."""
+    if client is not None:
+        # uvloop has closed it (RuntimeError), or asyncio's TLS has (AttributeError).
+        with contextlib.suppress(OSError, RuntimeError, AttributeError):
+            await client.close()
 
 
 async def _renew(client: Client, credentials: Credentials, generation: int) -> None:

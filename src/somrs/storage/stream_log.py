@@ -22,7 +22,7 @@ import msgspec
 
 from somrs.errors import UsageError
 from somrs.storage.lease import LEASES, Lease, leases
-from somrs.storage.nats_connection import FIRST_PAUSE, INBOXES, LONGEST_PAUSE, connect, made_with_copies, patiently
+from somrs.storage.nats_connection import FIRST_PAUSE, INBOXES, LONGEST_PAUSE, connect, end, made_with_copies, patiently
 from somrs.storage.stored_copy import COPIES, StoredCopy
 from somrs.trust.credentials import Credentials
 
@@ -145,14 +145,14 @@ class StreamLog:
         """Close the connections, and end the thread."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_CLOSE_TIME):
-                await _end_connection(self._writer)
+                await end(self._writer)
                 await self.call(self._close())
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
 
     async def _close(self) -> None:
-        await _end_connection(self._client)
+        await end(self._client)
         unfinished = asyncio.all_tasks() - {asyncio.current_task()}
         for task in unfinished:
             task.cancel()
@@ -311,12 +311,6 @@ class StreamLog:
                     await self._client.publish(self._resignation)
 
         await self.call(give_up())
-
-
-async def _end_connection(client: Client | None) -> None:
-    if client is not None:
-        with contextlib.suppress(OSError, RuntimeError):  # the connection is lost just now
-            await client.close()
 
 
 async def discard_journals(client: Client, site: str) -> None:
