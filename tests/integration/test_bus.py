@@ -15,6 +15,7 @@ from nats.aio.msg import Msg
 
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
+from somrs.deployment import bus as bus_module
 from somrs.deployment.bus import addresses_on, discard_site, find_site, list_number, list_site, run_gateway
 from somrs.deployment.device import DeviceRunner
 from somrs.errors import InputError, RemoteError, UsageError
@@ -36,7 +37,7 @@ from somrs.runtime.host import Host
 from somrs.runtime.http import Server
 from somrs.runtime.node import Report
 from somrs.runtime.wire import Unanswered, Wire
-from somrs.storage.stream_log import StreamLog
+from somrs.storage.stream_log import StreamLog, status_subject
 from somrs.task_manager.manager import TaskManager
 from tests.support.hang import HANG_TIME
 from tests.support.lab import contents
@@ -358,6 +359,24 @@ def test_a_site_is_discarded_and_others_on_the_bus_are_not(tmp_path: Path) -> No
             assert await log.copied_number() == number
             assert await log.acquire()
             await log.close()
+
+    on_bus(tmp_path, scenario)
+
+
+def test_a_site_whose_components_are_too_busy_to_answer_is_not_discarded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bus_module, "FIRST_ANSWER_TIME", 0.3)
+
+    async def scenario(server: NatsServer) -> None:
+        bus = Bus(server.address)
+        await bus.start()
+        busy = await bus.client.subscribe(status_subject("yard"))
+        await bus.client.flush()
+        with pytest.raises(UsageError, match="components of the site yard run, and do not answer; stop them"):
+            await discard_site(server.address.servers, "yard")
+        await busy.unsubscribe()
+        await bus.client.flush()
+        await discard_site(server.address.servers, "yard")
+        await bus.close()
 
     on_bus(tmp_path, scenario)
 

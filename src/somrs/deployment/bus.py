@@ -27,8 +27,9 @@ from somrs.trust.credentials import Credentials
 if TYPE_CHECKING:
     from nats.js.kv import KeyValue
 
-ANSWERS_TIME = 1.0
-"""Seconds for which a further answer is waited for when all processes of a site are asked what they run."""
+FIRST_ANSWER_TIME, ANSWERS_TIME = 30.0, 1.0
+"""Seconds for which the first answer, and a further one, is waited for when all processes of a site are asked what they run. If none runs,
+the bus says so at once."""
 
 log = logging.getLogger(__name__)
 
@@ -127,6 +128,12 @@ async def running_components(bus: BusAddress, credentials: Credentials | None = 
 
     `credentials`: as of `Bus`.
     """
+    components, _ = await _ask_components(bus, credentials)
+    return components
+
+
+async def _ask_components(bus: BusAddress, credentials: Credentials | None) -> tuple[list[RunningComponent], bool]:
+    """What the processes of a site answer, and whether any of them listens, which may be too busy to answer."""
     from nats import errors
 
     connection = Bus(bus, credentials)
@@ -138,21 +145,25 @@ async def running_components(bus: BusAddress, credentials: Credentials | None = 
         await connection.client.publish(status_subject(bus.site), reply=inbox)
         with contextlib.suppress(errors.TimeoutError):
             while True:
-                answer = await answers.next_msg(timeout=ANSWERS_TIME)
-                if answer.data:  # without, it says that nobody listens
-                    components.append(msgspec.msgpack.decode(answer.data, type=RunningComponent))
+                answer = await answers.next_msg(timeout=ANSWERS_TIME if components else FIRST_ANSWER_TIME)
+                if not answer.data:  # the server says that nobody listens
+                    return [], False
+                components.append(msgspec.msgpack.decode(answer.data, type=RunningComponent))
     finally:
         await connection.close()
-    return sorted(components, key=lambda running: (running.component, not running.leads, running.host, running.process))
+    return sorted(components, key=lambda running: (running.component, not running.leads, running.host, running.process)), True
 
 
 async def discard_site(servers: str, name: str, credentials: Credentials | None = None) -> None:
     """Delete what the bus keeps of a site. Raises UsageError if its components run. `credentials`: as of `Bus`."""
     bus = bus_address(servers, name, "http://127.0.0.1")
-    if running := await running_components(bus, credentials):
+    running, is_heard = await _ask_components(bus, credentials)
+    if running:
         raise UsageError(
             f"{running[0].component} of the site {name} runs on {running[0].host}; stop it, or select another name with `--name`"
         )
+    if is_heard:
+        raise UsageError(f"components of the site {name} run, and do not answer; stop them, or select another name with `--name`")
     connection = Bus(bus, credentials)
     await connection.start()
     try:
