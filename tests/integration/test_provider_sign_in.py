@@ -17,6 +17,7 @@ from aiohttp.test_utils import TestServer
 from starlette.applications import Starlette
 from starlette.routing import Route
 
+from somrs.access import oidc
 from somrs.access.oidc import MOST_BYTES, Provider
 from somrs.access.oidc_settings import read_oidc_settings
 from somrs.access.rights import PersonRole
@@ -203,6 +204,22 @@ def test_the_provider_changes_its_keys(tmp_path: Path, store: AccessStore, provi
             for _ in range(2):
                 assert "Signed in" in (await ada.sign_in("ada")).text
                 provider.change_keys()
+
+    asyncio.run(run())
+
+
+def test_a_key_that_the_provider_has_withdrawn_proves_nothing(
+    tmp_path: Path, store: AccessStore, provider: RunningProvider, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def run() -> None:
+        async with visitor(store, configured(provider, tmp_path)) as ada:
+            assert "Signed in" in (await ada.sign_in("ada")).text
+            provider.change_keys()
+            provider.answer_wrongly("withdrawn")
+            monkeypatch.setattr(oidc, "DISCOVERY_SECONDS", -1.0)  # the time is over for which what it said is used
+            assert alert(await ada.sign_in("ada")) == "The answer is signed with a key that is none of Example Ltd."
+            provider.answer_wrongly("")
+            assert "Signed in" in (await ada.sign_in("ada")).text
 
     asyncio.run(run())
 

@@ -31,7 +31,7 @@ ANSWER_SECONDS = 60.0
 """How long an answer of the provider is waited for. The person who signs in waits as long, and can try again."""
 
 DISCOVERY_SECONDS = 3600.0
-"""How long the provider's description of itself is used."""
+"""How long the provider's description of itself, and its keys, are used."""
 
 CLOCK_DIFFERENCE = 60.0
 """Seconds by which the clocks of both computers may differ."""
@@ -137,7 +137,7 @@ class Provider:
                     f"{self.settings.name} calls itself {_plain(description.issuer)}; whoever runs this site has to write that as `issuer`"
                 )
                 raise UsageError(problem)
-            self._description = now, description
+            self._description, self._keys = (now, description), None  # a key that it has withdrawn is not used for ever
         return self._description[1]
 
     async def _exchange(self, description: Description, code: str, verifier: str, return_url: str) -> _Tokens:

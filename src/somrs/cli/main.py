@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer.core import TyperCommand
 from typer.main import get_command
 
 from somrs.cli.access import audit_app, token_app, user_app
@@ -40,6 +38,7 @@ from somrs.cli.options import (
     Simulates,
     SiteName,
     TaskManagers,
+    UpCommand,
     WorldOption,
     awaited,
     fail,
@@ -120,22 +119,6 @@ def demo(
     sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed, launcher=Launcher(launcher_process))))
 
 
-_SERVERS = re.compile(r"\w+://|[^/,]+:\d+(,|$)")
-"""How the servers of a bus begin, and no file of a site."""
-
-
-class UpCommand(TyperCommand):
-    """`--bus` alone, which no option of typer can be: the system then starts a bus of its own."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        completed: list[str] = []
-        for argument, following in zip(args, [*args[1:], ""], strict=True):
-            completed.append(argument)
-            if argument == "--bus" and not _SERVERS.match(following):
-                completed.append("own")
-        return super().parse_args(ctx, completed)
-
-
 @app.command(cls=UpCommand)
 def up(
     site: Annotated[
@@ -165,8 +148,7 @@ def up(
     certificates: Certificates = False,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
-    from somrs.cli.commands import run_system as run
-    from somrs.cli.commands import site_to_run
+    from somrs.cli.commands import run_system, site_to_run
     from somrs.deployment.launcher import Launcher, fork_launcher
 
     sources = guarded(lambda: site_to_run(site or [], data, fresh=fresh))
@@ -198,7 +180,7 @@ def up(
             certificates=certificates,
         )
 
-    awaited(run(sources, data, make_system, fresh=fresh))
+    awaited(run_system(sources, data, make_system, fresh=fresh))
 
 
 @app.command()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 import sys
 from collections.abc import Coroutine
 from enum import StrEnum
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperCommand
 
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import InputError, SomrsError
@@ -123,6 +125,22 @@ OwnBusOption = Annotated[
         show_default=False,
     ),
 ]
+_SERVERS = re.compile(r"\w+://|[^/,]+:\d+(,|$)")
+"""How the servers of a bus begin, and no file of a site."""
+
+
+class UpCommand(TyperCommand):
+    """Takes `--bus` alone, which no option of typer can be: the system then starts a bus of its own."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        completed: list[str] = []
+        for argument, following in zip(args, [*args[1:], ""], strict=True):
+            completed.append(argument)
+            if argument == "--bus" and not _SERVERS.match(following):
+                completed.append("own")
+        return super().parse_args(ctx, completed)
+
+
 Simulates = Annotated[
     bool,
     typer.Option(

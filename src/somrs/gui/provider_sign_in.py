@@ -24,6 +24,9 @@ FLOW_TIME = 3600
 
 HOUR = 3600.0
 
+MOST_NEXT = 1500
+"""Characters of the page that was wanted: browsers drop cookies of more than 4096 bytes."""
+
 
 class ProviderSignIn:
     """The routes to sign in at a provider. What has begun is in a cookie of the browser, so it outlasts a restart of this program."""
@@ -84,10 +87,6 @@ class ProviderSignIn:
     @property
     def _cookie(self) -> str:
         return f"{self._page.store.read().cookie}_flow"
-
-
-MOST_NEXT = 1500
-"""Characters of the page that was wanted: browsers drop cookies of more than 4096 bytes."""
 
 
 def _own_url(request: Request, page: str) -> str:

@@ -204,7 +204,7 @@ class AuditLog:
                 db.execute("BEGIN IMMEDIATE")
                 try:
                     yield db
-                except BaseException:
+                except BaseException:  # whatever it is: half of an act is never kept
                     db.execute("ROLLBACK")
                     raise
                 db.execute("COMMIT")

@@ -12,7 +12,7 @@ import Provider from "oidc-provider";
 const settings = JSON.parse(process.argv[2]);
 let fault = "";
 let keys = 0;
-let current;
+let current, earlier;
 
 const faults = {
   issuer: (claims) => ({ ...claims, iss: "https://evil.example" }),
@@ -23,6 +23,7 @@ const faults = {
   forged: (claims) => claims,
   key: (claims) => claims,
   unsigned: (claims) => claims,
+  withdrawn: (claims) => claims,
 };
 
 const base64 = (content) => Buffer.from(JSON.stringify(content)).toString("base64url");
@@ -30,8 +31,9 @@ const base64 = (content) => Buffer.from(JSON.stringify(content)).toString("base6
 const wrongToken = async (idToken) => {
   const claims = faults[fault](decodeJwt(idToken));
   if (fault === "unsigned") return `${base64({ alg: "none" })}.${base64(claims)}.`;
-  const key = ["forged", "key"].includes(fault) ? (await generateKeyPair("RS256")).privateKey : current.key;
-  return new SignJWT(claims).setProtectedHeader({ alg: "RS256", kid: fault === "key" ? "nobody's" : current.id }).sign(key);
+  const signer = fault === "withdrawn" ? earlier : current;
+  const key = ["forged", "key"].includes(fault) ? (await generateKeyPair("RS256")).privateKey : signer.key;
+  return new SignJWT(claims).setProtectedHeader({ alg: "RS256", kid: fault === "key" ? "nobody's" : signer.id }).sign(key);
 };
 
 const newProvider = async (issuer) => {
@@ -78,6 +80,7 @@ const server = createServer(async (request, response) => {
     current = await newProvider(settings.issuer);
     response.end();
   } else if (request.url === "/test/keys") {
+    earlier = current;
     current = await newProvider(settings.issuer);
     response.end();
   } else {

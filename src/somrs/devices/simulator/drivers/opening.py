@@ -38,10 +38,9 @@ class OpeningRobot(MobileRobot):
         name = _object_of(task)
         legs = await self._legs_to(task, name + HANDLES)
         (way,) = legs.lengths
-        if way is None and legs.out_of_reach:
-            raise Refusal(f"{self.name} can stand nowhere from where it could move the door of {name}")
         if way is None:
-            raise Refusal(f"{self.name} finds no path to a place from which it could move the door of {name}")
+            problem = "can stand nowhere from where" if legs.out_of_reach else "finds no path to a place from which"
+            raise Refusal(f"{self.name} {problem} it could move the door of {name}")
         return way
 
     @service("OpenDoor", price=_price, duration=_duration, able=_able, inputs=("Door",))
