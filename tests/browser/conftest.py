@@ -384,6 +384,16 @@ def every_look(page: Page) -> Iterator[str]:
         yield f"{size}-{scheme}"
 
 
+def take_looks(page: Page, name: str) -> None:
+    """Save screenshots of a page on a screen and on a phone, light and dark, and see that it fits."""
+    for scheme, size in product(SCHEMES, ("1280", "390")):
+        page.emulate_media(color_scheme=scheme)
+        resize(page, size)
+        assert fits(page)
+        take_screenshot(page, f"{name}-{size}-{scheme}")
+    resize(page, "1280")
+
+
 def resize(page: Page, size: str) -> None:
     width, height = SIZES[size]
     page.set_viewport_size({"width": width, "height": height})

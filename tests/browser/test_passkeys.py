@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, CDPSession, Page, expect
 from somrs.access.rights import PersonRole
 from tests.support.signed_in import note
 
-from .conftest import SCHEMES, RunningSystem, fits, resize, sign_in, take_screenshot
+from .conftest import RunningSystem, sign_in, take_looks
 
 INTERNAL = {
     "protocol": "ctap2",
@@ -57,16 +57,6 @@ def add_passkey(page: Page, name: str) -> None:
     page.get_by_label("Name of the passkey").fill(name)
     page.get_by_role("button", name="Add passkey").click()
     expect(page.get_by_role("group", name=f"Passkey {name}")).to_be_visible()
-
-
-def take_looks(page: Page, name: str) -> None:
-    for scheme in SCHEMES:
-        page.emulate_media(color_scheme=scheme)
-        for size in ("1280", "390"):
-            resize(page, size)
-            assert fits(page)
-            take_screenshot(page, f"{name}-{size}-{scheme}")
-    resize(page, "1280")
 
 
 def test_one_adds_passkeys_signs_in_with_one_and_removes_them(visit: Visit) -> None:

@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page, expect
 from somrs.access.store import AccessStore
 from tests.support.oidc_provider import RunningProvider, running_provider
 
-from .conftest import SCHEMES, RunningSystem, fits, resize, running_in, take_screenshot
+from .conftest import SCHEMES, RunningSystem, fits, resize, running_in, take_looks, take_screenshot
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +40,7 @@ def test_the_provider_says_who_one_is_and_what_one_may_do(system: RunningSystem,
     with browser.new_context() as profile:
         page = profile.new_page()
         page.goto(f"{system.url}/access")
-        for scheme in SCHEMES:
-            page.emulate_media(color_scheme=scheme)
-            for size in ("1280", "390"):
-                resize(page, size)
-                assert fits(page)
-                take_screenshot(page, f"provider-{size}-{scheme}")
-        resize(page, "1280")
+        take_looks(page, "provider")
         identify(page, "ada")
         expect(page).to_have_url(f"{system.url}/access")
         expect(page.get_by_role("heading", name="Ada Lovelace")).to_be_visible()

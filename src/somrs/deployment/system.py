@@ -205,8 +205,7 @@ class System:
         has_world = bodiless or self.simulates
         if not has_world:
             driven = self._selected(unsimulated(driven, map, ontology))
-        # A simulator that runs already has a traffic of its own.
-        traffic_address = ports.traffic(bus) if self._world_address is None and not bodiless else None
+        traffic_address = ports.traffic(bus) if self._world_address is None and not bodiless else None  # a running simulator has its own
         self.addresses = replace(
             self.addresses,
             world=world_address if bodiless else None,
