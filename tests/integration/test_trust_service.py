@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime, timedelta
@@ -14,6 +15,7 @@ import msgspec
 import pytest
 
 from somrs.client.addresses import Addresses
+from somrs.deployment import trust_service
 from somrs.deployment.trust_service import TrustService, run_trust
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages import frp
@@ -222,6 +224,32 @@ def test_a_certificate_renews_itself(tmp_path: Path) -> None:
         await host.stop()
 
     run(tmp_path, scenario)
+
+
+def test_the_service_renews_its_own_certificate_when_its_disk_has_room_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    site, issue, issued = Site(tmp_path), Authority.issue_program, 0
+
+    def issue_on_full_disk(authority: Authority, identity: Identity, hosts: tuple[str, ...], now: datetime) -> tuple[Path, Path]:
+        nonlocal issued
+        issued += 1
+        if issued == 2:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return issue(authority, identity, hosts, now)
+
+    async def run() -> None:
+        monkeypatch.setattr(trust_service, "OWN_LOOK_PAUSE", 0.02)
+        monkeypatch.setattr(Authority, "issue_program", issue_on_full_disk)
+        serving = asyncio.create_task(run_trust(site.data, "127.0.0.1", 0))
+        while issued < 4:
+            await asyncio.sleep(0.02)
+        serving.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await serving
+
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
+    assert "is not renewed: [Errno 28] No space left on device; that is tried again" in caplog.text
 
 
 def test_a_program_that_ended_while_it_replaced_its_certificate_has_the_key_of_the_one_it_finds(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import logging
 import ssl
 import time
 from collections.abc import Awaitable, Callable
@@ -38,6 +39,8 @@ from somrs.trust.credentials import SERVICE_FILE, Credentials, peer_of
 from somrs.trust.files import write_private
 from somrs.trust.holders import TrustNews
 from somrs.trust.identity import Identity, Role
+
+log = logging.getLogger(__name__)
 
 NEWS_TIME = 25.0
 """Seconds after which who waits for news is told that there are none."""
@@ -112,8 +115,11 @@ class _Own:
         """Renew it when it is due, until cancelled."""
         while True:
             await asyncio.sleep(OWN_LOOK_PAUSE)
-            await asyncio.to_thread(self._issue)
-            self.credentials.renew()
+            try:
+                await asyncio.to_thread(self._issue)
+                self.credentials.renew()
+            except (OSError, UsageError) as error:  # such as a full disk, which may have room again
+                log.warning("the certificate of this program is not renewed: %s; that is tried again", error)
 
 
 class TrustService:
