@@ -11,7 +11,7 @@ the task's Task Manager for `LEASE`, another task may take the objects.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping
 
 from msgspec import Struct, field
 
@@ -46,8 +46,12 @@ class Reservation(Struct, frozen=True, kw_only=True):
 
     def renamed(self, names: Mapping[str, str]) -> Reservation:
         """The reservation with new names of objects."""
-        changes = frozenset(names.get(name, name) for name in self.changes)
-        return Reservation(changes=changes, relies_on=frozenset(names.get(name, name) for name in self.relies_on) - changes)
+        return self.with_names(lambda name: names.get(name, name))
+
+    def with_names(self, name_of: Callable[[str], str]) -> Reservation:
+        """The reservation with the names that the function gives the objects."""
+        changes = frozenset(map(name_of, self.changes))
+        return Reservation(changes=changes, relies_on=frozenset(map(name_of, self.relies_on)) - changes)
 
     def within(self, objects: Container[str]) -> Reservation:
         """The reservation of these objects only. A plan also names outputs, which no map has yet."""
@@ -157,6 +161,18 @@ class Reservations(Struct, kw_only=True):
         if claimant is not None and (claimant.held or claimant.waiting is not None):
             self._release(claimant)
             claimant.waiting, claimant.admitted, self.freed = None, False, True
+
+    def restrict(self, task: str, reservation: Reservation) -> None:
+        """Release what the task holds besides these objects."""
+        claimant = self.claimants.get(task)
+        if claimant is None or not claimant.held:
+            return
+        kept = reservation.within(claimant.held.changes | claimant.held.relies_on)
+        self.freed = self.freed or kept != claimant.held
+        if kept:
+            claimant.held = kept
+        else:
+            self._release(claimant)
 
     def remove(self, task: str, serial: int = 0) -> None:
         """Forget a task that has ended; `serial`: the number of the message that says so."""

@@ -27,6 +27,7 @@ from somrs.repository.neighbour_state import Handover, NeighbourState, SharedRes
 from somrs.repository.outcome import Outcome
 from somrs.repository.publishing import Publishing
 from somrs.repository.reports import free_name, location_facts, things_at
+from somrs.repository.shared_reserving import SharedReserving
 from somrs.repository.state import Contents
 from somrs.repository.update import changes_outcome
 
@@ -34,8 +35,11 @@ from somrs.repository.update import changes_outcome
 class HandingOver:
     """Gives and takes objects. It has no state of its own."""
 
-    def __init__(self, contents: Contents, committing: Committing, publishing: Publishing, importing: Importing) -> None:
-        self._contents, self._committing, self._publishing, self._importing = contents, committing, publishing, importing
+    def __init__(
+        self, contents: Contents, committing: Committing, publishing: Publishing, importing: Importing, reserving: SharedReserving
+    ) -> None:
+        self._contents, self._committing, self._publishing = contents, committing, publishing
+        self._importing, self._reserving = importing, reserving
 
     # Giving
 
@@ -174,6 +178,7 @@ class HandingOver:
         yield from self._commit(tuple(changes), old_name, name, neighbour.settings.map, now)
         contents.provenance.times[name] = dict(body.times)
         neighbour.adopted[body.object.name] = None
+        self._reserving.yield_claimed(name, neighbour.settings.map)
         fences: dict[str, int] = {}
         for task, fence in self._reserve(name, body.claims, sender, now):
             if (holder := contents.reservations.claimants[task].holder) == sender:

@@ -7,6 +7,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from somrs.kernel.replica import MapReading, Replica
+from somrs.kernel.reservations import Reservation
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import MapPage, OntologyPage, UpdateMap
@@ -93,7 +94,7 @@ class SharedReservation(Struct, kw_only=True):
     `task_manager`: its address. `fences`: the numbers of its reservations, by map; 0 if not known. `request`: its latest request, while it
     is passed on, with the `message`; `waiting`: the maps that are still to answer, in order, or, without a request, the one at which the
     task waits for its turn; `request_id`: that of the message to the first of them.
-    `overtaken` and `holders`: from the answers so far. `asked`: the maps that know of the task, until it has ended. `lost`: the highest
+    `earlier`: what it had here before the request. `overtaken` and `holders`: from the answers so far. `asked`: the maps that know of the task, until it has ended. `lost`: the highest
     numbers under which maps have given away what the task had. `since`: when the request came (seconds since 1970).
     """
 
@@ -104,6 +105,7 @@ class SharedReservation(Struct, kw_only=True):
     waiting: list[str] = field(default_factory=list)
     request_id: str = ""
     granted: Reserved | None = None
+    earlier: Reservation = Reservation()
     overtaken: tuple[str, ...] = ()
     holders: tuple[Holder, ...] = ()
     asked: dict[str, None] = field(default_factory=dict)

@@ -47,7 +47,7 @@ class Neighbourhood:
         self.neighbouring = Neighbouring(contents, self.importing)
         self.forwarding = Forwarding(contents, answer)
         self.reserving = SharedReserving(contents, reserving, answer)
-        self.handing_over = HandingOver(contents, committing, publishing, self.importing)
+        self.handing_over = HandingOver(contents, committing, publishing, self.importing, self.reserving)
 
     def concerns(self, message: Message) -> bool:
         """Whether the message is an answer or a notice of a neighbour."""

@@ -69,9 +69,8 @@ class Reserving:
                 return ReservationDenied(task=request.task, holders=holders, waits=waits), []
 
     def _reservation(self, request: Reserve | Claim) -> Reservation:
-        names = self._contents.provenance.current_name
-        changes = frozenset(map(names, request.changes))
-        return Reservation(changes=changes, relies_on=frozenset(map(names, request.relies_on)) - changes)
+        requested = Reservation(changes=frozenset(request.changes), relies_on=frozenset(request.relies_on))
+        return requested.with_names(self._contents.provenance.current_name)
 
     def release(self, release: Release, sender: str, now: float) -> None:
         """A task releases what it has."""

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from msgspec import structs
 
 from somrs.kernel.component import Effects, Send
+from somrs.kernel.reservations import Reservation
 from somrs.ontology.qualified_names import home_of, plain_name, translated
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.frp import Fault
@@ -64,7 +65,25 @@ class SharedReserving:
         shared.task_manager, shared.message, shared.request = message.header.sender, message, request
         shared.waiting = sorted({*homes - {""}, self._own_map})
         shared.granted, shared.overtaken, shared.holders, shared.since = None, (), (), now
+        claimant = self._contents.reservations.claimants.get(request.task)
+        shared.earlier = claimant.held if claimant is not None else Reservation()
         yield from self._ask_next(request.task, now)
+
+    def yield_claimed(self, name: str, home: str) -> None:
+        """An object comes from this home to the own map, where tasks that have only asked the home for it do not have it.
+
+        They ask for it here again, after the home has answered: the home may have given it to them in the meantime.
+        """
+        reservations = self._contents.reservations
+        for task, shared in self._contents.shared_reservations.items():
+            claimant = reservations.claimants.get(task)
+            if shared.request is None or home not in shared.waiting or self._own_map in shared.waiting or claimant is None:
+                continue
+            earlier = self._earlier(shared)
+            if name in claimant.held.changes | claimant.held.relies_on and name not in earlier.changes | earlier.relies_on:
+                reservations.restrict(task, earlier)
+                claimant.serial = shared.request.serial - 1
+                shared.waiting.append(self._own_map)
 
     @property
     def is_waiting(self) -> bool:
@@ -152,6 +171,10 @@ class SharedReserving:
     def _own_map(self) -> str:
         return self._contents.map.name
 
+    def _earlier(self, shared: SharedReservation) -> Reservation:
+        """What the task had here before its request, under the names of today."""
+        return shared.earlier.with_names(self._contents.provenance.current_name)
+
     def _ask_next(self, task: str, now: float) -> Effects:
         shared = self._contents.shared_reservations[task]
         assert shared.request is not None
@@ -224,10 +247,11 @@ class SharedReserving:
         assert shared.message is not None
         yield Send(reply(shared.message, Fault(code="Receiver", text=reason), self._contents.address))
         shared.request_id, shared.waiting = "", []
+        self._contents.reservations.restrict(task, self._earlier(shared))
         self._conclude(task)
 
     def _denied(self, task: str, holders: tuple[Holder, ...], waits: bool, now: float) -> Effects:
-        """One map has denied its objects. If the task waits for them, it has nothing at any map."""
+        """One map has denied its objects. If the task waits for them, it has nothing at any map; otherwise it has here what it had before."""
         shared = self._contents.shared_reservations[task]
         message, reserve = shared.message, shared.request
         assert message is not None
@@ -242,6 +266,8 @@ class SharedReserving:
             yield from self._release_at({*shared.fences} - {shared.waiting[0]}, task, 2 * reserve.serial, False, now)
             if shared.waiting[0] != self._own_map:
                 self._contents.reservations.release(task)
+        else:
+            self._contents.reservations.restrict(task, self._earlier(shared))
         shared.waiting = shared.waiting[:1] if waits else []
         self._conclude(task)
         yield self._answer(message, ReservationDenied(task=task, holders=holders, waits=waits))

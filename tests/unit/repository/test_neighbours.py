@@ -303,6 +303,53 @@ def test_an_update_that_is_repeated_while_it_waits_for_a_handover_waits_once() -
     assert two.holds(BARN, "?Jar: Jar isOn Yard:Ramp2 AND ?Jar.Color = Red")
 
 
+def holders_of(repository: Repository, name: str) -> set[str]:
+    """The tasks that have reserved this object here."""
+    return {task for task, claimant in repository.contents.reservations.claimants.items() if name in claimant.held.changes}
+
+
+@pytest.mark.parametrize("is_racing", [False, True], ids=["after it was denied", "while it asks"])
+def test_what_a_task_has_not_got_is_not_its_own_when_it_comes_to_its_map(is_racing: bool) -> None:
+    two = Neighbourhood()
+    fence = two.ask(YARD, reserve("yard-task", 1, "Jar1"), Reserved).fence
+    report = UpdateMap(situation="Jar1 isOn Barn:Bench2", author="test", reservation=UnderReservation(task="yard-task", fence=fence))
+    if is_racing:
+        two.world.send(request(report, recipient=YARD))
+    two.ask(BARN, reserve("barn-task", 1, "Yard:Jar1", "Jar1"), ReservationDenied)
+    if not is_racing:
+        two.world.send(request(report, recipient=YARD))
+    two.settle()
+    (name,) = [fact.arguments[0] for fact in two.at(BARN).contents.map.facts_about("Bench2") if fact.relation == "isOn"]
+    assert holders_of(two.at(BARN), name) == {"yard-task"}
+    assert holders_of(two.at(BARN), "Jar1") == set(), "what was denied is not kept in part"
+    denied = two.ask(BARN, reserve("barn-task", 2, name), ReservationDenied)
+    assert [holder.task for holder in denied.holders] == ["yard-task"]
+
+
+def test_what_a_task_had_it_keeps_when_it_is_denied_more() -> None:
+    two = Neighbourhood()
+    fence = two.ask(BARN, reserve("barn-task", 1, "Jar1"), Reserved).fence
+    two.ask(YARD, reserve("yard-task", 1, "Jar1"), Reserved)
+    two.ask(BARN, RenameObject(name="Jar1", to="Jar9"), Updated)
+    two.ask(BARN, reserve("barn-task", 2, "Jar9", "Bench1", "Yard:Jar1"), ReservationDenied)
+    assert two.at(BARN).contents.reservations.is_held("barn-task", fence)
+    assert holders_of(two.at(BARN), "Jar9") == {"barn-task"}
+    assert holders_of(two.at(BARN), "Bench1") == set()
+
+
+def test_who_asks_for_what_comes_to_its_map_meanwhile_gets_it_after_who_had_it() -> None:
+    two = Neighbourhood()
+    fence = two.ask(YARD, reserve("yard-task", 1, "Jar1"), Reserved).fence
+    report = UpdateMap(situation="Jar1 isOn Barn:Bench2", author="test", reservation=UnderReservation(task="yard-task", fence=fence))
+    two.world.send(request(report, recipient=YARD))
+    two.world.send(request(Release(task="yard-task", serial=2, ended=True), recipient=YARD))
+    assert two.ask(BARN, reserve("barn-task", 1, "Yard:Jar1", mode=ReservationMode.WAIT), ReservationDenied).waits
+    two.settle()
+    (name,) = [fact.arguments[0] for fact in two.at(BARN).contents.map.facts_about("Bench2") if fact.relation == "isOn"]
+    two.ask(BARN, reserve("barn-task", 2, name, mode=ReservationMode.WAIT), Reserved)
+    assert holders_of(two.at(BARN), name) == {"barn-task"}
+
+
 def test_a_question_of_a_preview_leaves_nothing_behind() -> None:
     two = Neighbourhood()
     two.ask(YARD, reserve("preview", 1, "Barn:Jar1", mode=ReservationMode.ASK), Reserved)
