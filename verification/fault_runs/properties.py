@@ -164,6 +164,7 @@ class Witness:
         manager = self._scenario_run.task_manager(address)
         if manager is None or any(str(parse(effect)) == plain_text(str(problem.goal)) for effect in self._previews.values()):
             return
+        self._read_messages()  # those of a component that was killed amid its effects are not read yet
         self._recorded_reports.planned(manager, problem)
 
     # Outcomes
