@@ -94,8 +94,9 @@ class SharedReservation(Struct, kw_only=True):
     `task_manager`: its address. `fences`: the numbers of its reservations, by map; 0 if not known. `request`: its latest request, while it
     is passed on, with the `message`; `waiting`: the maps that are still to answer, in order, or, without a request, the one at which the
     task waits for its turn; `request_id`: that of the message to the first of them.
-    `earlier`: what it had here before the request. `overtaken` and `holders`: from the answers so far. `asked`: the maps that know of the task, until it has ended. `lost`: the highest
-    numbers under which maps have given away what the task had. `since`: when the request came (seconds since 1970).
+    `earlier`: what it had here before the request. `overtaken` and `holders`: from the answers so far. `asked`: the maps that know of the
+    task, until it has ended. `lost`: the highest numbers under which maps have given away what the task had. `since`: when the request
+    came (seconds since 1970).
     """
 
     task_manager: str

@@ -251,7 +251,7 @@ class SharedReserving:
         self._conclude(task)
 
     def _denied(self, task: str, holders: tuple[Holder, ...], waits: bool, now: float) -> Effects:
-        """One map has denied its objects. If the task waits for them, it has nothing at any map; otherwise it has here what it had before."""
+        """One map has denied its objects. A task that waits for them has nothing at any map, another one has here what it had before."""
         shared = self._contents.shared_reservations[task]
         message, reserve = shared.message, shared.request
         assert message is not None
