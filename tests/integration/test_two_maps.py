@@ -14,7 +14,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.protocol.messages.neighbours import Neighbour
-from somrs.protocol.messages.submission import Submit, Submitted
+from somrs.protocol.messages.submission import Submit, Submitted, TaskRejected
 from somrs.protocol.messages.task_views import TaskView
 from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
@@ -258,3 +258,14 @@ def test_a_task_over_two_maps_outlives_the_death_of_either_repository(seed: int)
         assert isinstance(repository, Repository)
         assert not repository.contents.reservations.claimants
         assert not repository.contents.shared_reservations
+
+
+@pytest.mark.parametrize(
+    ("shows", "problem"),
+    [({}, "there is no object Nothing7 on the map Barn"), ({"Barn": ("BarnCupboard",)}, "there is no object Barn:Nothing7 on the map")],
+)
+@pytest.mark.parametrize("goal", ["Jar1 isOn Barn:Nothing7", "Barn:Nothing7 isOn YardPlatform"])
+def test_a_goal_about_what_a_neighbour_does_not_have_is_refused_at_once(goal: str, shows: dict[str, tuple[str, ...]], problem: str) -> None:
+    two = TwoOwners(yard_robot=Robot("YardRobot", price=5, duration=20), shows=shows)
+    rejected = two.client.ask(two.yard.manager_address, Submit(effect=goal), TaskRejected)
+    assert rejected.problem.splitlines()[0] == problem

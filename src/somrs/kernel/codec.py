@@ -40,7 +40,9 @@ def _encode_hook(value: object, parts: PartsWriter | None = None) -> object:
             sections = (value.attributes, value.relations, value.functions, value.types, value.services)
             return _Definitions(*([*section.values()] for section in sections))
         case Map():
-            return parts.document(value) if parts is not None else MapDocument([*value.objects.values()], [*value.facts()], name=value.name)
+            if parts is not None:
+                return parts.document(value)
+            return MapDocument([*value.objects.values()], [*value.facts()], name=value.name, complete=sorted(value.complete))
         case Offers():
             return [*value]
     raise NotImplementedError(f"{type(value).__name__} cannot be serialized: it is not data")

@@ -48,6 +48,7 @@ class MapDocument(Struct, frozen=True, array_like=True):
     facts: list[Fact]
     references: list[PartReference] = []
     name: str = ""
+    complete: list[str] = []
 
 
 class PartsWriter:
@@ -75,6 +76,7 @@ class PartsWriter:
             if large
             else [],
             name=map.name,
+            complete=sorted(map.complete),
         )
 
 
@@ -108,7 +110,7 @@ class PartsReader:
 
     def map(self, document: MapDocument) -> Map:
         """The map. Raises ValueError if entries are missing."""
-        map = Map(self._objects(document), self._facts(document), document.name)
+        map = Map(self._objects(document), self._facts(document), document.name, document.complete)
         tuples = dict(map.tuples())
         for reference in document.references:
             if reference.part:

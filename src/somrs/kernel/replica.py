@@ -71,7 +71,8 @@ class ReplicaDue(Struct, frozen=True, tag=True):
 class Replica(Following[MapChanged | OntologyChanged, MapReading]):
     """`ontology` and `map` are the Repository's as far as received. The owner passes every input to `handle` first.
 
-    `own`: the map has only objects that have their home there, and none of the Repository's neighbours.
+    `own`: the map has only objects that have their home there, and none of the Repository's neighbours. `complete`: the maps of which the
+    Repository shows all objects.
     """
 
     SUBSCRIBED = MapSubscribed
@@ -84,6 +85,7 @@ class Replica(Following[MapChanged | OntologyChanged, MapReading]):
     ontology: Ontology = field(default_factory=Ontology)
     map: Map = field(default_factory=Map)
     own: bool = False
+    complete: tuple[str, ...] = ()
 
     def handle(self, event: Input, now: float) -> ReplicaUpdate | None:
         """Handle an input; None if it does not concern the replica."""
@@ -107,6 +109,12 @@ class Replica(Following[MapChanged | OntologyChanged, MapReading]):
     def _first_question(self) -> Body:
         return ReadOntology()
 
+    def _subscribed(self, answer: MapSubscribed, now: float) -> list[Effect]:
+        if answer.complete != self.complete:
+            self.complete = answer.complete
+            self.map = self.map.completed(self.complete)
+        return super()._subscribed(answer, now)
+
     def _version_of(self, event: MapChanged | OntologyChanged) -> int:
         return event.event.version if isinstance(event, MapChanged) else event.version
 
@@ -125,7 +133,7 @@ class Replica(Following[MapChanged | OntologyChanged, MapReading]):
         return ReadMap(after=page.objects[-1].name, own=self.own) if page.more else None
 
     def _adopt(self, reading: MapReading, now: float) -> None:
-        self.ontology, self.map = reading.ontology, Map(reading.objects, reading.facts, reading.map_name)
+        self.ontology, self.map = reading.ontology, Map(reading.objects, reading.facts, reading.map_name, self.complete)
 
     def _update(self, effects: list[Effect], events: tuple[MapChanged | OntologyChanged, ...], reloaded: bool) -> ReplicaUpdate:
         """Apply the events."""

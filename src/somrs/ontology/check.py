@@ -31,7 +31,7 @@ from somrs.entish.formula import (
 )
 from somrs.entish.parse import ParsedFormula, nearest, read
 from somrs.errors import FormulaError
-from somrs.ontology.homes import full_name, homonyms_of, with_full_names
+from somrs.ontology.homes import absence_text, full_name, homonyms_of, with_full_names
 from somrs.ontology.map import Map
 from somrs.ontology.types import ROOT, AttributeType, Kind, Ontology
 from somrs.ontology.units import convert_unit
@@ -204,7 +204,7 @@ class _FormulaChecker:
         if homonyms := homonyms_of(term.name, map):
             return self.reading.error(atom, term, f"{term} is the name of several objects", f"write {' or '.join(homonyms)}")
         hint = nearest(term.name, map.similar_names(term.name))
-        return self.reading.error(atom, term, f"there is no object {term} on the map", hint)
+        return self.reading.error(atom, term, absence_text(term.name, map), hint)
 
     def _merge_meanings(
         self, atom: Atom, term: Term, actual_meaning: _Meaning, expected_meaning: _Meaning, narrowing: bool = True

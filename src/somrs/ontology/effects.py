@@ -27,6 +27,7 @@ from somrs.entish.formula import (
 from somrs.entish.parse import nearest, read
 from somrs.errors import FormulaError
 from somrs.ontology.differences import differences
+from somrs.ontology.homes import absence_text
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ValueSet
 from somrs.ontology.truth import formula_holds
@@ -259,7 +260,7 @@ class _ChangeBuilder:
 
     def _require_object(self, part: Formula, term: Term) -> None:
         if not isinstance(term, Name) or term.name not in self.map.objects:
-            raise self.error(part, term, f"there is no object {term} on the map", nearest(str(term), self.map.similar_names(str(term))))
+            raise self.error(part, term, absence_text(str(term), self.map), nearest(str(term), self.map.similar_names(str(term))))
 
     def _orders(self, relation: RelationType, arguments: tuple[str, ...]) -> list[tuple[str, ...]]:
         return [arguments, arguments[::-1]] if relation.symmetric and len(arguments) == 2 else [arguments]

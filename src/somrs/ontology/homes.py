@@ -35,6 +35,12 @@ def homonyms_of(name: str, map: Map) -> list[str]:
     return [full for home in map.homes if (full := f"{home}{SEPARATOR}{name}") in map.objects]
 
 
+def absence_text(name: str, map: Map) -> str:
+    """That the map has no object of this name, for people. What a neighbour shows completely does not have it either."""
+    home = home_of(name)
+    return f"there is no object {plain_name(name)} on the map {home}" if home in map.complete else f"there is no object {name} on the map"
+
+
 def with_full_names(formula: Formula, map: Map, ontology: Ontology) -> Formula:
     """The formula with the full names of the objects that it means."""
     full_names = {name: full for name in names(formula) if (full := full_name(name, map)) != name}

@@ -22,17 +22,23 @@ SIMILAR_NAMES = 5000
 
 _K = TypeVar("_K", bound=Hashable)
 
+_Contents = tuple[str, frozenset[str], dict[str, Object], dict[str, dict[tuple[str, ...], None]]]
+"""The name of a map, the maps of which it has all objects, its objects, and the arguments of its facts."""
+
 
 class Map:
     """The objects of an environment and the facts between them. One object, the root, contains all others.
 
-    `name`: under which other maps know it. It also has objects of theirs, with qualified names (`qualified_names.py`).
+    `name`: under which other maps know it. It also has objects of theirs, with qualified names (`qualified_names.py`). `complete`: the
+    maps of which it has all objects.
 
     A map is immutable: `changed` returns a new map that shares the unchanged data (`paged.py`).
     """
 
-    def __init__(self, objects: Iterable[Object] = (), facts: Iterable[Fact] = (), name: str = "") -> None:
-        self.name = name
+    def __init__(
+        self, objects: Iterable[Object] = (), facts: Iterable[Fact] = (), name: str = "", complete: Collection[str] = frozenset()
+    ) -> None:
+        self.name, self.complete = name, frozenset(complete)
         by_relation: dict[str, dict[tuple[str, ...], None]] = {}
         for fact in facts:
             by_relation.setdefault(fact.relation, {})[fact.arguments] = None
@@ -69,13 +75,13 @@ class Map:
 
     __hash__ = None  # type: ignore[assignment]  # compared by content, too large to be a key
 
-    def __getstate__(self) -> tuple[str, dict[str, Object], dict[str, dict[tuple[str, ...], None]]]:
+    def __getstate__(self) -> _Contents:
         # Building the indexes is faster than loading them.
         facts = {relation: dict(tuples.items()) for relation, tuples in self._facts.items()}
-        return self.name, dict(self.objects.items()), facts
+        return self.name, self.complete, dict(self.objects.items()), facts
 
-    def __setstate__(self, state: tuple[str, dict[str, Object], dict[str, dict[tuple[str, ...], None]]]) -> None:
-        self.name, objects, facts = state
+    def __setstate__(self, state: _Contents) -> None:
+        self.name, self.complete, objects, facts = state
         self._load(objects, facts)
 
     def has_fact(self, relation: str, arguments: tuple[str, ...]) -> bool:
@@ -217,6 +223,12 @@ class Map:
         map.name = name
         return map
 
+    def completed(self, homes: Collection[str]) -> Map:
+        """The same map, with all objects of exactly these maps of neighbours."""
+        map = _Draft(self).map
+        map.complete = frozenset(homes)
+        return map
+
     def parts(self, whole: str) -> Iterator[Object]:
         """The direct sub-objects."""
         return (self.objects[arguments[0]] for arguments in self.facts_with(PART_OF, 1, whole) if arguments[0] in self.objects)
@@ -246,7 +258,7 @@ class _Draft:
         map.objects, map._facts = base.objects, dict(base._facts)
         map._by_argument, map._arities = dict(base._by_argument), dict(base._arities)
         map._by_type, map._wholes_by_type, map._by_value = base._by_type, base._wholes_by_type, dict(base._by_value)
-        map._places, map._homes, map.name = base._places, base._homes, base.name
+        map._places, map._homes, map.name, map.complete = base._places, base._homes, base.name, base.complete
         self._objects: MutableMapping[str, Object] | None = None
         self._relations: dict[str, MutableMapping[tuple[str, ...], None]] = {}
         """The facts of the relations that have changed."""

@@ -21,6 +21,7 @@ from somrs.entish.formula import (
 from somrs.entish.normal_form import affirmed_variables, group_by_variables
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.achievability import Achievability, Hindrance, blank_variables, hindrance_text, misfits, present_value
+from somrs.ontology.homes import absence_text
 from somrs.ontology.matching import achieving_bindings, can_achieve, types_of, unifiers
 from somrs.ontology.service_kinds import undetermined_inputs
 from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
@@ -233,7 +234,7 @@ class _Reasons:
         for name in unknown:
             self.obstacles.add(Obstacle.NO_OBJECT)
             hint = nearest(name, self.problem.map.similar_names(name))
-            self.texts[f"{literal}: there is no object {name} on the map" + (f"; {hint}" if hint else "")] = None
+            self.texts[f"{literal}: {absence_text(name, self.problem.map)}" + (f"; {hint}" if hint else "")] = None
         excluded_names = [name for name in names(literal) if name in self.problem.excluded]
         if excluded_names:
             self.obstacles.update(exclusion_obstacles(excluded_names, self.problem))

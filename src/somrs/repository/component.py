@@ -143,6 +143,7 @@ class Repository:
                 yield from self._finish(message, now)
             for message in continued.deferred:
                 yield from self._received(message, now)
+        yield from self._neighbours.neighbouring.note_completeness(now)
         yield from self._neighbours.set_timer(now)
 
     def _effects(self, event: Input, now: float) -> Effects:

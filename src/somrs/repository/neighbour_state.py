@@ -6,11 +6,12 @@ from typing import Any
 
 from msgspec import Struct, field
 
+from somrs.kernel.component import Effect
 from somrs.kernel.replica import MapReading, Replica
 from somrs.kernel.reservations import Reservation
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.knowledge import MapPage, OntologyPage, UpdateMap
+from somrs.protocol.messages.knowledge import MapPage, MapSubscribed, OntologyPage, UpdateMap
 from somrs.protocol.messages.neighbours import Adopted, Neighbour
 from somrs.protocol.messages.reservations import Reserve, Reserved
 from somrs.protocol.messages.waits import Holder
@@ -25,11 +26,18 @@ class NeighbourDue(Struct, frozen=True, tag=True):
 class NeighbourCopy(Replica):
     """The copy of a neighbour's map, with the neighbour's names. It has what the neighbour shows.
 
-    `leaving`: the objects that the neighbour was handing over to the owner when it was read.
+    `leaving`: the objects that the neighbour was handing over to the owner when it was read. `shown`: the places that it shows, if not all.
     """
 
     map_name: str = ""
     leaving: dict[str, None] = field(default_factory=dict)
+    shown: tuple[str, ...] = ()
+
+    def _subscribed(self, answer: MapSubscribed, now: float) -> list[Effect]:
+        if (answer.complete, answer.shown) != (self.complete, self.shown):
+            self.shown = answer.shown
+            self._begin_anew()
+        return super()._subscribed(answer, now)
 
     def _new_reading(self) -> MapReading:
         self.leaving = {}
@@ -39,6 +47,11 @@ class NeighbourCopy(Replica):
         if isinstance(page, MapPage):
             self.leaving.update(dict.fromkeys(page.leaving))
         return super()._add_page(reading, page)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether it has all objects of the neighbour."""
+        return self.ready and self.map_name in self.complete
 
     @property
     def timer(self) -> Any:
@@ -59,6 +72,11 @@ class NeighbourState(Struct, kw_only=True):
     postponed: dict[str, None] = field(default_factory=dict)
     disagreements: dict[str, str] = field(default_factory=dict)
     """Definitions of its ontology that have another meaning here, or do not fit, and why."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all its objects are on this map."""
+        return self.copy.is_complete and not self.omissions and not self.postponed
 
 
 class ForwardedUpdate(Struct, kw_only=True):

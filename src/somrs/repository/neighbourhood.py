@@ -44,7 +44,7 @@ class Neighbourhood:
     ) -> None:
         self._contents = contents
         self.importing = Importing(contents, committing, publishing)
-        self.neighbouring = Neighbouring(contents, self.importing)
+        self.neighbouring = Neighbouring(contents, self.importing, publishing)
         self.forwarding = Forwarding(contents, answer)
         self.reserving = SharedReserving(contents, reserving, answer)
         self.handing_over = HandingOver(contents, committing, publishing, self.importing, self.reserving)

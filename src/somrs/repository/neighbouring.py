@@ -12,6 +12,7 @@ from somrs.ontology.qualified_names import translated
 from somrs.protocol.messages.neighbours import MapNeighbourView, Neighbour, Neighbours
 from somrs.repository.importing import Importing
 from somrs.repository.neighbour_state import NeighbourCopy, NeighbourState
+from somrs.repository.publishing import Publishing
 from somrs.repository.state import Contents
 
 ANSWERS_WITHIN = 5.0
@@ -28,8 +29,8 @@ class NeighboursConfigured(Struct, frozen=True, tag=True):
 class Neighbouring:
     """Has the neighbours as they are configured. It has no state of its own."""
 
-    def __init__(self, contents: Contents, importing: Importing) -> None:
-        self._contents, self._importing = contents, importing
+    def __init__(self, contents: Contents, importing: Importing, publishing: Publishing) -> None:
+        self._contents, self._importing, self._publishing = contents, importing, publishing
 
     def start(self, now: float) -> Effects:
         """Follow all neighbours."""
@@ -51,15 +52,25 @@ class Neighbouring:
         for map, settings in settings_by_map.items():
             earlier_state = contents.neighbours.get(map)
             if earlier_state is not None and earlier_state.settings.address == settings.address:
-                if earlier_state.settings != settings:
-                    contents.subscriptions.pop(settings.address, None)  # it sees something else now, and reads it anew
+                sees_other_places = earlier_state.settings != settings
                 earlier_state.settings = settings
+                if sees_other_places:
+                    yield from self._publishing.announce([settings.address], now)
             else:
                 copy = NeighbourCopy(contents.address, settings.address, map_name=map)
                 contents.neighbours[map] = neighbour = NeighbourState(settings=settings, copy=copy)
                 if earlier_state is not None:
                     neighbour.adopted = earlier_state.adopted
                 yield from copy.start(now)
+
+    def note_completeness(self, now: float) -> Effects:
+        """Let the map, and those who follow it, have the neighbours of which it has all objects."""
+        contents = self._contents
+        complete = {map for map, neighbour in contents.neighbours.items() if neighbour.is_complete}
+        if complete != contents.map.complete:
+            contents.map = contents.map.completed(complete)
+            neighbours = {neighbour.settings.address for neighbour in contents.neighbours.values()}
+            yield from self._publishing.announce((address for address in contents.subscriptions if address not in neighbours), now)
 
     def views(self, now: float) -> Neighbours:
         """The neighbours, for clients."""

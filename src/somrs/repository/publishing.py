@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from somrs.errors import InputError
@@ -90,8 +91,20 @@ class Publishing:
         if subscription is not None and version > subscription.version:
             yield from self._drop([message.header.recipient])
 
+    def announce(self, subscribers: Iterable[str], now: float) -> Effects:
+        """Tell subscribers that they see other places or maps: they ask what they see."""
+        for subscriber in subscribers:
+            if subscriber in self._contents.subscriptions:
+                yield self._notify(subscriber, self._subscribed(subscriber), now)
+
     def _subscribed(self, subscriber: str) -> MapSubscribed:
-        return MapSubscribed(version=self._contents.version, until=self._contents.subscriptions[subscriber].until)
+        contents = self._contents
+        until, neighbour = contents.subscriptions[subscriber].until, contents.neighbour_at(subscriber)
+        if neighbour is None:
+            return MapSubscribed(version=contents.version, until=until, complete=tuple(sorted(contents.map.complete)))
+        if neighbour.settings.shows_all:
+            return MapSubscribed(version=contents.version, until=until, complete=(contents.map.name,))
+        return MapSubscribed(version=contents.version, until=until, shown=neighbour.settings.shows)
 
     def _notify(self, subscriber: str, news: MapChanged | OntologyChanged | MapSubscribed, now: float) -> Send:
         kind, address = type(news).__name__, self._contents.address

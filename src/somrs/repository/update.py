@@ -11,6 +11,7 @@ from msgspec import structs
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
 from somrs.ontology.conformance import Violation, malformed, root_violations, violations_of
+from somrs.ontology.homes import absence_text
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet, objects_of
 from somrs.ontology.qualified_names import plain_name
@@ -38,7 +39,8 @@ def update_outcome(
     """The outcome of an update that arrives `now`: first its single changes are applied, then its situation.
 
     Of an update that was observed earlier, only what is newer than the `provenance` of the map is applied. `reserved`: names that the
-    update gives to no new object. `homes`: the maps of neighbours, which may have objects that they do not show.
+    update gives to no new object. `homes`: the maps of neighbours, which may have objects that are not on the map: because they
+    do not show them or, in a report, because what they show has not arrived yet.
     """
     provenance = provenance if provenance is not None else Provenance()
     update = with_current_names(update, map, ontology, provenance)
@@ -50,8 +52,10 @@ def update_outcome(
     if update.observation is not None:
         changes = [*_left_places(changes, map, ontology), *changes]
     changed = map.changed(changes)
+    is_edit = update.observation is None and update.reservation is None
+    hiding = [home for home in homes if not (is_edit and home in map.complete)]
     try:
-        situation = shown_situation(update.situation, changed, ontology, homes)
+        situation = shown_situation(update.situation, changed, ontology, hiding)
         report = read_report(situation, observation, changed, ontology, provenance, at, reserved)
     except FormulaError as error:
         violation = Violation(subject=SITUATION, rule="formula", message=str(error), section=SITUATION)
@@ -74,7 +78,7 @@ def _wrong_observation(map: Map, ontology: Ontology, observation: Observation, p
     for name in dict.fromkeys((*observation.gone, *observation.searched, *observation.sought, *observation.missed)):
         object = map.objects.get(name)
         if object is None and name not in provenance.departures:
-            yield Violation(subject=name, rule="unknown-object", message=_unknown(name, map.similar_names(name)))
+            yield Violation(subject=name, rule="unknown-object", message=_unknown(name, map, map.similar_names(name)))
         elif object is not None and name in observation.gone and ontology.is_subtype(object.type, DEVICE):
             yield Violation(subject=name, rule="device", message="is a device; a person removes it from the map, and no report does")
 
@@ -178,7 +182,7 @@ def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iter
             case ObjectRemoved(name) | ValueSet(name):
                 if not presence.get(name, name in map.objects):
                     known_names = (known for known in (*map.similar_names(name), *presence) if presence.get(known, True))
-                    yield Violation(subject=name, rule="unknown-object", message=_unknown(name, known_names))
+                    yield Violation(subject=name, rule="unknown-object", message=_unknown(name, map, known_names))
                 elif isinstance(change, ObjectRemoved):
                     presence[name] = False
             case FactAdded(fact) | FactRemoved(fact):
@@ -186,9 +190,8 @@ def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iter
                     yield violation
 
 
-def _unknown(name: str, known_names: Iterable[str]) -> str:
-    hint = nearest(name, known_names)
-    return f"there is no object {name} on the map; {hint or 'add it first'}"
+def _unknown(name: str, map: Map, known_names: Iterable[str]) -> str:
+    return f"{absence_text(name, map)}; {nearest(name, known_names) or 'add it first'}"
 
 
 def _both_ways(changes: Iterable[Change], ontology: Ontology) -> Iterator[Change]:

@@ -6,9 +6,9 @@ import pytest
 
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved
-from somrs.ontology.types import PART_OF, Value
+from somrs.ontology.types import PART_OF, AttributeType, Kind, ObjectType, Value
 from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.knowledge import QueryMap, Rejected, RenameObject, Rows, Updated, UpdateMap
+from somrs.protocol.messages.knowledge import Define, Defined, QueryMap, Rejected, RenameObject, Rows, Updated, UpdateMap, by_kind
 from somrs.protocol.messages.neighbours import Neighbour, Neighbours, ReadNeighbours
 from somrs.protocol.messages.observations import Observation
 from somrs.protocol.messages.reservations import (
@@ -159,6 +159,44 @@ def test_a_neighbour_sees_only_what_is_in_the_places_that_are_shown() -> None:
     two.update(BARN, situation="Jar1 isOn Bench1")
     two.settle()
     assert two.holds(YARD, "Barn:Jar1 isOn Barn:Bench1")
+
+
+def test_what_a_neighbour_shows_from_now_on_is_seen_and_what_it_hides_is_gone() -> None:
+    two = Neighbourhood()
+    for places, seen in ((("Bench1",), {"Barn:Bench1", "Barn:Jar1"}), (("Bench2",), {"Barn:Bench2"}), (None, two.names(BARN))):
+        yard = Neighbour(map="Yard", address=YARD, shows=places or (), shows_all=places is None)
+        two.configure(BARN, "Barn", yard)
+        two.settle()
+        names = {name for name in two.names(YARD) if name.startswith("Barn:")}
+        assert names == ({f"Barn:{name}" for name in seen if ":" not in name} if places is None else seen)
+
+
+def test_an_edit_that_names_what_a_neighbour_does_not_have_is_refused() -> None:
+    two = Neighbourhood()
+    rejected = two.ask(YARD, UpdateMap(situation="Jar1 isOn Barn:Bench7"), Rejected)
+    assert "there is no object Bench7 on the map Barn" in rejected.problems[0]
+    assert "Barn:Bench1" in rejected.problems[0], "the similar name"
+    assert two.holds(YARD, "Jar1 isOn Ramp1")
+    assert two.tell(YARD, "Jar1 isOn Barn:Bench7", as_of=two.world.now) == (), "news of it may still be on its way"
+
+
+def test_an_edit_that_names_what_a_neighbour_may_hide_says_what_is_seen_of_it() -> None:
+    two = Neighbourhood(shows=("Bench1",))
+    two.update(YARD, situation="Jar1 isOn Barn:Bench2")
+    assert not two.holds(YARD, "Jar1 isOn ?Anything")
+
+
+def test_what_does_not_fit_the_ontology_here_is_not_said_to_be_missing_there() -> None:
+    two = Neighbourhood()
+    number, word = (AttributeType(name="Stickiness", kind=kind) for kind in (Kind.NUMBER, Kind.TEXT))
+    for address, attribute in ((BARN, word), (YARD, number)):
+        crate = ObjectType(name="Crate", parent="Jar", attributes=("Stickiness",))
+        two.ask(address, Define(definitions=by_kind([attribute, crate])), Defined)
+    crate7 = Object(name="Crate7", type="Crate", values={**POSITION, "Stickiness": "high"})
+    two.update(BARN, ObjectAdded(crate7), FactAdded(Fact("isOn", ("Crate7", "Bench1"))))
+    two.settle()
+    assert "Barn:Crate7" not in two.names(YARD)
+    two.update(YARD, situation="Barn:Crate7 isOn Ramp1")
 
 
 def test_what_is_put_at_a_neighbour_s_place_gets_its_home_there() -> None:

@@ -342,8 +342,15 @@ class SubscribeMap(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class MapSubscribed(MessageBody, frozen=True, kw_only=True, tag=True):
+    """A subscription in version `version`, until `until` (seconds since 1970). Unasked, it says that something else is to be read.
+
+    `complete`: the maps of which the subscriber sees all objects. `shown`: the places that it sees, if it is a neighbour and sees not all.
+    """
+
     version: int
     until: float
+    complete: tuple[str, ...] = ()
+    shown: tuple[str, ...] = ()
 
 
 class MapChanged(MessageBody, frozen=True, kw_only=True, tag=True):
