@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from somrs.kernel.component import Effect, Effects, Input
+from msgspec import structs
+
+from somrs.kernel.component import Effect, Effects, EffectsReturning, Input
 from somrs.kernel.replica import ReplicaUpdate
 from somrs.ontology.agreement import disagreements
 from somrs.ontology.conformance import Violation, violations_of
 from somrs.ontology.homes import renamed_fact, renamed_object
+from somrs.ontology.map import Map
 from somrs.ontology.naming import Renaming, Section, find_definition, key_of
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet, objects_of
 from somrs.ontology.qualified_names import home_of, plain_name, translated
@@ -71,6 +74,30 @@ class Importing:
                     neighbour.adopted.pop(change.name, None)
             names = [objects_of(change)[0] for change in update.changes if objects_of(change)]
             yield from self._take_over(neighbour, dict.fromkeys(names), update.renamed, update.merged, now)
+        yield from self._settle_expected(neighbour, now)
+
+    def _settle_expected(self, neighbour: NeighbourState, now: float) -> Effects:
+        """Remove what should have its home at the neighbour if that does not show it."""
+        copy, expected = neighbour.copy, neighbour.expected
+        hidden_names = [name for name, since in expected.items() if copy.is_current and copy.known_since > since]
+        for name in hidden_names:
+            del expected[name]
+        yield from self._take_over(neighbour, hidden_names, (), (), now)
+
+    def _expect(self, neighbour: NeighbourState, renamings: Iterable[Renaming], now: float) -> EffectsReturning[list[Change]]:
+        """Returns the changes by which objects that the neighbour has given away are had under their new names.
+
+        Their new homes may say so later, or not at all.
+        """
+        map, changes = self._contents.map, list[Change]()
+        for renaming in renamings:
+            new_home = self._contents.neighbours.get(home_of(renaming.to))
+            if new_home is None or new_home is neighbour or renaming.name not in map.objects or renaming.to in map.objects:
+                continue
+            new_home.expected[plain_name(renaming.to)] = now
+            yield from new_home.copy.ask_version(now)
+            changes += _under_new_name(map, renaming)
+        return changes
 
     def _define(self, neighbour: NeighbourState, definitions: Iterable[Definition], now: float) -> Effects:
         """Take over what the ontology lacks. Service types come with the offers of services."""
@@ -106,16 +133,20 @@ class Importing:
         own_names = [name for name in names if not home_of(name)]
         for name in own_names:
             neighbour.omissions.pop(name, None)
+            if name in neighbour.copy.map.objects:
+                neighbour.expected.pop(name, None)
+        own_names = [name for name in own_names if name not in neighbour.expected]
         if any(handover.map == neighbour.settings.map for handover in self._contents.handovers.values()):
             new_names = [name for name in own_names if self._name(neighbour, name) not in self._contents.map.objects]
             neighbour.postponed.update(dict.fromkeys(new_names))
             own_names = [name for name in own_names if name not in neighbour.postponed]
-        changes = self._fitting(neighbour, [*self._differences(neighbour, own_names)])
         renamings = tuple(
             Renaming(section=Section.OBJECTS, name=self._name(neighbour, renaming.name), to=self._name(neighbour, renaming.to))
             for renaming in renamed
             if renaming.section is Section.OBJECTS
         )
+        given_away = yield from self._expect(neighbour, renamings, now)
+        changes = self._fitting(neighbour, [*self._differences(neighbour, own_names), *given_away])
         mergings = tuple(Merging(name=self._name(neighbour, merging.name), into=self._name(neighbour, merging.into)) for merging in merged)
         yield from self._commit(neighbour.settings.map, changes, renamings, mergings, now)
         yield from self._complete(neighbour, self._added(changes), now)
@@ -244,3 +275,10 @@ def _subjects_about(neighbour: NeighbourState, name: str) -> Iterator[str]:
 def _subject(change: Change) -> str:
     """What a violation by the change may name: a fact, or an object."""
     return str(change.fact) if isinstance(change, FactAdded | FactRemoved) else objects_of(change)[0]
+
+
+def _under_new_name(map: Map, renaming: Renaming) -> Iterator[Change]:
+    """The changes that add an object of the map again, with what is said of it, under its new name."""
+    yield ObjectAdded(structs.replace(map.objects[renaming.name], name=renaming.to))
+    for fact in map.facts_about(renaming.name):
+        yield FactAdded(renamed_fact(fact, lambda name: renaming.to if name == renaming.name else name))

@@ -63,6 +63,8 @@ class NeighbourState(Struct, kw_only=True):
 
     `omissions`: its objects that are not on this map, by their names there, and why. `adopted`: its objects that have their home here now,
     by their names there, as long as its copy still has them. `postponed`: its objects that are added when a handover to it has ended.
+    `expected`: objects that have their home there now, as another neighbour says, and since when they are on this map (seconds since 1970);
+    the copy may not have them yet.
     """
 
     settings: Neighbour
@@ -70,6 +72,7 @@ class NeighbourState(Struct, kw_only=True):
     omissions: dict[str, str] = field(default_factory=dict)
     adopted: dict[str, None] = field(default_factory=dict)
     postponed: dict[str, None] = field(default_factory=dict)
+    expected: dict[str, float] = field(default_factory=dict)
     disagreements: dict[str, str] = field(default_factory=dict)
     """Definitions of its ontology that have another meaning here, or do not fit, and why."""
 

@@ -224,6 +224,18 @@ def test_a_neighbour_that_is_removed_leaves_nothing_behind() -> None:
 POSITION: dict[str, Value] = {"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.0}
 
 
+@pytest.mark.parametrize("shows", [(), ("Bench1",)])
+def test_a_neighbour_that_is_shown_something_else_now_sees_that(shows: tuple[str, ...]) -> None:
+    two = Neighbourhood()
+    two.configure(BARN, "Barn", Neighbour(map="Yard", address=YARD, shows=shows, shows_all=False))
+    two.settle()
+    seen = {name for name in two.names(YARD) if name.startswith("Barn:")}
+    assert seen == ({"Barn:Bench1", "Barn:Jar1"} if shows else set())
+    two.configure(BARN, "Barn", Neighbour(map="Yard", address=YARD, shows_all=True))
+    two.settle()
+    assert {"Barn:Bench1", "Barn:Bench2"} <= two.names(YARD)
+
+
 def test_a_neighbour_to_which_nothing_is_shown_sees_nothing() -> None:
     two = Neighbourhood(shows=())
     assert not any(name.startswith("Barn:") for name in two.names(YARD))
@@ -451,6 +463,37 @@ def test_a_third_map_has_what_is_said_of_objects_of_two_others() -> None:
     three.update(BARN, FactAdded(Fact(PART_OF, ("Jar1", "Yard:Room1"))))
     three.add_mill()
     assert three.at(MILL).contents.map.has_fact(PART_OF, ("Barn:Jar1", "Yard:Room1"))
+
+
+def test_what_moves_between_two_others_stays_one_thing_while_its_new_home_is_away() -> None:
+    three = Neighbourhood()
+    three.add_mill()
+    three.world.separate(YARD, MILL)
+    three.update(BARN, situation="Jar1 isOn Yard:Ramp2 AND Jar1.Color = Red")
+    three.world.run(5.0)
+    (name,) = (fact.arguments[0] for fact in three.at(YARD).contents.map.facts_about("Ramp2") if fact.relation == "isOn")
+    assert "Barn:Jar1" not in three.names(MILL)
+    assert three.at(MILL).contents.provenance.current_name("Barn:Jar1") == f"Yard:{name}"
+    assert three.holds(MILL, f"Yard:{name}.Color = Red")
+    three.world.run(60.0)
+    assert f"Yard:{name}" in three.names(MILL)
+    three.world.join(YARD, MILL)
+    three.settle()
+    assert three.holds(MILL, f"Yard:{name} isOn Yard:Ramp2 AND Yard:{name}.Color = Red")
+    three.update(YARD, ObjectRemoved(name))
+    three.settle()
+    assert f"Yard:{name}" not in three.names(MILL)
+
+
+def test_what_moves_to_a_home_that_does_not_show_it_is_gone() -> None:
+    three = Neighbourhood()
+    three.add_mill()
+    three.configure(YARD, "Yard", Neighbour(map="Barn", address=BARN, shows_all=True), Neighbour(map="Mill", address=MILL))
+    three.settle()
+    three.update(BARN, situation="Jar1 isOn Yard:Ramp2")
+    three.settle()
+    assert not {name for name in three.names(MILL) if name.startswith("Yard:")}
+    assert "Barn:Jar1" not in three.names(MILL)
 
 
 def test_a_release_by_another_repository_is_not_heeded() -> None:
