@@ -102,8 +102,8 @@ def test_a_device_on_another_computer_enrols_itself_with_a_word(tmp_path: Path) 
         assert [
             (entry.act, entry.outcome, entry.actor.name if entry.actor is not None else None) for entry in AuditLog(site.data).entries()
         ] == [
-            ("enrol", "done", "Robot7"),
-            ("enrol", "denied", ""),
+            ("trust.enrol", "done", "Robot7"),
+            ("trust.enrol", "denied", ""),
         ]
 
     run(tmp_path, scenario)

@@ -29,6 +29,13 @@ def _authority(data: Path) -> Authority:
     return Authority.of_data(data)
 
 
+def _record(data: Path, act: str, **details: object) -> None:
+    """Record an act in the audit log, which is in the data folder as the authority is."""
+    from somrs.access.auditor import Auditor, current_actor
+
+    Auditor(data).done(f"trust.{act}", current_actor(), details)
+
+
 @trust_app.command()
 def init(
     site: Annotated[str, typer.Option(help="The name of the site, for people.")] = "site",
@@ -37,6 +44,7 @@ def init(
     """Make the certificate authority of a site, in its data folder."""
     authority = _authority(data)
     guarded(lambda: authority.create(site, _now()))
+    _record(data, "init", site=site)
     print(f"made the authority of {site} in {authority.folder}")
 
 
@@ -81,6 +89,7 @@ def invite(
         return _authority(data).invite(identity, _now(), hosts=tuple(host))
 
     word = guarded(invited)
+    _record(data, "invite", name=name, roles=role, speaks_for=speaks_for, hosts=host)
     print(word)
     service = _authority(data).folder / SERVICE_FILE
     if service.exists():
@@ -107,6 +116,8 @@ def enrol(
 
     if at is None:
         written = guarded(lambda: enrol(_authority(data), word, tuple(host), out, _now(), request))
+        [certificate] = [path for path in written if path.suffix == ".pem" and path.name != _authority(data).certificate_file.name]
+        _record(data, "enrol", name=certificate.stem, hosts=host)
     elif host or request is not None:
         fail("--host and --request are for the computer of the authority; elsewhere, `somrs trust invite --host` names hosts", 2)
     else:
@@ -125,6 +136,7 @@ def renew(
     from somrs.trust.enrolment import renew
 
     written = guarded(lambda: renew(_authority(data), certificate, _now()))
+    _record(data, "renew", certificate=str(certificate))
     print("\n".join(map(str, written)))
 
 
@@ -132,6 +144,7 @@ def renew(
 def revoke(name: Name, data: Data = DEFAULT_FOLDER) -> None:
     """Revoke all certificates and invitations of a name."""
     serials = guarded(lambda: _authority(data).revoke(name, _now()))
+    _record(data, "revoke", name=name, serials=serials)
     print(f"revoked {_text(serials)}" if serials else f"{name} had an invitation only, which is withdrawn")
 
 

@@ -159,7 +159,7 @@ class TrustService:
         """Record who was refused. Anybody can ask, so not each time."""
         address = _address(request)
         if (count := self._denials.add(address)) is not None:
-            act, actor, details = request.url.path.strip("/"), Actor(name="", address=address), {"why": text, "times": count}
+            act, actor, details = f"trust.{request.url.path.strip('/')}", Actor(name="", address=address), {"why": text, "times": count}
             await asyncio.to_thread(self._audit_log.append, act, "denied", actor, details)
 
     async def _send_authority(self, request: Request) -> Response:
@@ -171,13 +171,13 @@ class TrustService:
         hosts = ("127.0.0.1", "localhost") if ip_address(address).is_loopback else (address,)
         now = datetime.now(UTC)
         certificate = await asyncio.to_thread(self._authority.enrol, question.word, question.request.encode(), hosts, now)
-        return await self._enrolled("enrol", certificate, now, address)
+        return await self._enrolled("trust.enrol", certificate, now, address)
 
     async def _renew(self, request: Request) -> Response:
         serial = self._proven_serial(request)
         question, now = msgspec.json.decode(await request.body(), type=RenewRequest), datetime.now(UTC)
         certificate = await asyncio.to_thread(lambda: self._authority.renew_serial(serial, question.request.encode(), now, is_due=True))
-        return await self._enrolled("renew", certificate, now, _address(request))
+        return await self._enrolled("trust.renew", certificate, now, _address(request))
 
     async def _enrolled(self, act: str, certificate: bytes, now: datetime, address: str) -> Response:
         name = self._authority.check(certificate, now).name

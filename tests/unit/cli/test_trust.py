@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from somrs.access.identity import user_of_process
 from somrs.cli.trust import trust_app
+from somrs.storage.audit_log import AuditLog
 
 RUNNER = CliRunner()
 
@@ -45,6 +47,20 @@ def test_a_device_is_invited_enrolled_renewed_and_revoked(site: Path, tmp_path: 
     assert call(site, "list", "--all").output.count(", revoked at ") == 2
     result = call(site, "show", str(certificate))
     assert (result.exit_code, "is revoked: enrol it again" in result.output) == (2, True)
+
+
+def test_who_changed_whose_certificates_is_in_the_audit_log(site: Path, tmp_path: Path) -> None:
+    certificate = enrolled(site, tmp_path / "robot")
+    call(site, "renew", str(certificate))
+    call(site, "revoke", "Robot7")
+    assert call(site, "revoke", "Robot8").exit_code == 2
+    entries = [*AuditLog(site).entries()]
+    assert [entry.act for entry in entries] == ["trust.init", "trust.invite", "trust.enrol", "trust.renew", "trust.revoke"]
+    assert {entry.actor.name for entry in entries if entry.actor is not None} == {user_of_process()}
+    assert entries[1].details == {"name": "Robot7", "roles": ["device"], "speaks_for": ["Arm7"], "hosts": []}
+    assert entries[2].details == {"name": "Robot7", "hosts": ["127.0.0.1"]}
+    assert entries[-1].details["name"] == "Robot7"
+    assert len(entries[-1].details["serials"]) == 2
 
 
 @pytest.mark.parametrize(
