@@ -102,7 +102,7 @@ benchmarks: setup
 kill-runs: setup
 	@$(BIN)/python -m verification.kill_runs $(if $(BUS),--bus) $(if $(N),--runs $(N)) $(if $(SEED_BASE),--first $(SEED_BASE)) $(if $(SEED),--seed $(SEED))
 
-# What the servers of a running system promise to refuse; SEED=17 draws the same messages once more.
+# What the servers of a running system promise to refuse, and what befalls its machine; SEED=17 draws the same messages once more.
 attack: setup
 	@$(BIN)/python -m verification.attack --fuzz $(or $(N),2000) $(if $(SEED),--seed $(SEED)) --only "$(ONLY)"
 

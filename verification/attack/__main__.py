@@ -13,14 +13,15 @@ import random
 import shutil
 import sys
 from collections.abc import Awaitable, Callable
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 
 from somrs.errors import SomrsError
-from verification.attack import addresses, browsers, documents, floods, strangers
+from verification.attack import addresses, adversity, browsers, documents, floods, strangers
 from verification.attack.fuzz import Fuzz
-from verification.attack.target import Defect, Target, attacked_system
+from verification.attack.target import Defect, Skipped, Target, attacked_system
 
 ATTACKS: tuple[Callable[[Target], Awaitable[None]], ...] = (
     browsers.other_sites_change_nothing,
@@ -47,24 +48,38 @@ ATTACKS: tuple[Callable[[Target], Awaitable[None]], ...] = (
     floods.connections_that_send_nothing_keep_nobody_out,
     floods.the_simulator_takes_no_nonsense,
     addresses.subscribers_are_bounded,
+    adversity.stopped_programs_are_replaced,
 )
+
+ADVERSITIES: tuple[Callable[[Path], Awaitable[None]], ...] = (
+    adversity.a_full_disk_stops_nobody_for_good,
+    adversity.a_disk_that_cannot_be_written_stops_nobody_for_good,
+    adversity.a_time_of_day_that_jumps_ends_nothing,
+    adversity.damaged_files_are_noticed,
+)
+"""What needs a system of its own, in a folder."""
 
 BATCH = 100
 """Drawn messages between two looks at the system."""
 
 
 class Series:
-    """The attacks of a run, and what became of them."""
+    """The attacks of a run whose names contain `only`, and what became of them."""
 
-    def __init__(self, target: Target, console: Console) -> None:
-        self._target, self._console = target, console
+    def __init__(self, console: Console, only: str) -> None:
+        self._console, self._only = console, only
         self.passed = self.failed = 0
 
-    async def attempt(self, name: str, attack: Callable[[], Awaitable[None]]) -> None:
-        """Carry out an attack, and look whether the system is well afterwards."""
+    async def attempt(self, name: str, attack: Callable[[], Awaitable[None]], target: Target | None = None) -> None:
+        """Carry out an attack, and look whether the target is well afterwards."""
+        if self._only not in name:
+            return
         try:
             await attack()
-            await self._target.check()
+            if target is not None:
+                await target.check()
+        except Skipped as reason:
+            self._console.print(f"[bold yellow]SKIPPED[/] {name}: {reason}")
         except (Defect, SomrsError, OSError) as error:
             self.failed += 1
             self._console.print(f"[bold red]failed[/] {name}: ", end="")
@@ -78,18 +93,21 @@ async def attack(out_folder: Path, count: int, seed: int, only: str) -> Series:
     """Start a system, and attack it."""
     console = Console(highlight=False, soft_wrap=True)
     shutil.rmtree(out_folder, ignore_errors=True)
+    series = Series(console, only)
     async with attacked_system(out_folder / "data") as target:
         await target.check()
-        series = Series(target, console)
         for attempt in ATTACKS:
-            name = attempt.__name__.replace("_", " ")
-            if only in name:
-                await series.attempt(name, lambda attempt=attempt: attempt(target))  # type: ignore[misc]
-        if only in "drawn messages":
-            for first in range(0, count, BATCH):
-                fuzz = Fuzz(target, seed + first)
-                await series.attempt(f"drawn messages {first} to {first + BATCH - 1} of seed {seed}", lambda fuzz=fuzz: _draw(fuzz))  # type: ignore[misc]
-        return series
+            await series.attempt(_name(attempt), partial(attempt, target), target)
+        for first in range(0, count, BATCH):
+            name = f"drawn messages {first} to {first + BATCH - 1} of seed {seed}"
+            await series.attempt(name, partial(_draw, Fuzz(target, seed + first)), target)
+    for adverse in ADVERSITIES:
+        await series.attempt(_name(adverse), partial(adverse, out_folder / adverse.__name__))
+    return series
+
+
+def _name(attempt: Callable[..., object]) -> str:
+    return attempt.__name__.replace("_", " ")
 
 
 async def _draw(fuzz: Fuzz) -> None:

@@ -39,6 +39,10 @@ class Defect(Exception):
     """The system does not keep a promise."""
 
 
+class Skipped(Exception):
+    """An attack cannot be tried here."""
+
+
 def expect(condition: object, text: str) -> None:
     """Raises Defect unless the condition holds."""
     if not condition:
