@@ -61,6 +61,17 @@ def db() -> Iterator[sqlite3.Connection]:
     db.close()
 
 
+def test_a_record_that_is_stored_is_not_written_again(db: sqlite3.Connection, recovered: TaskRecord) -> None:
+    """A Task Manager reads its journal once more while its disk cannot be written."""
+    task_archive = archive.TaskArchive()
+    task_archive.store_replayed([recovered], None, db)
+    db.commit()
+    db.execute("PRAGMA query_only=ON")
+    task_archive.store_replayed([recovered], None, db)
+    with pytest.raises(sqlite3.OperationalError, match="readonly"):
+        task_archive.store_replayed([longer(recovered, 2)], None, db)
+
+
 def read(db: sqlite3.Connection, request: ReadRecords) -> tuple[list[TaskRecord], list[Records]]:
     """All records that are asked for, as a client puts them together, and the pages on which they came."""
     pages: list[Records] = []

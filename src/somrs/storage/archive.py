@@ -72,10 +72,12 @@ class TaskArchive:
 
 
 def store_record(record: TaskRecord, db: sqlite3.Connection) -> None:
-    """Store a record; storing it twice has no further effect."""
+    """Store a record. What is stored already is not written again: while a disk cannot be written, a journal is read once more."""
     document = msgspec.json.encode(record).decode()
     values = (record.task, record.submitted_at, record.ended_at, record.outcome.value, record.effect, document)
-    db.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?, ?)", values)
+    stored = db.execute("SELECT * FROM records WHERE task = ?", [record.task]).fetchone()
+    if stored != values:
+        db.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?, ?)", values)
 
 
 def find_records(query: ReadRecords, db: sqlite3.Connection) -> Records:

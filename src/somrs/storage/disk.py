@@ -171,7 +171,7 @@ class Disk:
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
-            raise WriteFailed(f"{self.path}: there is no room for it: {error}; check the free disk space") from None
+            raise WriteFailed(f"{self.path}: it cannot be written: {error}; check the free disk space") from None
         finally:
             probe.unlink(missing_ok=True)
         db.execute(f"PRAGMA user_version={self.kind.version}")
