@@ -8,11 +8,13 @@ one user (socket(7)).
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import itertools
 import logging
 import os
 import socket
 from collections.abc import Mapping, Sequence
+from ipaddress import ip_address
 
 from somrs.errors import UsageError
 
@@ -44,6 +46,15 @@ def listen_at(host: str, port: int) -> socket.socket:
         if sock is not None:
             sock.close()
         raise UsageError(f"cannot listen at {host}:{port}: {error.strerror}; another --port may be free") from None
+
+
+def check_address(host: str) -> None:
+    """Raises UsageError for `0.0.0.0` and `::`. A server can listen there, at all addresses, but others need one at which they reach it."""
+    with contextlib.suppress(ValueError):
+        if ip_address(host).is_unspecified:
+            raise UsageError(
+                f"{host} is no address at which other programs reach this computer: name the one that they are to use, as --host 10.0.0.7"
+            )
 
 
 def is_reserved(port: int) -> bool:

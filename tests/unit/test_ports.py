@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from somrs.errors import UsageError
-from somrs.ports import Reservation, listen_at
+from somrs.ports import Reservation, check_address, listen_at
 
 HOST = "127.0.0.1"
 LISTEN = "import sys; from somrs.ports import listen_at; s = listen_at('127.0.0.1', int(sys.argv[1])); print('here', flush=True); input()"
@@ -78,3 +78,11 @@ def test_when_it_is_over_the_port_is_like_any_other() -> None:
         (port,) = reserved.ports
     with listen_at(HOST, port), pytest.raises(UsageError, match=f"cannot listen at {HOST}:{port}.*another --port"):
         listen_at(HOST, port)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::"])
+def test_where_nobody_can_be_reached_is_no_address(host: str) -> None:
+    with pytest.raises(UsageError, match="is no address at which other programs reach this computer: name the one"):
+        check_address(host)
+    for address in ("127.0.0.1", "10.0.0.7", "robot7.example", "::1"):
+        check_address(address)

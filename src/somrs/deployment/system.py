@@ -32,7 +32,7 @@ from somrs.deployment.watchdog import BEAT_VARIABLE
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError, UsageError
 from somrs.limits import limits
-from somrs.ports import Reservation, until_listening
+from somrs.ports import Reservation, check_address, until_listening
 from somrs.runtime.bus_address import BusAddress
 from somrs.storage.locking import is_in_use
 from somrs.storage.log_files import empty_if_full
@@ -145,7 +145,8 @@ class System:
         self._launcher = launcher or Launcher()
 
     def _check_site(self) -> None:
-        """Check that the map of an earlier run was made from the same site files. Raises UsageError."""
+        """Check that others can reach the host, and that the map of an earlier run was made from the same site files. Raises UsageError."""
+        check_address(self.host)
         earlier_site = site_of(self.data)
         if earlier_site is not None and earlier_site != self.site:
             kept_map = f"{self.data} holds the map of {', '.join(map(str, earlier_site))}"

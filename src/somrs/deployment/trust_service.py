@@ -28,7 +28,7 @@ from starlette.routing import Route
 from somrs.client.addresses import SYSTEM_FILE
 from somrs.deployment.programs import until_stopped
 from somrs.errors import UsageError
-from somrs.ports import listen_at
+from somrs.ports import check_address, listen_at
 from somrs.runtime.bounded_http import PEER_CERTIFICATE, BoundedConfig, QuietServer
 from somrs.runtime.http import KEPT_TIME
 from somrs.runtime.trust_client import AUTHORITY_PATH, ENROL_PATH, NEWS_PATH, RENEW_PATH, Enrolled, EnrolRequest, RenewRequest
@@ -63,9 +63,11 @@ Answer = Callable[[Request], Awaitable[Response]]
 async def run_trust(data: Path, host: str, port: int, url: str | None = None) -> None:
     """Run the service until this process is asked to stop. `url`: how other computers reach it, if it is not at its host and port.
 
-    Raises UsageError when there is no authority, or the port is not available.
+    Raises UsageError when there is no authority, the host is no address, or the port is not available.
     """
     authority = Authority.of_data(data)
+    if url is None:
+        check_address(host)
     server_socket = listen_at(host, port)
     url = (url or f"https://{host}:{server_socket.getsockname()[1]}").rstrip("/")
     own = _Own(authority, host, urlsplit(url).hostname or host)

@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 from somrs.errors import RemoteError
 from somrs.kernel.component import Component, Received, Stateful
 from somrs.kernel.durability import JournaledComponent
+from somrs.ports import check_address
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.bus import Bus
 from somrs.runtime.bus_address import BusAddress
@@ -31,7 +32,7 @@ log = logging.getLogger(__name__)
 
 class Host:
     """The components of one process behind one port, by default at the loopback address: a context manager. `clock` is the clock of all
-    components.
+    components. Raises UsageError for a host that is no address.
 
     `bus`: where the components are instead, and how they reach those of the same site. `credentials`: with what they prove who they are to
     others, over HTTPS; by default, those of the environment.
@@ -46,6 +47,8 @@ class Host:
         bus: BusAddress | None = None,
         credentials: Credentials | None = None,
     ) -> None:
+        if bus is None:
+            check_address(host)
         credentials = credentials if credentials is not None else Credentials.of_environment()
         self._credentials, self._exits = credentials, contextlib.AsyncExitStack()
         self.clock = clock if clock is not None else Clock()
@@ -73,6 +76,7 @@ class Host:
         await self.stop()
 
     async def start(self) -> None:
+        """Connect, and listen. Raises UsageError when the port is not available."""
         await self._server.start()
         await self._exits.enter_async_context(following(self._credentials))
 
