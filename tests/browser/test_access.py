@@ -5,12 +5,17 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from somrs.access.rights import PersonRole, Right
 from somrs.access.store import AccessStore
+from somrs.errors import UsageError
+from somrs.trust.authority import Authority
+from somrs.trust.enrolment import enrol
 from tests.support.hang import HANG_TIME
 
 from .conftest import RunningSystem, every_look, fits, sign_in, take_screenshot
@@ -103,6 +108,42 @@ def test_administrators_add_people_and_tokens(system: RunningSystem, window: Cal
     row.get_by_role("button", name="Remove Katherine").click()
     page.get_by_role("alertdialog").get_by_role("button", name="Remove Katherine").click()
     expect(row).to_have_count(0)
+
+
+def test_a_device_is_invited_in_the_window_enrols_and_is_revoked(
+    system: RunningSystem, window: Callable[..., Page], profile: BrowserContext, tmp_path: Path
+) -> None:
+    authority = Authority.of_data(system.data)
+    if not authority.exists:
+        authority.create("site", datetime.now(UTC))
+    sign_in(profile, system.url, PersonRole.ENGINEER, "Engineer")
+    page = profile.new_page()
+    page.goto(f"{system.url}/access")
+    page.get_by_label("Name of the device").fill("Robot7")
+    page.get_by_label("Also speaks for").fill("Arm7, Camera7")
+    page.get_by_role("button", name="Invite").click()
+    line = page.get_by_role("dialog").locator(".somrs-access-secret").text_content() or ""
+    assert line.startswith("somrs trust enrol ")
+    page.get_by_role("button", name="Close").click()
+    expect(page.get_by_role("group", name="Robot7, invited")).to_contain_text("invited as device, until")
+    expect(page.get_by_role("button", name="Withdraw")).to_have_count(0)
+    enrol(authority, line.split()[3], ("127.0.0.1",), tmp_path, datetime.now(UTC))
+    page = window(f"{system.url}/access")
+    row = page.get_by_role("group", name="Robot7", exact=True)
+    expect(row).to_contain_text("speaks for Arm7, Camera7")
+    row.scroll_into_view_if_needed()
+    for look in every_look(page):
+        assert fits(page), look
+        take_screenshot(page, f"devices-{look}")
+    row.get_by_role("button", name="Revoke").click()
+    page.get_by_role("alertdialog").get_by_role("button", name="Revoke Robot7").click()
+    expect(row).to_have_count(0)
+    with pytest.raises(UsageError, match="is revoked"):
+        authority.check((tmp_path / "Robot7.pem").read_bytes(), datetime.now(UTC))
+    log = page.locator("details").filter(has_text="Audit log")
+    expect(log.get_by_role("group").filter(has_text="trust.invite").first).to_contain_text("Engineer")
+    expect(log.get_by_role("group").filter(has_text="trust.revoke").first).to_contain_text("Robot7")
+    expect(log).not_to_contain_text(line.split()[3])
 
 
 def test_administrators_see_who_did_what(system: RunningSystem, window: Callable[..., Page], profile: BrowserContext) -> None:

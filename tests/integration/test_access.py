@@ -7,6 +7,7 @@ import re
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import get_type_hints
 
@@ -21,6 +22,7 @@ from somrs.access.store import AccessStore, local_token
 from somrs.api.remote import Api
 from somrs.api.rest import AUTHOR_NAMES
 from somrs.client.operations import Operation, operations
+from somrs.trust.authority import Authority
 from tests.support.hang import HANG_TIME
 from tests.support.small_system import running
 
@@ -79,6 +81,30 @@ def test_every_operation_by_everybody(tmp_path: Path) -> None:
                 for document in ("/openapi.json", "/"):
                     status = (await client.get(document, headers=bearer(secret))).status_code
                     assert status == (200 if Right.SEE in allowed else 403 if allowed else 401)
+
+    asyncio.run(run())
+
+
+def test_engineers_invite_devices_and_administrators_all_and_revoke(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with guarded(tmp_path) as (store, url), httpx.AsyncClient(base_url=url) as client:
+            store.add_account("Ada", PersonRole.ENGINEER)
+            store.add_account("Root", PersonRole.ADMINISTRATOR)
+            engineer, administrator = bearer(store.open_session("Ada")), bearer(store.open_session("Root"))
+            assert (await client.get("/trust", headers=engineer)).json() == {"has_authority": False, "holders": [], "invitations": []}
+            refused = await client.post("/trust/invitations", json={"name": "Robot7"}, headers=engineer)
+            assert (refused.status_code, "has no certificate authority" in refused.json()["problem"]) == (400, True), refused.text
+            Authority.of_data(tmp_path).create("site", datetime.now(UTC))
+            assert (await client.post("/trust/invitations", json={"name": "Robot7"}, headers=engineer)).status_code == 200
+            registry = {"name": "registry-2", "roles": ["registry"]}
+            refused = await client.post("/trust/invitations", json=registry, headers=engineer)
+            assert (refused.status_code, refused.json()["problem"]) == (403, "only who is administrator invites others than devices")
+            assert (await client.post("/trust/invitations", json=registry, headers=administrator)).json()["secret"]
+            names = [invited["name"] for invited in (await client.get("/trust", headers=engineer)).json()["invitations"]]
+            assert names == ["Robot7", "registry-2"]
+            for name in names:
+                assert (await client.delete(f"/trust/holders/{name}", headers=administrator)).status_code == 200
+            assert not (await client.get("/trust", headers=engineer)).json()["invitations"]
 
     asyncio.run(run())
 
@@ -142,7 +168,7 @@ def test_the_author_is_who_has_proven_it(tmp_path: Path) -> None:
 
 
 def test_each_operation_that_changes_something_says_by_whom() -> None:
-    """Of the others, nobody is recorded."""
+    """Of the others, only the audit log says by whom."""
     anonymous = {
         operation.name
         for operation in OPERATIONS
@@ -152,7 +178,7 @@ def test_each_operation_that_changes_something_says_by_whom() -> None:
             for parameter in operation.parameters
         )
     }
-    assert {name for name in anonymous if not name.startswith("access.")} == {
+    assert {name for name in anonymous if not name.startswith(("access.", "trust."))} == {
         "fleet.fault",
         "orders.remove_order",
         "orders.remove_template",

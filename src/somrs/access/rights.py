@@ -15,9 +15,9 @@ class Right(StrEnum):
     OPERATE = "operate"
     """Submit and cancel tasks, answer questions, release, send and repair devices."""
     MODEL = "model"
-    """Change maps, ontologies, templates and zones."""
+    """Change maps, ontologies, templates and zones; invite devices."""
     ADMINISTER = "administer"
-    """Add and remove people, roles, tokens and sessions."""
+    """Add and remove people, roles, tokens and sessions; invite programs of the site, and revoke."""
 
 
 class PersonRole(StrEnum):

@@ -25,6 +25,7 @@ from somrs.api.system import SystemService
 from somrs.api.tasks import TaskService
 from somrs.api.topics import TOPICS
 from somrs.api.traffic import TrafficService
+from somrs.api.trust import TrustService
 from somrs.api.zones import ZoneService
 from somrs.client.addresses import Addresses
 from somrs.client.api_client import ApiClient, address_of, local_token_reader, token_of_environment
@@ -55,6 +56,7 @@ class Api:
     scene: SceneService
     system: SystemService
     traffic: TrafficService
+    trust: TrustService
     zones: ZoneService
 
     def __init__(self, client: ApiClient) -> None:

@@ -23,6 +23,7 @@ from somrs.api.scene import SceneService
 from somrs.api.system import SystemService
 from somrs.api.tasks import TaskService
 from somrs.api.traffic import TrafficService
+from somrs.api.trust import TrustService
 from somrs.api.zones import ZoneService
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
@@ -53,6 +54,7 @@ class ApiService:
         self.scene = SceneService(context)
         self.system = SystemService(context)
         self.traffic = traffic
+        self.trust = TrustService(context)
         self.zones = ZoneService(context)
 
     def operations(self) -> Iterator[Operation]:

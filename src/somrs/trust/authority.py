@@ -144,6 +144,7 @@ class Authority:
 
         Who has the word knows this authority by it.
         """
+        self._check_exists()
         certificates.check_hosts(hosts)
         word = f"{secrets.token_hex(18)}.{fingerprint(self.certificate_file.read_text())}"
         with self._changing() as register:

@@ -1,4 +1,4 @@
-"""People and access: one's own account, and for administrators all people, sessions and tokens."""
+"""People and access: one's own account, the certificates of devices, and for administrators all people, sessions and tokens."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
 from somrs.gui.account_menu import ACCESS_PAGE, INSECURE_TEXT, may, who
 from somrs.gui.audit_list import AuditList
+from somrs.gui.certificate_list import CertificateList
 from somrs.gui.components.confirm_dialog import confirm
 from somrs.gui.icons import format_time
 from somrs.gui.panel import panel
@@ -24,13 +25,13 @@ RIGHTS_TEXT = {
     Right.SEE: "see everything",
     Right.STOP: "stop devices",
     Right.OPERATE: "operate (tasks, answers, devices)",
-    Right.MODEL: "model (maps, ontologies, templates, zones)",
+    Right.MODEL: "model (maps, ontologies, templates, zones, devices)",
     Right.ADMINISTER: "administer (people, tokens)",
 }
 ROLES_TEXT = {
     PersonRole.VIEWER: "viewer: sees, stops in an emergency",
     PersonRole.OPERATOR: "operator: also tasks, answers, devices",
-    PersonRole.ENGINEER: "engineer: also maps, ontologies, templates, zones",
+    PersonRole.ENGINEER: "engineer: also maps, ontologies, templates, zones, devices",
     PersonRole.ADMINISTRATOR: "administrator: also people, tokens",
 }
 USABLE_ONCE = "It works once, within a day."
@@ -63,6 +64,9 @@ class _AccessPage:
             with panel(own_access.name, "person", "access-own") as own_panel:
                 own_panel.note.text = own_access.role or ""
                 self._build_own(own_access)
+            if may(Right.MODEL):
+                with panel("Devices and programs", "verified_user", "access-trust"):
+                    CertificateList(self._api, self._change, self.build, self._show_secret).build(await self._api.trust.read())
             if view is not None:
                 await self._build_all(view, own_access)
 
