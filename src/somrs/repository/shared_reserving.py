@@ -62,8 +62,10 @@ class SharedReserving:
         homes = {home_of(name) for name in (*request.changes, *request.relies_on)}
         # Where it waited for objects that it does not need any more, it must not hinder others.
         yield from self._release_at({*shared.waiting[:1]} - homes, request.task, 2 * request.serial - 2, False, now)
+        if shared.message is not None:
+            yield self._answer(shared.message, ReservationDenied(task=request.task, holders=()))
         shared.task_manager, shared.message, shared.request = message.header.sender, message, request
-        shared.waiting = sorted({*homes - {""}, self._own_map})
+        shared.waiting, shared.request_id = sorted({*homes - {""}, self._own_map}), ""
         shared.granted, shared.overtaken, shared.holders, shared.since = None, (), (), now
         claimant = self._contents.reservations.claimants.get(request.task)
         shared.earlier = claimant.held if claimant is not None else Reservation()

@@ -428,6 +428,25 @@ def test_a_task_that_ends_while_it_waits_at_a_neighbour_waits_no_longer() -> Non
     assert [*two.at(BARN).contents.reservations.claimants] == ["barn-task"]
 
 
+def test_a_task_that_needs_less_while_it_still_waits_for_an_answer_of_a_neighbour_has_that_alone() -> None:
+    """It is cancelled, for example, and has to undo only what it did here. The neighbour is asked no more, and keeps nothing for it."""
+    two = Neighbourhood()
+    two.world.cut_off(BARN)
+    earlier = "urn:uuid:earlier"
+    two.world.send(request(reserve("yard-task", 1, "Barn:Jar1", "Jar1"), recipient=YARD, identity=earlier))
+    two.world.run(5.0)
+    assert two.ask(YARD, reserve("yard-task", 2, "Jar1", mode=ReservationMode.UNDO), Reserved).fence
+    two.world.run(30.0)
+    two.world.reconnect(BARN)
+    two.settle()
+    assert [type(message.body) for message in two.world.messages if message.header.relates_to == earlier] == [ReservationDenied]
+    assert two.ask(BARN, reserve("barn-task", 1, "Jar1"), Reserved).fence
+    two.world.send(request(Release(task="yard-task", serial=3, ended=True), recipient=YARD))
+    two.world.send(request(Release(task="barn-task", serial=2, ended=True), recipient=BARN))
+    two.settle()
+    assert two.reserved_for() == set()
+
+
 def test_what_is_released_while_it_gets_another_home_is_free_there() -> None:
     two = Neighbourhood()
     two.ask(BARN, reserve("barn-task", 1, "Jar1"), Reserved)
