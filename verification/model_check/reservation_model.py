@@ -27,7 +27,7 @@ from somrs.protocol.messages.reservations import (
 from somrs.repository.reserving import Reserving as Repository
 from somrs.repository.state import Contents
 from verification.model_check.media import EMPTY, Channel, Medium, members
-from verification.model_check.reservation_task import TASKS, TRY, Answer, Report, ReservingTask, Side
+from verification.model_check.reservation_task import FRESH, TASKS, TRY, Answer, Report, ReservingTask, Side
 
 MANAGERS = ("tm-a", "tm-b")
 NEEDS = (("x", "y"), ("y", "x"))
@@ -82,7 +82,8 @@ class System:
 
     @property
     def first(self) -> State:
-        return State((Side(), Side()), _frozen(Reservations()), frozenset(), (EMPTY, EMPTY), (EMPTY, EMPTY))
+        side = Side().reduced()
+        return State((side, side), _frozen(Reservations(fences=FRESH)), frozenset(), (EMPTY, EMPTY), (EMPTY, EMPTY))
 
     def token(self, message: Struct) -> int:
         if message not in self._tokens:
@@ -207,7 +208,8 @@ class System:
     def _without_ineffective(self, state: State) -> State:
         """The state without messages that cannot have an effect any more, and without answers that nobody awaits."""
         table, to_repository, to_managers = _thawed(state.table), [*state.to_repository], [*state.to_managers]
-        for number, side in enumerate(state.sides):
+        sides = (state.sides[0].reduced(), state.sides[1].reduced())
+        for number, side in enumerate(sides):
             last, awaited = table.last_serial(TASKS[number]), side.awaits[0]
             for token in {*_tokens(to_repository[number])}:
                 match self.messages[token]:
@@ -228,10 +230,10 @@ class System:
                 is_spent = side.phase == "ended" or (isinstance(message, Answer) and message.serial != awaited)
                 if is_spent or (isinstance(message, ReservationLost) and message.fence <= side.lost):
                     to_managers[number] = self.model.medium.drop(to_managers[number], 1 << token)
-        awaits = [side.awaits[0] for side in state.sides]
+        awaits = [side.awaits[0] for side in sides]
         answers = frozenset(answer for answer in state.answers if awaits[answer[0]] == answer[1])
         channels = (to_repository[0], to_repository[1]), (to_managers[0], to_managers[1])
-        return state._replace(to_repository=channels[0], to_managers=channels[1], answers=answers)
+        return state._replace(sides=sides, to_repository=channels[0], to_managers=channels[1], answers=answers)
 
     def _ranked(self, state: State) -> State:
         """The state with ranks in place of numbers that only grow."""
@@ -257,7 +259,7 @@ class System:
         for task, claimant in table.claimants.items():
             claimant.arrival, claimant.fence = arrivals[claimant.arrival], fence_ranks[claimant.fence]
             claimant.serial = serial_ranks[TASKS.index(task)][claimant.serial]
-        table.arrivals, table.fences = len(arrivals), max(fence_ranks.values())
+        table.arrivals, table.fences = len(arrivals), FRESH
         table.ended = {task: serial_ranks[TASKS.index(task)][serial] for task, serial in sorted(table.ended.items())}
         sides = [
             side._replace(
@@ -266,7 +268,6 @@ class System:
                 serial=serial_ranks[number][side.serial],
                 settled=serial_ranks[number][side.settled],
                 awaits=(serial_ranks[number][side.awaits[0]], side.awaits[1]),
-                sent=max(serial_ranks[number].values()),
             )
             for number, side in enumerate(state.sides)
         ]
@@ -333,7 +334,7 @@ def _frozen_claimant(claimant: Claimant) -> tuple[Any, ...]:
     waiting = claimant.waiting.changes if claimant.waiting is not None else None
     return (
         claimant.holder, claimant.priority, claimant.arrival, claimant.serial, claimant.held.changes, claimant.fence, waiting,
-        claimant.admitted, claimant.overtakings, claimant.had, claimant.overtaken,
+        claimant.admitted, claimant.overtakings,
     )  # fmt: skip
 
 
@@ -342,10 +343,9 @@ def _thawed(frozen: tuple[Any, ...]) -> Reservations:
     by_task = {
         task: Claimant(
             holder=holder, goal="", priority=priority, arrival=arrival, serial=serial, held=Reservation(changes=held), fence=fence,
-            waiting=Reservation(changes=waiting) if waiting is not None else None, admitted=admitted, overtakings=overtakings, had=had,
-            overtaken=overtaken,
+            waiting=Reservation(changes=waiting) if waiting is not None else None, admitted=admitted, overtakings=overtakings,
         )
-        for task, holder, priority, arrival, serial, held, fence, waiting, admitted, overtakings, had, overtaken in claimants
+        for task, holder, priority, arrival, serial, held, fence, waiting, admitted, overtakings in claimants
     }  # fmt: skip
     return Reservations(claimants=by_task, ended=dict(ended), heard_at=dict(heard_at), arrivals=arrivals, fences=fences)
 

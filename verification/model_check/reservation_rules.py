@@ -8,7 +8,7 @@ from typing import Any
 
 from somrs.kernel.reservations import Reservations
 from somrs.repository.shared_reserving import SharedReserving
-from verification.model_check import shared_reservation_model
+from verification.model_check import shared_reservation_repository
 from verification.model_check.media import DUPLICATING, FIFO, UNORDERED_LOSSY
 from verification.model_check.reservation_check import check_reservations
 from verification.model_check.reservation_model import ReservationModel
@@ -34,7 +34,7 @@ SHARED_RULES: Mapping[tuple[str, str], tuple[object, Any]] = {
     ("_release_at", "what a task had at a neighbour is not released"): (SharedReserving, lambda *_: iter(())),
     ("_freed", "nobody is told that a neighbour's objects are free"): (SharedReserving, lambda *_: iter(())),
     ("_lost", "a task keeps what a neighbour has given away"): (SharedReserving, lambda *_: iter(())),
-    ("reservation_at", "reports name no reservation at the neighbour"): (shared_reservation_model, lambda *_: None),
+    ("reservation_at", "reports name no reservation at the neighbour"): (shared_reservation_repository, lambda *_: None),
 }
 """The wrong rules for reservations at neighbours: each with what has the rule."""
 

@@ -22,6 +22,10 @@ from somrs.task_manager.requests import ReservationAnswer
 from somrs.task_manager.reservations import ReservationRequester, TaskReservation
 
 TASKS = ("a", "b")
+NOW = 1.0
+"""The time, in seconds, which is part of the number of some messages: that is then higher than all others."""
+FRESH = 100
+"""Where numbers that only grow go on: higher than all ranks."""
 TRY, WAIT, UNDO = ReservationMode.TRY, ReservationMode.WAIT, ReservationMode.UNDO
 
 
@@ -61,6 +65,15 @@ class Side(NamedTuple):
     @property
     def works(self) -> bool:
         return self.phase in ("working", "reporting")
+
+    def reduced(self) -> Side:
+        """The task without what cannot have an effect any more: whatever a task that has ended knows, and, when it awaits no answer, its
+        latest request and whether that is free. The number of its next message is higher than all others."""
+        if self.phase == "ended":
+            return Side("ended", sent=FRESH)
+        if self.awaits[0] > 0:
+            return self if self.sent == FRESH else self._replace(sent=FRESH)
+        return self._replace(requested=frozenset(), is_free=False, sent=FRESH)
 
 
 class _Recorder:

@@ -1,137 +1,203 @@
 """Ranks in place of numbers that only grow, in the model of reservations at two Repositories.
 
-The numbers of a task's messages are doubled on the way to the other Repository (`repository/shared_reserving.py`), and the one before that
-of a request is task_serials, too. Ranks keep both.
+There are four sequences of numbers: the fencing numbers of each Repository, and the numbers of the messages about each task. The latter
+are doubled on the way to the other Repository (`repository/shared_reserving.py`); ranks keep this, and the number before that of a request.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from msgspec import Struct, structs
 
 from somrs.protocol.messages.reservations import Release, ReservationLost, Reserve, Reserved, UnderReservation
-from verification.model_check.media import Channel, members
-from verification.model_check.reservation_task import TASKS, Answer, Side
-from verification.model_check.shared_reservation_state import PassedReport, Reply, RepositoryState, Token, tokens_in
+from verification.model_check.media import Channel
+from verification.model_check.reservation_task import FRESH, TASKS, Answer, Side
+from verification.model_check.shared_reservation_state import (
+    REMEMBERED,
+    PassedReport,
+    Reply,
+    RepositoryState,
+    Token,
+    frozen,
+    read,
+    thawed,
+    tokens_in,
+)
+
+Number = tuple[int, int]
+"""A sequence and a number in it. The sequences 0 and 1 are the fencing numbers of the Repositories, 2 and 3 the messages of the tasks."""
+
+Ranking = tuple[tuple[Number, int], ...]
+"""The numbers that become others."""
 
 
-class Ranks:
-    """The ranks of all numbers in a state. `messages`: those in transit, by direction; `to_managers`: those to each Task Manager."""
+@lru_cache(REMEMBERED)
+def ranking(numbers: frozenset[Number]) -> Mapping[Number, int]:
+    """The ranks of those numbers which are not their own ranks. 0 stays 0."""
+    changes: dict[Number, int] = {}
+    for sequence in range(4):
+        used = sorted(number for its_sequence, number in numbers if its_sequence == sequence and number > 0)
+        changes |= {(sequence, number): rank for rank, number in enumerate(used, 1) if rank != number}
+    return changes
 
-    def __init__(
-        self,
-        sides: tuple[Side, Side],
-        repositories: tuple[RepositoryState, RepositoryState],
-        messages: tuple[list[Token], list[Token]],
-        to_managers: tuple[tuple[Struct, ...], tuple[Struct, ...]],
-    ) -> None:
-        fences: tuple[set[int], set[int]] = ({0}, {0})
-        serials: tuple[set[int], set[int]] = ({0}, {0})
-        for number, (side, repository, neighbour) in enumerate(zip(sides, repositories, repositories[::-1], strict=True)):
-            task = TASKS[number]
-            task_serials = {side.serial, side.settled, max(side.awaits[0], 0), repository.reservations.last_serial(task)}
-            task_serials |= {neighbour.reservations.last_serial(task) // 2} | {int(serial) // 2 for serial in neighbour.replies}
-            fences[number].update((side.fence, side.lost))
-            fences[number].update(claimant.fence for claimant in repository.reservations.claimants.values())
-            fences[number].update(body.fence for body in repository.replies.values() if isinstance(body, Reserved))
-            for shared in repository.shared.values():
-                fences[1 - number].update((*shared.fences.values(), *shared.lost.values()))
-                task_serials |= {shared.request.serial, shared.request.serial - 1} if shared.request is not None else set()
-                fences[number].update([shared.granted.fence] if shared.granted is not None else ())
-            serials[number].update(serial for serial in task_serials if serial >= 0)
-        for number in (0, 1):
-            for notice in to_managers[number]:
-                match notice:
-                    case Answer(serial=serial, body=body):
-                        serials[number].add(max(serial, 0))
-                        fences[number].update([body.fence] if isinstance(body, Reserved) else ())
-                    case ReservationLost(fence=fence):
-                        fences[number].add(fence)
-            for message in messages[number]:
-                match message:
-                    case Reserve(serial=serial) | Release(serial=serial):
-                        serials[number].update((serial // 2, max(serial // 2 - 1, 0)))
-                    case Reply(serial=serial, body=body):
-                        serials[1 - number].add(serial // 2)
-                        fences[number].update([body.fence] if isinstance(body, Reserved) else ())
-                    case ReservationLost(fence=fence):
-                        fences[number].add(fence)
-                    case PassedReport(reservation=UnderReservation(fence=fence)):
-                        fences[1 - number].add(fence)
-        self._fences, self._serials = (_ranked(fences[0]), _ranked(fences[1])), (_ranked(serials[0]), _ranked(serials[1]))
 
-    def side(self, side: Side, number: int) -> Side:
-        fences, serials = self._fences[number], self._serials[number]
-        awaits = (serials[side.awaits[0]] if side.awaits[0] >= 0 else side.awaits[0], side.awaits[1])
-        return side._replace(
-            fence=fences[side.fence], lost=fences[side.lost], serial=serials[side.serial], settled=serials[side.settled], awaits=awaits,
-            sent=max(serials.values()),
-        )  # fmt: skip
+def _rank(ranking: Ranking, sequence: int, number: int) -> int:
+    return next((rank for ranked, rank in ranking if ranked == (sequence, number)), number)
 
-    def repository(self, state: RepositoryState, number: int) -> RepositoryState:
-        """Put ranks into the state of the Repository with this number."""
-        reservations, fences = state.reservations, self._fences[number]
-        claimants = reservations.claimants
-        arrivals = _ranked({claimant.arrival for claimant in claimants.values()} | {0})
-        for task, claimant in claimants.items():
-            claimant.arrival, claimant.fence = arrivals[claimant.arrival], fences[claimant.fence]
-            claimant.serial = self._serial_at(number, task, claimant.serial)
-        reservations.arrivals, reservations.fences = len(arrivals) - 1, max(fences.values())
-        reservations.ended = {task: self._serial_at(number, task, serial) for task, serial in reservations.ended.items()}
-        for shared in state.shared.values():
-            shared.fences = {home: self._fences[1 - number][fence] for home, fence in shared.fences.items()}
-            shared.lost = {home: self._fences[1 - number][fence] for home, fence in shared.lost.items()}
-            if shared.request is not None:
-                shared.request = structs.replace(shared.request, serial=self._serials[number][shared.request.serial])
-            if shared.granted is not None:
-                shared.granted = structs.replace(shared.granted, fence=fences[shared.granted.fence])
-        state.replies = {
-            str(self._serial_at(number, TASKS[1 - number], int(serial))): self._body(body, number) for serial, body in state.replies.items()
-        }
-        return state
 
-    def channel(self, channel: Channel, number: int, messages: list[Token], token: Callable[[Token], int]) -> Channel:
-        """The channel from the Repository with this number, with ranks in its messages."""
-        tokens = {token_before: token(self._message(messages[token_before], number)) for token_before in tokens_in(channel)}
-        masks = (sum(1 << tokens[token_before] for token_before in members(mask)) for mask in (channel.unacknowledged, channel.copies))
-        return Channel(tuple(tokens[token_before] for token_before in channel.queue), *masks)
+def _serial_rank(ranking: Ranking, number: int, task: str, serial: int) -> int:
+    """The rank of the number of a message about the task at the Repository with this number."""
+    sequence = 2 + TASKS.index(task)
+    return (
+        _rank(ranking, sequence, serial)
+        if TASKS[number] == task
+        else 2 * _rank(ranking, sequence, serial // 2) + serial % 2
+        if serial >= 0
+        else serial
+    )
 
-    def queue(self, notice: tuple[Struct, ...], number: int) -> tuple[Struct, ...]:
-        """What the Task Manager with this number has still to hear, with ranks."""
-        return tuple(self._told(body, number) for body in notice)
 
-    def _told(self, notice: Struct, number: int) -> Struct:
+# A task at its Task Manager
+
+
+@lru_cache(REMEMBERED)
+def numbers_of_side(side: Side, number: int) -> frozenset[Number]:
+    serials = (side.serial, side.settled, max(side.awaits[0], 0))
+    return frozenset({(number, side.fence), (number, side.lost), *((2 + number, serial) for serial in serials)})
+
+
+@lru_cache(REMEMBERED)
+def ranked_side(side: Side, number: int, ranking: Ranking) -> Side:
+    def serial(value: int) -> int:
+        return _rank(ranking, 2 + number, value)
+
+    return side._replace(
+        fence=_rank(ranking, number, side.fence), lost=_rank(ranking, number, side.lost), serial=serial(side.serial),
+        settled=serial(side.settled), awaits=(serial(side.awaits[0]), side.awaits[1]),
+    )  # fmt: skip
+
+
+# A Repository
+
+
+@lru_cache(REMEMBERED)
+def numbers_of_repository(state: bytes, number: int) -> frozenset[Number]:
+    return frozenset(_numbers_of_repository(read(state), number))
+
+
+def _numbers_of_repository(repository: RepositoryState, number: int) -> Iterator[Number]:
+    reservations, neighbour = repository.reservations, 1 - number
+    yield 2 + number, reservations.last_serial(TASKS[number])
+    yield 2 + neighbour, reservations.last_serial(TASKS[neighbour]) // 2
+    for serial, reply in repository.replies.items():
+        yield 2 + neighbour, int(serial) // 2
+        if isinstance(reply, Reserved):
+            yield number, reply.fence
+    for claimant in reservations.claimants.values():
+        yield number, claimant.fence
+    for shared in repository.shared.values():
+        for fence in (*shared.fences.values(), *shared.lost.values()):
+            yield neighbour, fence
+        if shared.request is not None:
+            yield from ((2 + number, shared.request.serial), (2 + number, shared.request.serial - 1))
+        if shared.granted is not None:
+            yield number, shared.granted.fence
+
+
+@lru_cache(REMEMBERED)
+def ranked_repository(state: bytes, number: int, ranking: Ranking) -> bytes:
+    repository, neighbour = thawed(state), 1 - number
+    reservations = repository.reservations
+    for task, claimant in reservations.claimants.items():
+        claimant.fence = _rank(ranking, number, claimant.fence)
+        claimant.serial = _serial_rank(ranking, number, task, claimant.serial)
+    reservations.fences = FRESH
+    reservations.ended = {task: _serial_rank(ranking, number, task, serial) for task, serial in reservations.ended.items()}
+    for shared in repository.shared.values():
+        shared.fences = {home: _rank(ranking, neighbour, fence) for home, fence in shared.fences.items()}
+        shared.lost = {home: _rank(ranking, neighbour, fence) for home, fence in shared.lost.items()}
+        if shared.request is not None:
+            shared.request = structs.replace(shared.request, serial=_rank(ranking, 2 + number, shared.request.serial))
+        if shared.granted is not None:
+            shared.granted = structs.replace(shared.granted, fence=_rank(ranking, number, shared.granted.fence))
+    repository.replies = {
+        str(_serial_rank(ranking, number, TASKS[neighbour], int(serial))): _ranked_body(reply, number, ranking)
+        for serial, reply in repository.replies.items()
+    }
+    return frozen(repository)
+
+
+def _ranked_body(body: Any, number: int, ranking: Ranking) -> Any:
+    return structs.replace(body, fence=_rank(ranking, number, body.fence)) if isinstance(body, Reserved | ReservationLost) else body
+
+
+# Messages between the Repositories. `number`: that of the sender
+
+
+def numbers_of_message(message: Token, number: int) -> frozenset[Number]:
+    match message:
+        case Reserve(serial=serial) | Release(serial=serial):
+            return frozenset({(2 + number, serial // 2), (2 + number, serial // 2 - 1)})
+        case Reply(serial=serial, body=Reserved(fence=fence)):
+            return frozenset({(3 - number, serial // 2), (number, fence)})
+        case Reply(serial=serial):
+            return frozenset({(3 - number, serial // 2)})
+        case ReservationLost(fence=fence):
+            return frozenset({(number, fence)})
+        case PassedReport(reservation=UnderReservation(fence=fence)):
+            return frozenset({(1 - number, fence)})
+        case _:
+            return frozenset()
+
+
+def ranked_message(message: Token, number: int, ranking: Ranking) -> Token:
+    match message:
+        case Reserve(task=task, serial=serial) | Release(task=task, serial=serial):
+            return structs.replace(message, serial=_serial_rank(ranking, 1 - number, task, serial))
+        case Reply(task=task, serial=serial, body=body):
+            return Reply(task, _serial_rank(ranking, number, task, serial), _ranked_body(body, number, ranking))
+        case PassedReport(reservation=UnderReservation(fence=fence) as reservation):
+            return structs.replace(message, reservation=structs.replace(reservation, fence=_rank(ranking, 1 - number, fence)))
+        case _:
+            ranked: Token = _ranked_body(message, number, ranking)
+            return ranked
+
+
+def mapped(channel: Channel, tokens: Mapping[int, int]) -> Channel:
+    """The channel with other tokens in place of these."""
+
+    def mask(bits: int) -> int:
+        return sum(1 << tokens[token] for token in tokens if bits >> token & 1)
+
+    assert tokens.keys() == {*tokens_in(channel)}
+    return Channel(tuple(tokens[token] for token in channel.queue), mask(channel.unacknowledged), mask(channel.copies))
+
+
+# What a Task Manager has still to hear
+
+
+@lru_cache(REMEMBERED)
+def numbers_of_notices(notices: tuple[Struct, ...], number: int) -> frozenset[Number]:
+    numbers: set[Number] = set()
+    for notice in notices:
         match notice:
-            case Answer(serial=serial, body=body):
-                return Answer(self._serials[number][serial] if serial >= 0 else serial, self._body(body, number))
+            case Answer(serial=serial, body=Reserved(fence=fence)):
+                numbers |= {(2 + number, max(serial, 0)), (number, fence)}
+            case Answer(serial=serial):
+                numbers.add((2 + number, max(serial, 0)))
             case ReservationLost(fence=fence):
-                return structs.replace(notice, fence=self._fences[number][fence])
-            case _:
-                return notice
-
-    def _serial_at(self, number: int, task: str, serial: int) -> int:
-        """The rank of the number of a message about the task at the Repository with this number."""
-        ranks = self._serials[TASKS.index(task)]
-        return ranks[serial] if TASKS[number] == task else 2 * ranks[serial // 2] + serial % 2
-
-    def _body(self, body: Any, number: int) -> Any:
-        return structs.replace(body, fence=self._fences[number][body.fence]) if isinstance(body, Reserved) else body
-
-    def _message(self, message: Token, number: int) -> Token:
-        match message:
-            case Reserve(task=task, serial=serial) | Release(task=task, serial=serial):
-                return structs.replace(message, serial=self._serial_at(1 - number, task, serial))
-            case Reply(task=task, serial=serial, body=body):
-                return Reply(task, self._serial_at(number, task, serial), self._body(body, number))
-            case ReservationLost(fence=fence):
-                return structs.replace(message, fence=self._fences[number][fence])
-            case PassedReport(reservation=UnderReservation(fence=fence) as reservation):
-                return structs.replace(message, reservation=structs.replace(reservation, fence=self._fences[1 - number][fence]))
-            case _:
-                return message
+                numbers.add((number, fence))
+    return frozenset(numbers)
 
 
-def _ranked(numbers: Iterable[int]) -> dict[int, int]:
-    return {number: rank for rank, number in enumerate(sorted(numbers))}
+@lru_cache(REMEMBERED)
+def ranked_notices(notices: tuple[Struct, ...], number: int, ranking: Ranking) -> tuple[Struct, ...]:
+    return tuple(
+        Answer(_rank(ranking, 2 + number, notice.serial), _ranked_body(notice.body, number, ranking))
+        if isinstance(notice, Answer)
+        else _ranked_body(notice, number, ranking)
+        for notice in notices
+    )

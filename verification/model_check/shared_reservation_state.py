@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import msgspec
@@ -62,7 +62,8 @@ Token = Reserve | Release | PassedReport | ReportAnswer | Reply | ReservationFre
 
 class RepositoryState(Struct, kw_only=True):
     """What a Repository knows of reservations. `replies`: to requests of the neighbour that may be repeated; `accepted`: the changes that
-    the neighbour has passed on, by step, and whether they were accepted; `lapsed`: the neighbour's lease has ended once."""
+    the neighbour has passed on, by step, and whether they were accepted; `lapsed`: the neighbour's lease has ended once. Nobody changes
+    the result of `read`."""
 
     reservations: Reservations = msgspec.field(default_factory=Reservations)
     shared: dict[str, SharedReservation] = msgspec.field(default_factory=dict)
@@ -81,6 +82,9 @@ class State(NamedTuple):
     to_managers: tuple[tuple[Struct, ...], tuple[Struct, ...]] = ((), ())
 
 
+REMEMBERED = 1 << 16
+"""The number of results that are remembered, of each function."""
+
 _ENCODER = msgspec.msgpack.Encoder(order="deterministic")
 _DECODER = msgspec.msgpack.Decoder(RepositoryState)
 _ONTOLOGY = Ontology()
@@ -91,7 +95,12 @@ def frozen(state: RepositoryState) -> bytes:
 
 
 def thawed(state: bytes) -> RepositoryState:
+    """A state to change."""
     return _DECODER.decode(state)
+
+
+read = lru_cache(REMEMBERED)(thawed)
+"""A state to read only."""
 
 
 def request_id(task: str, serial: int, number: int) -> str:
@@ -130,14 +139,25 @@ def contents_of(state: RepositoryState, number: int, now: float) -> Contents:
 
 
 def state_of(contents: Contents, earlier: RepositoryState, now: float) -> RepositoryState:
-    """What the contents say of reservations. `earlier`: the state with the replies before."""
+    """What the contents say of reservations. `earlier`: the state with the replies before.
+
+    What does not matter for what comes is left out: what a task has had and what others have changed of it, which it is only told, and
+    the parts of the answer to a request that has its answer.
+    """
     reservations = contents.reservations
     for address, heard_at in reservations.heard_at.items():
         reservations.heard_at[address] = 0.0 if heard_at + LEASE > now else LAPSED
     for shared in contents.shared_reservations.values():
-        shared.message, shared.since = None, 0.0
+        shared.message, shared.since, shared.overtaken = None, 0.0, ()
         shared.request_id = "asked" if shared.request_id else ""
         shared.lost = shared.lost if shared.request_id else {}  # what it gets later has higher numbers
+        if shared.request is None:
+            shared.granted, shared.holders = None, ()
+    arrivals = sorted(claimant.arrival for claimant in reservations.claimants.values())
+    for claimant in reservations.claimants.values():
+        claimant.had = claimant.overtaken = frozenset()
+        claimant.arrival = 1 + arrivals.index(claimant.arrival)
+    reservations.arrivals = len(arrivals)
     return RepositoryState(
         reservations=reservations,
         shared=contents.shared_reservations,
@@ -147,10 +167,18 @@ def state_of(contents: Contents, earlier: RepositoryState, now: float) -> Reposi
     )
 
 
-def without_holders(body: Reserved | ReservationDenied) -> Reserved | ReservationDenied:
-    """A denial whatever tasks have the objects, which only people read."""
-    return structs.replace(body, holders=()) if isinstance(body, ReservationDenied) else body
+def for_programs(body: Struct) -> Struct:
+    """The message without what only people read, and without what the model does not need."""
+    match body:
+        case ReservationDenied():
+            return structs.replace(body, holders=())
+        case Reserved():
+            return structs.replace(body, overtaken=())
+        case ReservationLost(task=task, fence=fence):
+            return ReservationLost(task=task, fence=fence)
+    return body
 
 
-def tokens_in(channel: Channel) -> Iterator[int]:
-    yield from dict.fromkeys((*channel.queue, *members(channel.unacknowledged | channel.copies)))
+@lru_cache(REMEMBERED)
+def tokens_in(channel: Channel) -> tuple[int, ...]:
+    return tuple(dict.fromkeys((*channel.queue, *members(channel.unacknowledged | channel.copies))))
