@@ -11,7 +11,7 @@ UNUSED_ENTRY = "never used"
 
 REPEATED = "earlier only: the report is repeated until it is acknowledged, whether it is requested again or not"
 OVERTAKEN = "earlier only: its next report, or its Refuse, is answered with End or Cancel again, and then it ends"
-LOST = "earlier only: a Query follows the silence of a participant that lost its journal, and finds the loss"
+LOST = "earlier only: a Query follows the silence of a participant that lost its journal, and finds that it has no contract"
 LOST_AGAIN = "never used: a lost journal is explored where no message is repeated, so no Arrange follows the loss"
 NO_CANCEL = "never used: Cancel is not sent after Execute; the entry stays, as leaving is never refused"
 BREAKS_RULES = "never used: one side would have to violate the protocol; the entry stays, as a protection against such sides"
@@ -33,6 +33,7 @@ REPORTS = ("Completed", "Failed", "Stopped", "Compensated", "Stranded")
 
 EXPLANATIONS: dict[Pattern, str] = {
     **_explain_each("PARTICIPANT", ("New",), WORK, ("ignored",), LOST),
+    **_explain_each("PARTICIPANT", ("New",), ("Accept", "Execute"), ("Ended",), LOST),
     ("PARTICIPANT", "New", "Compensate", "Ended"): "earlier only: it ends at once, and its report of the compensation is the same",
     ("PARTICIPANT", "New", "End", "ignored"): "no effect: a participant without a record has nothing to end",
     **_explain_each("PARTICIPANT", ("Arranging",), WORK, ("ignored", "unanswered", "Ended"), LOST_AGAIN),

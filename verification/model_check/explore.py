@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -18,9 +18,6 @@ ENDED = (Phase.ACCOMPLISHED, Phase.BROKEN)
 
 MAX_STATES = 2_000_000
 """The limit on the states of a part. A part beyond it counts as infinite; the unaltered tables stay far below."""
-
-Tick = Callable[[int], None]
-"""Receives the number of states found so far, from time to time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,9 +61,7 @@ class StateSpace:
         return path
 
 
-def explore(
-    link: Link, *, single_participant: bool, stop_at_first: bool = False, max_states: int = MAX_STATES, tick: Tick | None = None
-) -> StateSpace:
+def explore(link: Link, *, single_participant: bool, stop_at_first: bool = False, max_states: int = MAX_STATES) -> StateSpace:
     """Explore the part of `link`. With `single_participant`, no other participant can accomplish the step. With `stop_at_first`, stop at
     the first violation."""
     space = StateSpace(link=link)
@@ -108,8 +103,6 @@ def explore(
                 property=Property.TERMINATION, reason=f"more than {max_states} states: the part counts as infinite", state=state_number
             )
             break
-        if tick is not None and state_number % 4096 == 0:
-            tick(len(space.states))
     space.begins.append(len(space.targets))
     space.kinds = list(kinds)
     if single_participant and not space.violations:

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from verification.model_check.coordinator import Phase
-from verification.model_check.explore import Tick
 from verification.model_check.properties import Outcome
 from verification.model_check.property import Property
 from verification.model_check.quotient import Quotient
@@ -57,7 +56,7 @@ class PairSpace:
         return [self.states[number] for number in reversed(numbers)]
 
 
-def explore_pair(quotient: Quotient, *, stop_at_first: bool = False, tick: Tick | None = None) -> PairSpace:
+def explore_pair(quotient: Quotient, *, stop_at_first: bool = False) -> PairSpace:
     """Explore every reachable state of the two participants, breadth first."""
     space = PairSpace(quotient=quotient)
     observations = quotient.observations
@@ -82,8 +81,6 @@ def explore_pair(quotient: Quotient, *, stop_at_first: bool = False, tick: Tick 
                 space.parents.append(state_number)
             if fair:
                 fairly.append(number)
-        if tick is not None and state_number % 4096 == 0:
-            tick(len(space.states))
     begins.append(len(fairly))
     home = [
         state_number

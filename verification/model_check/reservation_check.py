@@ -6,14 +6,14 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Generic, Protocol
 
-from verification.model_check.explore import Tick
 from verification.model_check.media import DUPLICATING, FIFO, OUTBOX, UNORDERED, UNORDERED_LOSSY
 from verification.model_check.property import Property
 from verification.model_check.reservation_model import Move, ReservationModel, S, System
 from verification.model_check.shared_reservation_model import SharedReservationModel, SharedSystem
-from verification.model_check.suite import Counterexample, Result
+from verification.model_check.suite import Check, Counterexample, Result
 
 MODELS = {
     "restarts, decisions": tuple(ReservationModel(medium=medium) for medium in (FIFO, OUTBOX, UNORDERED)),
@@ -23,18 +23,22 @@ MODELS = {
 }
 """The configurations that are checked, by what can happen in them. The others have too many states."""
 
+_MEDIA = (FIFO, OUTBOX, UNORDERED, UNORDERED_LOSSY, DUPLICATING)
+
 SHARED_MODELS = {
-    "delays": tuple(SharedReservationModel(medium=medium, delays=True) for medium in (FIFO, UNORDERED)),
-    "no delays": (SharedReservationModel(medium=OUTBOX),),
-    "delays, restarts": (SharedReservationModel(medium=FIFO, delays=True, restarts=True),),
-    "decisions": (SharedReservationModel(medium=FIFO, decisions=True),),
-    "delays, leases that end": tuple(SharedReservationModel(medium=medium, delays=True, lapses=True) for medium in (FIFO, UNORDERED)),
+    "delays": tuple(SharedReservationModel(medium=medium, delays=True) for medium in _MEDIA),
+    "delays, restarts": tuple(SharedReservationModel(medium=medium, delays=True, restarts=True) for medium in _MEDIA),
+    "decisions": tuple(SharedReservationModel(medium=medium, decisions=True) for medium in _MEDIA),
+    "leases that end": tuple(SharedReservationModel(medium=medium, lapses=True) for medium in _MEDIA),
+    "delays, decisions": tuple(SharedReservationModel(medium=medium, delays=True, decisions=True) for medium in (FIFO, OUTBOX, UNORDERED)),
+    "delays, leases that end": tuple(
+        SharedReservationModel(medium=medium, delays=True, lapses=True) for medium in (FIFO, OUTBOX, UNORDERED)
+    ),
 }
-"""The configurations with two Repositories that are checked, by what can happen in them. The others have too many states."""
+"""The configurations with two Repositories that are checked, by what can happen in them. Delays together with decisions, or with leases that
+end, have too many states on the media that lose messages and keep no order."""
 
 EXCLUSION = Property.MUTUAL_EXCLUSION
-TICKS = 5000
-"""States between two ticks."""
 
 
 class ModelledSystem(Protocol[S]):
@@ -66,30 +70,26 @@ class _Space(Generic[S]):
         return moves[::-1]
 
 
-def check_all_reservations(tick: Tick | None = None) -> Iterator[Result]:
-    """Check all configurations with one Repository."""
-    for configuration, models in MODELS.items():
-        for model in models:
-            yield check_reservations(model, configuration, tick)
+def reservation_checks() -> list[Check]:
+    """The checks of all configurations with one Repository."""
+    return [partial(check_reservations, model, configuration) for configuration, models in MODELS.items() for model in models]
 
 
-def check_all_shared_reservations(tick: Tick | None = None) -> Iterator[Result]:
-    """Check all configurations with two Repositories."""
-    for configuration, models in SHARED_MODELS.items():
-        for model in models:
-            yield check_reservations(model, configuration, tick)
+def shared_reservation_checks() -> list[Check]:
+    """The checks of all configurations with two Repositories."""
+    return [partial(check_reservations, model, configuration) for configuration, models in SHARED_MODELS.items() for model in models]
 
 
-def check_reservations(model: ReservationModel | SharedReservationModel, configuration: str, tick: Tick | None = None) -> Result:
+def check_reservations(model: ReservationModel | SharedReservationModel, configuration: str) -> Result:
     """Check one configuration, up to the first violation of mutual exclusion."""
     if isinstance(model, SharedReservationModel):
-        return _check(SharedSystem(model), model.medium.name, configuration, tick)
-    return _check(System(model), model.medium.name, configuration, tick)
+        return _check(SharedSystem(model), model.medium.name, configuration)
+    return _check(System(model), model.medium.name, configuration)
 
 
-def _check(system: ModelledSystem[S], medium: str, configuration: str, tick: Tick | None) -> Result:
+def _check(system: ModelledSystem[S], medium: str, configuration: str) -> Result:
     started_at = time.perf_counter()
-    space = _explore(system, tick)
+    space = _explore(system)
     cells: dict[Property, Counterexample | None] = {EXCLUSION: None, Property.TERMINATION: None}
     if space.wrong is not None:
         state, name, reason = space.wrong
@@ -103,7 +103,7 @@ def _check(system: ModelledSystem[S], medium: str, configuration: str, tick: Tic
     return Result(medium=medium, configuration=configuration, states=len(space.origins), seconds=seconds, cells=cells)
 
 
-def _explore(system: ModelledSystem[S], tick: Tick | None) -> _Space[S]:
+def _explore(system: ModelledSystem[S]) -> _Space[S]:
     space = _Space[S]()
     space.origins[system.first] = None
     unexplored = deque([system.first])
@@ -116,8 +116,6 @@ def _explore(system: ModelledSystem[S], tick: Tick | None) -> _Space[S]:
             if move.target not in space.origins:
                 space.origins[move.target] = state, move.name
                 unexplored.append(move.target)
-                if tick is not None and len(space.origins) % TICKS == 0:
-                    tick(len(space.origins))
             if move.fair:
                 space.fair_predecessors.setdefault(move.target, []).append(state)
     return space

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import partial
 
 from verification.model_check.chart import pair_chart, single_chart
-from verification.model_check.explore import StateSpace, Tick, explore
+from verification.model_check.explore import StateSpace, explore
 from verification.model_check.media import DUPLICATING, FIFO, LOSSY_FIFO, MEDIA, OUTBOX, Medium
 from verification.model_check.pair import PairSpace, explore_pair
 from verification.model_check.property import Property
@@ -39,6 +40,10 @@ class Result:
     cells: dict[Property, Counterexample | None]
 
 
+Check = Callable[[], Result]
+"""The check of one configuration. It can be sent to another process."""
+
+
 SINGLE_PROPERTIES = (
     Property.VALID_STATE,
     Property.CONTRACT,
@@ -61,20 +66,20 @@ KIND_PROPERTIES: dict[StepKind, tuple[Property, ...]] = {
 KINDS = tuple(kind for kind in StepKind if kind is not StepKind.PLAIN)
 
 
-def check_one(medium: Medium, tick: Tick | None = None) -> Result:
+def check_one(medium: Medium) -> Result:
     """Check one participant, with kills and restarts at any moment and, for property 7, without."""
-    return _check_part(StepKind.PLAIN, medium, "1 participant", tick)
+    return _check_part(StepKind.PLAIN, medium, "1 participant")
 
 
-def check_two(medium: Medium, tick: Tick | None = None) -> Result:
+def check_two(medium: Medium) -> Result:
     """Check two participants of one step. Properties of one are checked in its part with arbitrary others."""
-    return _check_pair(StepKind.PLAIN, OUTBOX if medium is LOSSY_FIFO else medium, "2 participants", tick)
+    return _check_pair(StepKind.PLAIN, OUTBOX if medium is LOSSY_FIFO else medium, "2 participants")
 
 
-def _check_part(kind: StepKind, medium: Medium, configuration: str, tick: Tick | None) -> Result:
+def _check_part(kind: StepKind, medium: Medium, configuration: str) -> Result:
     started_at = time.perf_counter()
-    calm = explore(Link(Model(medium=medium, restarts=False, lapses=True, kind=kind)), single_participant=True, tick=tick)
-    space = explore(Link(Model(medium=medium, lapses=True, kind=kind)), single_participant=True, tick=tick)
+    calm = explore(Link(Model(medium=medium, restarts=False, lapses=True, kind=kind)), single_participant=True)
+    space = explore(Link(Model(medium=medium, lapses=True, kind=kind)), single_participant=True)
     cells: dict[Property, Counterexample | None] = dict.fromkeys((*SINGLE_PROPERTIES, *KIND_PROPERTIES[kind]))
     cells |= _counterexamples(space)
     if new := space.outcomes - calm.outcomes:
@@ -83,12 +88,12 @@ def _check_part(kind: StepKind, medium: Medium, configuration: str, tick: Tick |
     return Result(medium=medium.name, configuration=configuration, states=len(space.states), seconds=seconds, cells=cells)
 
 
-def _check_pair(kind: StepKind, medium: Medium, configuration: str, tick: Tick | None) -> Result:
+def _check_pair(kind: StepKind, medium: Medium, configuration: str) -> Result:
     started_at = time.perf_counter()
     properties = (*SINGLE_PROPERTIES, Property.MUTUAL_EXCLUSION, *KIND_PROPERTIES[kind])
     cells: dict[Property, Counterexample | None] = dict.fromkeys(properties)
-    _, calm = _explore_two(Model(medium=medium, restarts=False, kind=kind), tick)
-    part, space = _explore_two(Model(medium=medium, kind=kind), tick)
+    _, calm = _explore_two(Model(medium=medium, restarts=False, kind=kind))
+    part, space = _explore_two(Model(medium=medium, kind=kind))
     cells |= _counterexamples(part) | pair_counterexamples(space)
     if new := space.outcomes - calm.outcomes:
         cells[Property.RESTART] = _only_with_restarts(new)
@@ -96,20 +101,20 @@ def _check_pair(kind: StepKind, medium: Medium, configuration: str, tick: Tick |
     return Result(medium=medium.name, configuration=configuration, states=len(space.states), seconds=seconds, cells=cells)
 
 
-def check_kind(kind: StepKind, medium: Medium, tick: Tick | None = None) -> Result:
+def check_kind(kind: StepKind, medium: Medium) -> Result:
     """Check one participant with a step of this kind, with kills and restarts at any moment and, for property 7, without."""
-    return _check_part(kind, OUTBOX if medium is LOSSY_FIFO else medium, str(kind), tick)
+    return _check_part(kind, OUTBOX if medium is LOSSY_FIFO else medium, str(kind))
 
 
-def check_kind_with_two(kind: StepKind, medium: Medium, tick: Tick | None = None) -> Result:
+def check_kind_with_two(kind: StepKind, medium: Medium) -> Result:
     """Check two participants of one step of this kind."""
-    return _check_pair(kind, OUTBOX if medium is LOSSY_FIFO else medium, f"{kind}, 2 participants", tick)
+    return _check_pair(kind, OUTBOX if medium is LOSSY_FIFO else medium, f"{kind}, 2 participants")
 
 
-def check_lost_disk(medium: Medium, lost_disk: LostDisk, tick: Tick | None = None) -> Result:
+def check_lost_disk(medium: Medium, lost_disk: LostDisk) -> Result:
     """Check that one participant's part terminates when a journal is lost. No other property is required then."""
     started_at = time.perf_counter()
-    space = explore(Link(Model(medium=medium, restarts=False, lost_disk=lost_disk)), single_participant=True, tick=tick)
+    space = explore(Link(Model(medium=medium, restarts=False, lost_disk=lost_disk)), single_participant=True)
     cells: dict[Property, Counterexample | None] = {Property.TERMINATION: None, **_counterexamples(space)}
     return Result(
         medium=medium.name,
@@ -120,10 +125,10 @@ def check_lost_disk(medium: Medium, lost_disk: LostDisk, tick: Tick | None = Non
     )
 
 
-def check_assumption(*, cut_off: bool, clocks: bool, tick: Tick | None = None) -> Result:
+def check_assumption(*, cut_off: bool, clocks: bool) -> Result:
     """Check two participants without one half of the timing assumption. Property 1 has to fail: no protocol can ensure it then."""
     started_at = time.perf_counter()
-    _, space = _explore_two(Model(medium=FIFO, restarts=False, cut_off=cut_off, clocks=clocks), tick)
+    _, space = _explore_two(Model(medium=FIFO, restarts=False, cut_off=cut_off, clocks=clocks))
     configuration = "a silent participant works on" if not cut_off else "a late order is executed"
     cells = {Property.MUTUAL_EXCLUSION: pair_counterexamples(space).get(Property.MUTUAL_EXCLUSION)}
     return Result(
@@ -131,27 +136,32 @@ def check_assumption(*, cut_off: bool, clocks: bool, tick: Tick | None = None) -
     )
 
 
-def check_kinds(tick: Tick | None = None) -> Iterator[Result]:
-    """Yield the results for steps that depend on more than the protocol, each kind by itself."""
+def plain_checks() -> list[Check]:
+    """The checks of all configurations of a plain step, in which the properties have to hold."""
+    return [
+        *(partial(check_one, medium) for medium in MEDIA),
+        *(partial(check_two, medium) for medium in MEDIA),
+        *(partial(check_lost_disk, medium, lost_disk) for medium, lost_disk in LOST_DISKS),
+    ]
+
+
+def kind_checks() -> list[Check]:
+    """The checks of steps that depend on more than the protocol, each kind by itself."""
+    checks: list[Check] = []
     for kind in KINDS:
-        for medium in MEDIA:
-            yield check_kind(kind, medium, tick)
-        yield check_kind_with_two(kind, DUPLICATING, tick)
+        checks += (partial(check_kind, kind, medium) for medium in MEDIA)
+        checks.append(partial(check_kind_with_two, kind, DUPLICATING))
+    return checks
 
 
-def check_all(tick: Tick | None = None) -> Iterator[Result]:
-    """Yield the results of all configurations of a plain step, in which the properties have to hold."""
-    for medium in MEDIA:
-        yield check_one(medium, tick)
-    for medium in MEDIA:
-        yield check_two(medium, tick)
-    for medium, lost_disk in LOST_DISKS:
-        yield check_lost_disk(medium, lost_disk, tick)
+def assumption_checks() -> list[Check]:
+    """The checks without one half of the timing assumption."""
+    return [partial(check_assumption, cut_off=False, clocks=True), partial(check_assumption, cut_off=True, clocks=False)]
 
 
-def _explore_two(model: Model, tick: Tick | None) -> tuple[StateSpace, PairSpace]:
-    part = explore(Link(model), single_participant=False, tick=tick)
-    return part, explore_pair(quotient(part), tick=tick)
+def _explore_two(model: Model) -> tuple[StateSpace, PairSpace]:
+    part = explore(Link(model), single_participant=False)
+    return part, explore_pair(quotient(part))
 
 
 def _counterexamples(space: StateSpace) -> dict[Property, Counterexample | None]:
