@@ -336,6 +336,27 @@ def test_a_gateway_that_starts_again_lists_all_that_its_site_has(tmp_path: Path,
     on_bus(tmp_path, scenario)
 
 
+@pytest.mark.long
+def test_who_takes_over_while_the_servers_do_not_answer_lists_itself_when_they_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The host that was lost may have had one of the servers."""
+    find_bucket = bus_module._sites
+
+    async def scenario(server: NatsServer) -> None:
+        async def lose_server(connection: Bus) -> object:
+            bucket = await find_bucket(connection)
+            server.kill()
+            asyncio.get_running_loop().call_later(0.5, server.start)
+            monkeypatch.setattr(bus_module, "_sites", find_bucket)
+            return bucket
+
+        await list_site(addresses_on(server.address))
+        monkeypatch.setattr(bus_module, "_sites", lose_server)
+        await list_number(server.address, registry=2)
+        assert (await find_site(server.address.servers)).further_registries == (f"{server.address.gateway}/registry-2",)
+
+    on_bus(tmp_path, scenario)
+
+
 def test_a_site_is_discarded_and_others_on_the_bus_are_not(tmp_path: Path) -> None:
     async def scenario(server: NatsServer) -> None:
         logs = [StreamLog(server.address.servers, site, "registry", "first") for site in ("yard", "yard-2")]

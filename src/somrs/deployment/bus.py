@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -115,7 +116,7 @@ async def find_site(servers: str, name: str | None = None) -> Addresses:
         if name is None or name not in names:
             site_list = f"the sites there are {', '.join(names)}; name one with --name" if names else "no gateway has been started there"
             raise UsageError(f"{servers}: {f'there is no site {name}' if name else 'no site is named'}; {site_list}")
-        addresses = msgspec.json.decode((await sites.get(name)).value or b"", type=Addresses)
+        addresses = _addresses(await patiently(partial(sites.get, name)))
     finally:
         await connection.close()
     assert addresses.bus is not None, "written by its gateway"
@@ -190,21 +191,29 @@ async def list_site(addresses: Addresses, credentials: Credentials | None = None
 
 
 async def list_number(bus: BusAddress, *, task_manager: int = 1, registry: int = 1) -> None:
-    """List the Task Managers or Registries of a site up to this number, where they are not listed yet."""
+    """List the Task Managers or Registries of a site up to this number, where they are not listed yet.
+
+    Waits while the servers do not answer: who takes over lists itself just after the loss of a host, which may have had one of them.
+    """
     from nats.js.errors import KeyWrongLastSequenceError
+
+    async def update(sites: KeyValue, complete: Addresses, revision: int | None) -> bool:
+        """Returns whether this is listed now. Otherwise another one has listed itself in between."""
+        try:
+            await sites.update(bus.site, msgspec.json.encode(complete), last=revision)
+        except KeyWrongLastSequenceError:
+            return False
+        return True
 
     connection = Bus(bus)
     await connection.start()
     try:
         sites = await _sites(connection)
         while bus.site in await _names(sites):
-            entry = await sites.get(bus.site)  # once: the revision has to be that of these addresses
+            entry = await patiently(lambda: sites.get(bus.site))  # once: the revision has to be that of these addresses
             listed = _addresses(entry)
             complete = _with_numbers(listed, bus.gateway, task_manager, registry)
-            if complete == listed:
-                return
-            with contextlib.suppress(KeyWrongLastSequenceError):  # another one has listed itself in between
-                await sites.update(bus.site, msgspec.json.encode(complete), last=entry.revision)
+            if complete == listed or await patiently(partial(update, sites, complete, entry.revision)):
                 return
     finally:
         await connection.close()
@@ -220,7 +229,7 @@ def _with_numbers(listed: Addresses, gateway: str, task_manager: int, registry: 
 
 async def _listed(sites: KeyValue, site: str) -> Addresses | None:
     """The addresses of a site; None if it is not listed."""
-    return _addresses(await sites.get(site)) if site in await _names(sites) else None
+    return _addresses(await patiently(lambda: sites.get(site))) if site in await _names(sites) else None
 
 
 def _addresses(entry: KeyValue.Entry) -> Addresses:
@@ -228,12 +237,16 @@ def _addresses(entry: KeyValue.Entry) -> Addresses:
 
 
 async def _names(sites: KeyValue) -> list[str]:
+    """The names of the sites. Waits while the servers cannot say, as they do after the loss of one of them."""
     from nats.js.errors import NoKeysError
 
-    try:
-        return sorted(await sites.keys())
-    except NoKeysError:
-        return []
+    async def names() -> list[str]:
+        try:
+            return sorted(await sites.keys())
+        except NoKeysError:
+            return []
+
+    return await patiently(names)
 
 
 async def _sites(connection: Bus) -> KeyValue:

@@ -6,6 +6,7 @@ import asyncio
 import ctypes
 import json
 import logging
+import secrets
 import shutil
 import signal
 import sys
@@ -30,6 +31,8 @@ log = logging.getLogger(__name__)
 
 LOG, CLUSTER = "server.log", "somrs"
 
+ALL_ADDRESSES = ("0.0.0.0", "::")  # to recognise them
+
 LOOK_PAUSE = 0.2
 """Seconds between two looks whether the certificates of the site have changed."""
 
@@ -50,7 +53,9 @@ async def run_bus(
     folder = data / "bus"
     folder.mkdir(parents=True, exist_ok=True)
     credentials = credentials if credentials is not None else Credentials.of_environment()
-    configuration = _Configuration(folder, _settings(folder, host, port) | _cluster(host, cluster_port, routes, credentials), credentials)
+    configuration = _Configuration(
+        folder, _settings(folder, host, port) | _cluster(folder, host, cluster_port, routes, credentials), credentials
+    )
     configuration.write()
     async with following(credentials):
         await _run_server(configuration, folder, f"{'nats' if credentials is None else 'tls'}://{host}:{port}")
@@ -150,8 +155,8 @@ def _tls(credentials: Credentials) -> dict[str, object]:
     }
 
 
-def _cluster(host: str, port: int, routes: Sequence[str], credentials: Credentials | None) -> dict[str, object]:
-    """The part of the configuration for a server that is one of several. Its name must stay the same: the others know its vote by it.
+def _cluster(folder: Path, host: str, port: int, routes: Sequence[str], credentials: Credentials | None) -> dict[str, object]:
+    """The part of the configuration for a server that is one of several.
 
     With certificates, only servers of the bus may be one: the others of the site would have all rights that way.
     """
@@ -161,7 +166,21 @@ def _cluster(host: str, port: int, routes: Sequence[str], credentials: Credentia
     cluster: dict[str, object] = {"name": CLUSTER, "host": host, "port": port, "routes": urls}
     if credentials is not None:
         cluster |= {"tls": _tls(credentials), "authorization": {"user": role_uri(Role.BUS)}}
-    return {"server_name": f"{host}:{port}", "cluster": cluster}
+    return {"server_name": _server_name(folder, host, port), "cluster": cluster}
+
+
+def _server_name(folder: Path, host: str, port: int) -> str:
+    """The server's name, which no other one has, and which stays the same: the others know its vote by it.
+
+    All servers that listen at all addresses of their hosts, as in containers, have the same `host`. Their names are in their folders.
+    """
+    if host not in ALL_ADDRESSES:
+        return f"{host}:{port}"
+    file, draft = folder / "name", folder / "name.new"
+    if not file.exists():
+        draft.write_text(secrets.token_hex(8))
+        draft.replace(file)
+    return file.read_text()
 
 
 def _end_text(folder: Path, code: int) -> str:
