@@ -19,7 +19,7 @@ from verification.model_check import reservation_rules
 from verification.model_check.mutations import all_mutations, judge_all
 from verification.model_check.property import Property
 from verification.model_check.reservation_check import reservation_checks, shared_reservation_checks
-from verification.model_check.suite import Check, Result, assumption_checks, kind_checks, plain_checks
+from verification.model_check.suite import Check, Result, assumption_checks, kind_checks, plain_checks, run_check
 
 COLUMNS = 160
 
@@ -90,14 +90,10 @@ def _results(checks: list[Check], console: Console, processes: int) -> list[Resu
     results = []
     with _bar(console) as bar, multiprocessing.get_context("spawn").Pool(processes) as pool:
         task = bar.add_task("exploring every state", total=len(checks))
-        for result in pool.imap(_run, checks):
+        for result in pool.imap(run_check, checks):
             results.append(result)
             bar.advance(task)
     return results
-
-
-def _run(check: Check) -> Result:
-    return check()
 
 
 def table(results: list[Result], title: str) -> Table:

@@ -35,8 +35,8 @@ SHARED_MODELS = {
         SharedReservationModel(medium=medium, delays=True, lapses=True) for medium in (FIFO, OUTBOX, UNORDERED)
     ),
 }
-"""The configurations with two Repositories that are checked, by what can happen in them. Delays together with decisions, or with leases that
-end, have too many states on the media that lose messages and keep no order."""
+"""The configurations with two Repositories that are checked, by what can happen in them. Delays together with decisions, or with leases
+that end, have too many states on the media that lose messages and keep no order."""
 
 EXCLUSION = Property.MUTUAL_EXCLUSION
 

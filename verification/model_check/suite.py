@@ -44,6 +44,11 @@ Check = Callable[[], Result]
 """The check of one configuration. It can be sent to another process."""
 
 
+def run_check(check: Check) -> Result:
+    """Run the check, in whichever process this is."""
+    return check()
+
+
 SINGLE_PROPERTIES = (
     Property.VALID_STATE,
     Property.CONTRACT,
