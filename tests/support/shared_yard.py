@@ -59,6 +59,7 @@ async def barn_and_yard(folder: Path) -> AsyncIterator[tuple[System, System, str
                 neighbours=neighbours,
                 first_port=ports[name],
                 launcher=warm.launcher(),
+                certificates=False,
             )
         )
     repositories = [f"http://{HOST}:{port}/repository" for port in ports.values()]

@@ -18,6 +18,7 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import ReadRecords
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
+from somrs.trust.credentials import VARIABLE
 from tests.support import warm
 from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1
@@ -29,14 +30,18 @@ async def ended(client: Client, task: str) -> TaskView:
     return [news.view async for news in client.news(task)][-1]
 
 
-def test_a_system_on_a_bus_goes_on_when_the_server_of_the_bus_or_the_gateway_is_killed(tmp_path: Path) -> None:
+def test_a_system_on_a_bus_goes_on_when_the_server_of_the_bus_or_the_gateway_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     async def run() -> None:
         system = System([SCENARIO_1], tmp_path, speed="4", world=WorldKind.KINEMATIC, launcher=warm.launcher(), bus=OWN_BUS, name="lab")
         async with system, Client(system.addresses) as client:
             bus = system.addresses.bus
             assert bus is not None
             assert {address.rpartition("/")[0] for address in (system.addresses.repository, system.addresses.task_manager)} == {bus.gateway}
-            assert await find_site(bus.servers) == system.addresses
+            with monkeypatch.context() as environment:
+                environment.setenv(VARIABLE, str(tmp_path / "trust" / "programs" / "client.pem"))
+                assert await find_site(bus.servers) == system.addresses
             notices: list[str] = []
             supervisor = asyncio.create_task(system.keep_running(notices.append))
             for number, (program, effect) in enumerate((("bus", "Jar002 isOn Platform001"), ("gateway", "Jar002 isOn Table001")), start=1):

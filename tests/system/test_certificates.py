@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -12,8 +13,10 @@ from somrs.api.service import open_api_service
 from somrs.cli.import_commands import import_sources
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
+from somrs.client.trace import Follower
 from somrs.deployment.device import DeviceRunner
 from somrs.deployment.system import OWN_BUS, System
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import RemoteError
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
@@ -24,11 +27,18 @@ from somrs.trust.identity import Identity, Role
 from tests.support import warm
 from tests.support.command import somrs
 from tests.support.hang import HANG_TIME
-from tests.support.paths import ROOT
+from tests.support.paths import ROOT, SCENARIO_1
 from tests.support.small_system import Porter
 from tests.support.virtual_system import SITE
 
 PARCELS = ROOT / "examples" / "parcels"
+CARRIER = """
+from tests.support.small_system import Porter
+
+class Carrier(Porter):
+    def __init__(self, name, simulator=None):
+        super().__init__(name)
+"""
 GOAL = "letter lies harbour AND crate lies mill"
 
 
@@ -47,7 +57,7 @@ def test_a_system_with_certificates_works_and_keeps_strangers_out(tmp_path: Path
         data = tmp_path / "run"
         data.mkdir()
         files = import_sources([PARCELS / "domain.pddl", PARCELS / "problem.pddl"], data)
-        async with System(files, data, speed="20", launcher=warm.launcher(), certificates=True, bus=bus) as system:
+        async with System(files, data, speed="20", launcher=warm.launcher(), bus=bus) as system:
             addresses = system.addresses
             components = (addresses.repository, addresses.registry, addresses.task_manager, addresses.scheduler or "")
             assert all(address.startswith("https://") for address in components)
@@ -81,11 +91,57 @@ def test_a_system_with_certificates_works_and_keeps_strangers_out(tmp_path: Path
 
 
 @pytest.mark.parametrize("bus", [None, OWN_BUS])
+def test_open_tasks_go_on_when_the_programs_get_certificates_and_when_they_lose_them(tmp_path: Path, bus: str | None) -> None:
+    async def run() -> None:
+        task, effects = "", ("Jar002 isOn Platform001", "Jar002 isOn Table001", "Jar002 isOn Platform001")
+        messages = Follower(tmp_path / "messages.jsonl")
+        for effect, (choice, secure) in zip(effects, ((False, True), (True, True), (None, False)), strict=True):
+            system = System(
+                [SCENARIO_1],
+                tmp_path,
+                speed="8",
+                world=WorldKind.KINEMATIC,
+                launcher=warm.launcher(),
+                certificates=choice,
+                secure=secure,
+                bus=bus,
+            )
+            async with system, Client(system.addresses) as client, asyncio.timeout(HANG_TIME):
+                assert system.has_certificates is system.addresses.task_manager.startswith("https:") is bool(choice)
+                if task:
+                    view = [news.view async for news in client.news(task)][-1]
+                    assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+                task = await client.submit(Submit(effect=effect))
+                while "Execute" not in [line.type for line in messages.new()]:
+                    await asyncio.sleep(0.02)
+
+    asyncio.run(run())
+
+
+def test_a_device_that_is_started_by_hand_takes_part(tmp_path: Path) -> None:
+    async def run() -> None:
+        site, data = tmp_path / "site.yaml", tmp_path / "run"
+        site.write_text(SITE)
+        launcher, driver = warm.launcher(), tmp_path / "carrier.py"
+        driver.write_text(CARRIER)
+        async with System([site], data, simulates=False, launcher=warm.launcher()) as system, Client(system.addresses) as client:
+            line = ["run", "device", f"{driver}:Carrier", "--name", "Robot1", "--data", str(data)]
+            device = await launcher.start(line, tmp_path / "device.log", os.environ)
+            try:
+                assert await outcome_of(client, "Jar002 isOn Platform001") is Outcome.ACCOMPLISHED, (tmp_path / "device.log").read_text()
+            finally:
+                device.kill()
+                await launcher.stop()
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("bus", [None, OWN_BUS])
 def test_a_device_on_another_computer_works_until_it_is_revoked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bus: str | None) -> None:
     async def run() -> None:
         site, data, elsewhere = tmp_path / "site.yaml", tmp_path / "run", tmp_path / "robot"
         site.write_text(SITE)
-        async with System([site], data, simulates=False, launcher=warm.launcher(), certificates=True, bus=bus) as system:
+        async with System([site], data, simulates=False, launcher=warm.launcher(), bus=bus) as system:
             word = (await asyncio.to_thread(somrs, "trust", "invite", "Robot1", "--data", data)).stdout.strip()
             service = system.addresses.trust_service
             assert service is not None

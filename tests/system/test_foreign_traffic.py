@@ -66,7 +66,7 @@ def travel(addresses: Addresses) -> None:
 
 def test_a_robot_of_another_make_drives_in_a_simulated_building(tmp_path: Path) -> None:
     async def run() -> None:
-        system = System([SCENARIO_1], tmp_path, world=WorldKind.KINEMATIC, launcher=warm.launcher())
+        system = System([SCENARIO_1], tmp_path, world=WorldKind.KINEMATIC, launcher=warm.launcher(), certificates=False)
         async with asyncio.timeout(LONGEST), system:
             addresses = Addresses.read(tmp_path)
             note(tmp_path, addresses.api)
@@ -98,7 +98,7 @@ def test_a_building_without_a_simulator_has_traffic_as_a_program_of_its_own(tmp_
     site.write_text(dump_map(tower(extra_objects=[robot("Foreigner", (1, 1, 0), type="MobileRobot")]), upper()))
 
     async def run() -> None:
-        system = System([site], tmp_path / "data", simulates=False, launcher=warm.launcher())
+        system = System([site], tmp_path / "data", simulates=False, launcher=warm.launcher(), certificates=False)
         async with asyncio.timeout(LONGEST), system:
             addresses = Addresses.read(tmp_path / "data")
             note(tmp_path / "data", addresses.api)

@@ -100,7 +100,7 @@ def test_a_robot_of_another_make_passes_a_real_door_and_a_real_lift(tmp_path: Pa
     site.write_text(dump_map(building(), upper()))
 
     async def run() -> None:
-        async with asyncio.timeout(HANG_TIME), System([site], data, simulates=False, launcher=warm.launcher()):
+        async with asyncio.timeout(HANG_TIME), System([site], data, simulates=False, launcher=warm.launcher(), certificates=False):
             loop, addresses = asyncio.get_running_loop(), Addresses.read(data)
             async with Client(addresses) as client:
 

@@ -128,7 +128,7 @@ def test_what_was_recorded_has_no_effect_when_it_is_sent_again(tmp_path: Path) -
         data.mkdir()
         files = import_sources([PARCELS / "domain.pddl", PARCELS / "problem.pddl"], data)
         async with (
-            System(files, data, speed="20", launcher=warm.launcher(), certificates=True, bus=OWN_BUS) as system,
+            System(files, data, speed="20", launcher=warm.launcher(), bus=OWN_BUS) as system,
             Client(system.addresses) as client,
         ):
             programs = data / FOLDER / "programs"

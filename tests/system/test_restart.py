@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -87,8 +88,8 @@ def test_a_task_outlives_the_whole_system(tmp_path: Path) -> None:
             await asyncio.gather(*(program.process.wait() for program in system.programs.values()))
             await system.stop()
         system.addresses.write(tmp_path)  # a power cut leaves it behind
-        host, _, port = addresses.task_manager.removeprefix("http://").partition("/")[0].partition(":")
-        async with await asyncio.start_server(lambda reader, writer: None, host, int(port)):
+        place = urlsplit(addresses.task_manager)
+        async with await asyncio.start_server(lambda reader, writer: None, place.hostname, place.port):
             with pytest.raises(UsageError, match="1 task is open") as raised:
                 async with System([SCENARIO_1], tmp_path, speed="8", world=WorldKind.KINEMATIC, launcher=warm.launcher()):
                     pass

@@ -218,5 +218,7 @@ def memory_of(process_id: int) -> int:
 async def attacked_system(data: Path) -> AsyncIterator[Target]:
     """Run the system of the first scenario, in a kinematic world."""
     with resources.as_file(resources.files("somrs.demo") / "data" / "scenario-1.yaml") as site:
-        async with System([site], data, speed="max", world=WorldKind.KINEMATIC, windows=True) as system, Client(system.addresses) as client:
+        # Without certificates, what is attacked is reached by anybody, and defends itself.
+        system = System([site], data, speed="max", world=WorldKind.KINEMATIC, windows=True, certificates=False)
+        async with system, Client(system.addresses) as client:
             yield Target(system, client)

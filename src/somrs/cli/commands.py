@@ -141,6 +141,7 @@ async def run_system(site: Sequence[Path], data: Path, make_system: Callable[[Se
         if system.addresses.gui is not None:
             console.print(f"In the browser: {system.addresses.gui}")
             _print_sign_in(system, console)
+        _print_open_ports(system, console)
         await _supervise(system, report, stopped)
     except Exception as error:  # whatever it is, the log of the system says why it ended
         report(f"the system stops: {type(error).__name__}: {error}")
@@ -164,6 +165,17 @@ def _print_sign_in(system: System, console: Console) -> None:
     secret = store.add_link(administrator.name if administrator is not None else None)
     account_text = f"as {administrator.name}" if administrator is not None else "as the administrator"
     console.print(f"To sign in {account_text}, once: {sign_in_url(system.addresses.gui or '', secret)}", soft_wrap=True)
+
+
+def _print_open_ports(system: System, console: Console) -> None:
+    """That its programs have no certificates, if so, and how they get some."""
+    if not system.has_certificates:
+        console.print(
+            "[yellow]Its programs have no certificates[/]: whoever reaches their ports may send messages in any name. To change that: "
+            f"stop it, and start it once with somrs up --certificates --data {system.data}",
+            soft_wrap=True,
+            highlight=False,
+        )
 
 
 async def _supervise(system: System, report: Callable[[str], None], stopped: asyncio.Task[str]) -> None:

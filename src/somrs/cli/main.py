@@ -145,7 +145,7 @@ def up(
     driver: DriverOption = [],  # noqa: B006  # as below
     secure: Secure = SECURE,
     oidc: Oidc = None,
-    certificates: Certificates = False,
+    certificates: Certificates = None,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import run_system, site_to_run

@@ -43,11 +43,13 @@ Secure = Annotated[
     ),
 ]
 Certificates = Annotated[
-    bool,
+    bool | None,
     typer.Option(
-        "--certificates",
+        "--certificates/--no-certificates",
         envvar="SOMRS_CERTIFICATES",
-        help="Components and devices prove to each other who they are, and may send what their role allows.",
+        help="Whether components and devices prove to each other who they are, and may send what their role allows. By default as in the "
+        "last run with this data folder, at first they do; with --insecure, they do not.",
+        show_default=False,
     ),
 ]
 Oidc = Annotated[

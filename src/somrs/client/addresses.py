@@ -13,6 +13,10 @@ from somrs.runtime.bus_address import BusAddress
 SYSTEM_FILE = "system.json"
 """The file in the data folder with the addresses of the running system."""
 
+LAST_FILE = "last.json"
+"""The file in the data folder with the addresses of the last run. Programs listen there again if they can, because parties to open
+contracts know each other by these addresses."""
+
 
 class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     """The addresses of the components of a running system. A system has a `simulator` or a symbolic `world`, at `host:port`."""
@@ -69,6 +73,14 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
             raise UsageError(f"no system runs here: there is no {file}. Start one with `somrs up SITE`, or give --data") from None
         except (msgspec.DecodeError, OSError) as error:
             raise UsageError(f"{file} cannot be read: {error}") from None
+
+    @classmethod
+    def of_last_run(cls, data: Path) -> Addresses | None:
+        """Those of the last run with a data folder; None if there was none."""
+        try:
+            return cls.read(data, LAST_FILE)
+        except UsageError:
+            return None
 
     def write(self, data: Path, name: str = SYSTEM_FILE) -> None:
         (data / name).write_bytes(msgspec.json.format(msgspec.json.encode(self)))

@@ -70,6 +70,7 @@ class Organisations:
             name=name.lower(),
             neighbours=neighbours,
             first_port=first_port,
+            certificates=False,  # both are on one bus, and a bus with certificates has one site
         )
 
     @asynccontextmanager

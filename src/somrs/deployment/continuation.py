@@ -88,7 +88,8 @@ class Continuation:
         parent, is_said = os.getppid(), False
         journaled, is_resumed = self.journal.begin(address, factory)
         # What was said to a component at another address cannot be handled again at this one: it would do its tasks once more.
-        begins_anew = not is_resumed and await stream.copied_address() not in (None, address)
+        copied_address = await stream.copied_address()
+        begins_anew = not is_resumed and copied_address not in (None, address)
         stream.last = (await stream.bounds())[1] if begins_anew else await stream.place_after(journaled.number) - 1
         with stop_signals() as signals:
             while not await stream.acquire():
@@ -105,7 +106,7 @@ class Continuation:
         while not has_all:
             number_on_bus = await self._follow(stream, journaled)
             has_all = await stream.begin_writing(journaled.number)
-        if begins_anew or await stream.copied_number() is None or number_on_bus < journaled.number:
+        if copied_address != address or await stream.copied_number() is None or number_on_bus < journaled.number:
             await self._copy(stream)
         return journaled, is_resumed or journaled.number > 0
 

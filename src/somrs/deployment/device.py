@@ -22,6 +22,7 @@ from msgspec import structs
 from somrs.client.addresses import Addresses
 from somrs.deployment.device_tasks import DeviceTasks
 from somrs.deployment.passage import add_passage
+from somrs.deployment.program_certificates import give_devices_a_certificate
 from somrs.deployment.programs import others_ready, run_program, until_stopped
 from somrs.deployment.shared_map import SharedMap
 from somrs.devices.passage import PassageDevice
@@ -247,6 +248,7 @@ async def request(runtime: Host, body: Body, recipient: str) -> Body:
 async def _serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:
     """Run a device until its process receives SIGTERM or SIGINT."""
     addresses = Addresses.read(data)
+    give_devices_a_certificate([name], addresses, host)
     runner = DeviceRunner(kind(name, addresses.simulator or addresses.world), addresses, data, host)
     try:
         await until_stopped(name, await runner.start())

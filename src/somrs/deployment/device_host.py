@@ -13,6 +13,7 @@ from pathlib import Path
 
 from somrs.client.addresses import Addresses
 from somrs.deployment.device import DeviceRunner, device_journal, last_port, listen, load, request
+from somrs.deployment.program_certificates import give_devices_a_certificate
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, run_program, until_stopped
 from somrs.deployment.shared_map import MAPS, SharedMap
 from somrs.errors import DeviceError, SomrsError
@@ -120,6 +121,7 @@ async def serve_devices(drivers: Mapping[str, str], addresses: Addresses, data: 
 
     It is ready when each device has started or failed to; what failed is tried again.
     """
+    give_devices_a_certificate(drivers, addresses, address)
     listeners = Listeners(address, addresses.bus)
     devices = [HostedDevice(name, driver, data, addresses, listeners) for name, driver in drivers.items()]
     running = [asyncio.create_task(device.run()) for device in devices]

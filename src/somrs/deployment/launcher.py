@@ -37,6 +37,7 @@ COMMON = (
     "somrs.deployment.programs",
     "somrs.ontology.files.loading",
     "somrs.storage.journal",
+    "somrs.trust.certificates",
     "uvicorn.lifespan.off",
     "uvicorn.protocols.http.auto",
     "uvloop",

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from somrs.client.addresses import Addresses
 from somrs.trust.credentials import VARIABLE, Credentials
 from somrs.trust.identity import Identity, Role
 
@@ -35,11 +37,31 @@ _ROLES = {
 """The roles of programs, by their command. All others only read."""
 
 
-def certificates_of_programs(data: Path, host: str, site: str) -> ProgramCertificates:
-    """The certificates of the programs of the system with this data folder, at this host."""
+def certificates_of_programs(data: Path, host: str, site: str, choice: bool | None, *, secure: bool) -> ProgramCertificates | None:
+    """The certificates of the programs of the system with this data folder, at this host; None if they have none.
+
+    `choice`: whether they have, as was asked for; None: nothing was. Then they have, but in a system that is open to anybody, and in one
+    that has run without: devices of other makes may rely on that.
+    """
+    earlier_addresses = Addresses.of_last_run(data)
+    has_run_without = earlier_addresses is not None and earlier_addresses.trust is None
+    if not (choice if choice is not None else secure and not has_run_without):
+        return None
     from somrs.trust.authority import Authority  # loads libraries that others do without
 
     return ProgramCertificates(Authority.of_data(data), host, site)
+
+
+def give_devices_a_certificate(names: Collection[str], addresses: Addresses, host: str) -> None:
+    """Have this process use a certificate with which it may speak for these devices, if the system has some, this process has none, and it
+    may read the data folder. Raises UsageError if that certificate cannot be made."""
+    folder = Path(addresses.trust) if addresses.trust is not None else None
+    if folder is None or VARIABLE in os.environ or not os.access(folder / "authority.key", os.R_OK):
+        return
+    from somrs.trust.authority import Authority  # as above
+
+    name, *further = names
+    os.environ[VARIABLE] = str(ProgramCertificates(Authority(folder), host, "").of_devices(name, further))
 
 
 class ProgramCertificates:
@@ -62,6 +84,10 @@ class ProgramCertificates:
     def of_bus(self) -> Credentials:
         """With what the system itself uses its bus: it has all rights there."""
         return Credentials(self._issue(Identity(name="bus", roles=frozenset({Role.BUS}))))
+
+    def of_devices(self, name: str, further: Iterable[str]) -> Path:
+        """The file of the certificate of a process of devices that is not one of the system's own programs."""
+        return self._issue(Identity(name=name, roles=frozenset({Role.DEVICE}), speaks_for=frozenset(further)))
 
     def environment(self, name: str, arguments: Sequence[str]) -> dict[str, str]:
         """What a program needs to prove who it is. A process of devices speaks for each of them: `NAME=DRIVER` of its arguments."""

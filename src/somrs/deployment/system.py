@@ -7,6 +7,7 @@ import contextlib
 import logging
 import signal
 from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -14,7 +15,7 @@ from msgspec.structs import replace
 
 from somrs.access.oidc_settings import check_oidc
 from somrs.access.store import AccessStore, access_files
-from somrs.client.addresses import SYSTEM_FILE, Addresses
+from somrs.client.addresses import LAST_FILE, SYSTEM_FILE, Addresses
 from somrs.client.client import Client
 from somrs.deployment.backup import serve_request
 from somrs.deployment.bus import bus_address, check_reachable, discard_site, list_site, site_name
@@ -25,7 +26,7 @@ from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.ports_of_programs import Part, Ports, ports_before, reserve_ports
 from somrs.deployment.private_files import discard, make_private
 from somrs.deployment.program import Program
-from somrs.deployment.program_certificates import certificates_of_programs
+from somrs.deployment.program_certificates import ProgramCertificates, certificates_of_programs
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, has_windows
 from somrs.deployment.task_managers import task_manager_count
 from somrs.deployment.watchdog import BEAT_VARIABLE
@@ -36,16 +37,12 @@ from somrs.ports import Reservation, check_address, until_listening
 from somrs.runtime.bus_address import BusAddress
 from somrs.storage.locking import is_in_use
 from somrs.storage.log_files import empty_if_full
-from somrs.trust.credentials import FOLDER, Credentials
+from somrs.trust.credentials import FOLDER, VARIABLE, Credentials
 
 log = logging.getLogger(__name__)
 
 SITE_FILE = "site.json"
 """File in the data folder: the site files from which its map was made."""
-
-LAST_FILE = "last.json"
-"""File in the data folder: the addresses of the last run. Programs listen there again if they can, because parties to open
-contracts know each other by these addresses."""
 
 REGISTRY, TASK_MANAGER, DEVICES = "registry", "task-manager", "devices"
 """Commands of `somrs run` of which a system may have several programs."""
@@ -53,7 +50,7 @@ REGISTRY, TASK_MANAGER, DEVICES = "registry", "task-manager", "devices"
 BUS, GATEWAY = "bus", "gateway"
 """Commands of `somrs run` on which all others rely, if the system is on a bus."""
 
-_SETTINGS = {"SOMRS_BUS", "SOMRS_OIDC", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS"}
+_SETTINGS = {"SOMRS_BUS", "SOMRS_OIDC", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS", VARIABLE}
 """Variables from which `somrs run` would take settings that the system does not have."""
 
 OWN_BUS = "own"
@@ -100,7 +97,7 @@ class System:
     the site's name there.
     `neighbours`: the file of the neighbours of Registry and Repository; None: they have none.
     `drivers`: programs of devices besides those of SO-MRS and those that the types of the site's files name.
-    `secure`: people and programs have to say who they are at the API and the windows. `certificates`: so have components and devices.
+    `secure`: people and programs say who they are at the API and the windows. `certificates`: see `certificates_of_programs`.
     `oidc`: the file of the provider at which people sign in; None: there is none.
     `first_port`: the ports are this one and those that follow, in the order of `Part`; None: those of the last run, where they are free.
     """
@@ -126,7 +123,7 @@ class System:
         first_port: int | None = None,
         drivers: Collection[str] = (),
         secure: bool = True,
-        certificates: bool = False,
+        certificates: bool | None = None,
         oidc: Path | None = None,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
@@ -141,15 +138,15 @@ class System:
         self.problems: list[str] = []
         """What was left out at the start, and why, for people."""
         self._reservation: Reservation | None = None
-        self._certificates = certificates_of_programs(data, host, site_name(self.site)) if certificates else None
+        self._chosen_certificates = partial(certificates_of_programs, data, host, site_name(self.site), certificates, secure=secure)
+        self._certificates: ProgramCertificates | None = None
         self._launcher = launcher or Launcher()
 
     def _check_site(self) -> None:
         """Check that others can reach the host, and that the map of an earlier run was made from the same site files. Raises UsageError."""
         check_address(self.host)
-        earlier_site = site_of(self.data)
-        if earlier_site is not None and earlier_site != self.site:
-            kept_map = f"{self.data} holds the map of {', '.join(map(str, earlier_site))}"
+        if (earlier_site := site_of(self.data)) not in (None, self.site):
+            kept_map = f"{self.data} holds the map of {', '.join(map(str, earlier_site or ()))}"
             raise UsageError(f"{kept_map}; `--fresh` deletes it and starts with the new site, `--data` selects another folder")
 
     async def __aenter__(self) -> System:
@@ -166,11 +163,18 @@ class System:
     async def discard(self) -> None:
         """Delete what its data folder and its bus have kept of it. Raises UsageError if it runs."""
         if self._bus is not None and self._bus != OWN_BUS:
+            self._certificates = self._chosen_certificates()
             await discard_site(self._bus, self._name or site_name(self.site), self._bus_credentials())
         discard(self.data, keep=[*self.site, *access_files(self.data), self.data / FOLDER])
 
+    @property
+    def has_certificates(self) -> bool:
+        """Whether its programs have certificates, once it has started."""
+        return self._certificates is not None
+
     def _prepare_access(self) -> None:
         """Make what its own programs prove with who they are. Raises UsageError."""
+        self._certificates = self._chosen_certificates()
         if self.secure:
             AccessStore(self.data).renew_local_token()
         if self._oidc is not None:
@@ -256,10 +260,7 @@ class System:
 
     def _reserve_ports(self) -> Ports:
         """Reserve the ports of all programs, those of the last run where they are free."""
-        try:
-            last_addresses = Addresses.read(self.data, LAST_FILE)
-        except UsageError:  # there was none
-            last_addresses = None
+        last_addresses = Addresses.of_last_run(self.data)
         last_counts = (len(last_addresses.task_managers), len(last_addresses.registries)) if last_addresses is not None else (1, 1)
         managers, registries = task_manager_count(self.data, self._task_managers, last_counts[0]), self._registries or last_counts[1]
         preferred_ports = (

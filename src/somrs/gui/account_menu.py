@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nicegui import ui
+from nicegui import app, ui
 
 from somrs.access.identity import Identity, sender
 from somrs.access.rights import Right
@@ -15,6 +15,10 @@ _SIGN_OUT = (
 )
 
 INSECURE_TEXT = "Insecure: whoever reaches this address may do everything. Without `--insecure`, people sign in."
+OPEN_PORTS_TEXT = (
+    "Programs have no certificates: whoever reaches the ports of components and devices may send messages in any name. "
+    "`somrs up --certificates` gives them some."
+)
 
 
 def who() -> Identity | None:
@@ -24,11 +28,12 @@ def who() -> Identity | None:
 
 
 def add_account_menu() -> None:
-    """The menu of who is signed in, or a sign that nobody has to."""
+    """The menu of who is signed in, or a sign that nobody has to; and another one if programs need not say who they are."""
     identity = who()
+    if not app.state.has_certificates:
+        _add_warning("no_encryption", OPEN_PORTS_TEXT)
     if identity is None:
-        mark = ui.icon("lock_open").classes("somrs-insecure").props(f'role="img" aria-label="{INSECURE_TEXT}"')
-        mark.tooltip(INSECURE_TEXT)
+        _add_warning("lock_open", INSECURE_TEXT)
         return
     with ui.button(icon="person").props("flat dense no-caps").classes("somrs-account") as button:
         button.props(f'aria-label="{identity.name}: account"')
@@ -38,6 +43,10 @@ def add_account_menu() -> None:
             text = "People and access" if Right.ADMINISTER in identity.rights else "My account"
             ui.menu_item(text, lambda: ui.navigate.to(ACCESS_PAGE))
             ui.menu_item("Sign out", lambda: ui.run_javascript(_SIGN_OUT))
+
+
+def _add_warning(icon: str, text: str) -> None:
+    ui.icon(icon).classes("somrs-insecure").props(f'role="img" aria-label="{text}"').tooltip(text)
 
 
 def only_with(required_right: Right, *controls: ui.element) -> None:

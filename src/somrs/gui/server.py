@@ -57,7 +57,8 @@ async def run_gui(
     # What is done for nobody in particular only sees.
     async with live_api(address_of(addresses), local_token_reader(data, only_sees=True)) as api:
         auditor = Auditor(data)
-        guard = Guard(Cache(_application(api, data, access, provider)), access, is_open=_is_open, refuse=sign_in_first, auditor=auditor)
+        pages = _application(api, data, access, provider, has_certificates=addresses.trust is not None)
+        guard = Guard(Cache(pages), access, is_open=_is_open, refuse=sign_in_first, auditor=auditor)
         application = Edge(guard, allowed_hosts, auditor)
         server = QuietServer(BoundedConfig(application, ws=WebSocketProtocol))
         serving = asyncio.create_task(server.serve(sockets=[listener]))
@@ -74,7 +75,7 @@ def _is_open(path: str) -> bool:
     return is_open(path) or path.startswith(FILES)
 
 
-def _application(api: LiveApi, data: Path, access: AccessStore | None, provider: Provider | None) -> FastAPI:
+def _application(api: LiveApi, data: Path, access: AccessStore | None, provider: Provider | None, *, has_certificates: bool) -> FastAPI:
     from fastapi import FastAPI
     from nicegui import app, ui
 
@@ -87,6 +88,7 @@ def _application(api: LiveApi, data: Path, access: AccessStore | None, provider:
     pages.mount("/api", Proxy(api.client))
     if access is not None:
         pages.router.routes.extend(SignIn(access, LOOK, provider=provider, passkey_script=SCRIPT).routes())
+    app.state.has_certificates = has_certificates
     app.config.quasar_config["loadingBar"]["skipHijack"] = True  # no bar for requests: it has no name, and no page waits for one
     for page_module in (access_page, start, map, ontology, define, tasks, fleet, history, person, missing):
         page_module.register(api)

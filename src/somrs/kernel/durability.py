@@ -6,7 +6,7 @@ a restart: `PendingEffects` tracks the effects, and `JournaledComponent` restore
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
@@ -289,6 +289,14 @@ class JournalCodec:
             snapshot = snapshots.decode(document)
         else:
             snapshot = snapshots.convert(schema.migrate_snapshot(codec.decode_untyped(document), version))
+        return self._restored(snapshot)
+
+    def converted(self, journaled: JournaledComponent, convert: Callable[[Any], Any]) -> JournaledComponent:
+        """The same component with other values in its state and its pending effects. `convert` takes and returns values of
+        `codec.decode_untyped`."""
+        return self._restored(Codec[Any](self._snapshot).convert(convert(codec.decode_untyped(self.encode_snapshot(journaled)))))
+
+    def _restored(self, snapshot: Any) -> JournaledComponent:
         pending = PendingEffects(
             messages=snapshot.messages,
             timers=dict(snapshot.timers),
@@ -296,7 +304,8 @@ class JournalCodec:
             withdrawn={*snapshot.withdrawn},
             message_count=snapshot.message_count,
         )
-        return JournaledComponent(schema.restore(snapshot.state), schema, pending, snapshot.number, snapshot.time, snapshot.delivered)
+        component = self.schema.restore(snapshot.state)
+        return JournaledComponent(component, self.schema, pending, snapshot.number, snapshot.time, snapshot.delivered)
 
     def encode_entry(self, entry: Entry) -> bytes:
         """Serialize one entry. Raises TypeError or NotImplementedError for a value that could not be read back."""

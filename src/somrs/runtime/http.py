@@ -18,6 +18,7 @@ from starlette.types import Send as SendPart
 from somrs.errors import RemoteError, UsageError, WireError
 from somrs.limits import Limits
 from somrs.ports import listen_at
+from somrs.protocol.component_paths import is_of_component
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.rights import check_right
 from somrs.protocol.soap import soap
@@ -26,7 +27,7 @@ from somrs.protocol.soap.wsdl import description, schema
 from somrs.runtime import batches
 from somrs.runtime.batches import Outcome
 from somrs.runtime.bounded_http import PEER_CERTIFICATE, BoundedConfig, QuietServer
-from somrs.runtime.places import check_addresses, has_known_path
+from somrs.runtime.places import check_addresses
 from somrs.runtime.proofs import Denials, Source, proof_of
 from somrs.runtime.reception import Format, Handler, Reception, unavailable
 from somrs.storage.audit_log import AuditLog
@@ -173,7 +174,7 @@ class Server:
 def _check_message(message: Message, identity: Identity) -> None:
     """Raises WireError with the code `DENIED` for a message that an identity may not send, or not with these addresses."""
     check_right(message, identity)
-    check_addresses(message, identity, has_known_path)
+    check_addresses(message, identity, is_of_component)
 
 
 def _response(outcome: Outcome) -> Response:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from urllib.parse import unquote, urlsplit
+from urllib.parse import urlsplit
 
 from somrs.errors import WireError
 from somrs.protocol.messages.envelope import Message
@@ -41,8 +41,6 @@ PATHS: dict[Role, tuple[str, ...]] = {
 }
 """The paths at which programs listen, as subjects."""
 
-_FIRST_TOKENS = {pattern.split(".")[0] for patterns in PATHS.values() for pattern in patterns} | {*_SPOKEN}
-
 
 def component_names(identity: Identity, role: Role) -> tuple[str, ...]:
     """The paths at which an identity with this role may listen, as subjects: of several Task Managers or Registries, one that has the name
@@ -70,12 +68,6 @@ def check_addresses(message: Message, identity: Identity, is_of_site: Callable[[
         if is_of_site(address) and not may_listen(identity, path_tokens(urlsplit(address).path)):
             text = f"{identity.name} may not name {address[:200]} as {field}: it needs a certificate with which it can listen there"
             raise WireError(DENIED, text)
-
-
-def has_known_path(address: str) -> bool:
-    """Whether an address has a path of SO-MRS."""
-    first = unquote(urlsplit(address).path).strip("/").partition("/")[0] if address.startswith(("http:", "https:")) else ""
-    return first in _FIRST_TOKENS
 
 
 def _matches(pattern: list[str], tokens: list[str]) -> bool:

@@ -22,6 +22,7 @@ from somrs.kernel.codec import Schema
 from somrs.kernel.component import Stateful
 from somrs.kernel.durability import Entry, JournalCodec, JournaledComponent
 from somrs.kernel.parts import Parts, PartsReader, PartsWriter, part_changes
+from somrs.protocol.component_paths import scheme_change
 from somrs.storage.archive import TaskArchive
 from somrs.storage.disk import Disk
 from somrs.storage.journal_file import (
@@ -76,6 +77,10 @@ class Log(Protocol):
     async def append(self, number: int, version: int, document: bytes) -> None:
         """Write a batch of entries, the last of which has this number. Raises UsageError."""
         ...
+
+
+def _unchanged(text: str) -> str:
+    return text
 
 
 _TASKS = TaskArchive()
@@ -133,14 +138,16 @@ class Journal:
     def begin(self, address: str, factory: Callable[[str], Stateful]) -> tuple[JournaledComponent, bool]:
         """Return the component as it was after the last input, and whether there was one; otherwise, `factory` creates it for this address.
 
-        Data of another version are converted at once, so that all data after a snapshot are of one program.
+        Data of another version are converted at once, so that all data after a snapshot are of one program. So are addresses, when the
+        components of the system have got certificates, or have lost them: `https` has taken the place of `http`, or the other way round.
 
         Raises:
             UsageError: the state cannot be continued and must not be dropped, or the replayed inputs lead to records that differ from those
                 in the archive.
         """
         stored_journal, self._stored_journal, self.address = self._stored_journal, None, address
-        if stored_journal is not None and (change := self._changed(stored_journal, address)) is not None:
+        with_scheme = scheme_change(stored_journal.address, address) if stored_journal is not None else None
+        if stored_journal is not None and (change := self._changed(stored_journal, address, with_scheme or _unchanged)) is not None:
             if stored_journal.open or self._written.schema.irreplaceable:
                 raise UsageError(self._stuck(stored_journal, change))
             stored_journal = None
@@ -154,7 +161,10 @@ class Journal:
             raise
         except Exception as error:  # data that do not fit may raise any exception
             raise UsageError(self._stuck(stored_journal, f"cannot be read ({type(error).__name__}: {error})")) from error
-        if (stored_journal.schema, stored_journal.program) != (self._written.schema.version, PROGRAM):
+        if with_scheme is not None:
+            # Only now: what was said in the earlier addresses has to be handled with them, or its records would be other ones.
+            journaled = self._written.converted(journaled, with_scheme)
+        if with_scheme is not None or (stored_journal.schema, stored_journal.program) != (self._written.schema.version, PROGRAM):
             self._begin_anew(address, journaled)
             self._entry_count = 0
         return journaled, True
@@ -171,13 +181,13 @@ class Journal:
         self.open, self.number = tuple(journaled.component.open), journaled.number
         return journaled
 
-    def _changed(self, stored_journal: StoredJournal, address: str) -> str | None:
-        """Return why the journal cannot be continued; None if it can."""
+    def _changed(self, stored_journal: StoredJournal, address: str, with_scheme: Callable[[str], str]) -> str | None:
+        """Return why the journal cannot be continued; None if it can. `with_scheme` gives addresses the scheme that they have now."""
         if not self._written.schema.can_read(stored_journal.schema):
             return f"was written by {stored_journal.program}, whose state {PROGRAM} cannot read"
-        if stored_journal.setting != self._setting:
+        if with_scheme(stored_journal.setting) != self._setting:
             return f"was written for {stored_journal.setting}, and this is for {self._setting}"
-        if stored_journal.address != address and not self._written.schema.relocatable:
+        if with_scheme(stored_journal.address) != address and not self._written.schema.relocatable:
             return f"belongs to {stored_journal.address}, where other components expect its owner, and this is {address}"
         return None
 

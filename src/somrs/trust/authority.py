@@ -132,11 +132,11 @@ class Authority:
     def issue_program(self, identity: Identity, hosts: tuple[str, ...], now: datetime) -> tuple[Path, Path]:
         """The files of the certificate and the key of a program of this site; made if there are none, or if they are due for renewal."""
         certificate_file, key_file = (self.folder / "programs" / f"{identity.name}.{kind}" for kind in ("pem", "key"))
-        if certificate_file.exists() and key_file.exists() and self._is_usable(certificate_file, identity, hosts, now):
+        if certificate_file.exists() and key_file.exists() and self._is_usable(certificate_file, key_file, identity, hosts, now):
             return certificate_file, key_file
         request = certificates.make_request()
         certificate = self.issue(identity, request.certificate, hosts, now)
-        install(certificate_file, certificate, request.key)
+        install(certificate_file, certificate, request.key, is_lasting=False)  # they can be made again
         return certificate_file, key_file
 
     def invite(self, identity: Identity, now: datetime, seconds: float = INVITATION_SECONDS, hosts: tuple[str, ...] = ()) -> str:
@@ -236,8 +236,13 @@ class Authority:
         )
         return certificates.pem(issued)
 
-    def _is_usable(self, file: Path, identity: Identity, hosts: tuple[str, ...], now: datetime) -> bool:
-        certificate = certificates.load(file.read_bytes(), str(file))
+    def _is_usable(self, file: Path, key_file: Path, identity: Identity, hosts: tuple[str, ...], now: datetime) -> bool:
+        try:
+            certificate = certificates.load(file.read_bytes(), str(file))
+        except UsageError:
+            return False
+        if not certificates.is_key_of(certificate, key_file.read_bytes()):
+            return False
         entry = {issued.serial: issued for issued in self.read().certificates}.get(certificates.serial(certificate))
         if entry is None or entry.revoked_at is not None or entry.identity != identity or entry.hosts != hosts:
             return False
@@ -276,7 +281,7 @@ class Authority:
             for entry in register.certificates
             if entry.revoked_at is None
         )
-        write_private(self.folder / HOLDERS_FILE, write_holders(holders))
+        write_private(self.folder / HOLDERS_FILE, write_holders(holders), is_lasting=False)  # the register has the same
 
     def _check_exists(self) -> None:
         if not self.exists:

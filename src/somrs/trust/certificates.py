@@ -145,6 +145,14 @@ def is_named(certificate: x509.Certificate, uri: str) -> bool:
     return uri in names.get_values_for_type(x509.UniformResourceIdentifier)
 
 
+def is_key_of(certificate: x509.Certificate, key: bytes) -> bool:
+    """Whether a key in PEM is that of a certificate; not if it cannot be read."""
+    try:
+        return _private_key(key).public_key() == certificate.public_key()
+    except ValueError:
+        return False
+
+
 def serial(certificate: x509.Certificate) -> str:
     """The serial number, in hexadecimal digits."""
     return f"{certificate.serial_number:x}"
