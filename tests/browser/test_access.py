@@ -18,7 +18,7 @@ from somrs.trust.authority import Authority
 from somrs.trust.enrolment import enrol
 from tests.support.hang import HANG_TIME
 
-from .conftest import RunningSystem, every_look, fits, sign_in, take_screenshot
+from .conftest import RunningSystem, every_look, fits, running_in, sign_in, take_screenshot
 
 
 @pytest.fixture
@@ -57,6 +57,23 @@ def test_a_new_system_makes_who_opens_the_link_its_administrator(system: Running
     expect(page.get_by_role("button", name="Sign in")).to_be_visible()
     page.goto(link)
     expect(page.get_by_role("alert")).to_contain_text("This link was used")
+
+
+def test_each_page_of_an_open_system_says_what_is_open(
+    system: RunningSystem, tmp_path: Path, window: Callable[..., Page], profile: BrowserContext
+) -> None:
+    sign_in(profile, system.url)
+    safe_page = profile.new_page()
+    safe_page.goto(system.url)
+    expect(safe_page.get_by_role("button", name="account")).to_be_visible()
+    expect(safe_page.get_by_role("img", name="certificates")).to_have_count(0)
+    with running_in(tmp_path, options=["--insecure"]) as open_system:
+        page = window(open_system.url)
+        for path in ("", "/tasks", "/fleet"):
+            page.goto(f"{open_system.url}{path}")
+            expect(page.get_by_role("img", name="Insecure: whoever reaches this address may do everything.")).to_be_visible()
+            expect(page.get_by_role("img", name="Programs have no certificates: whoever reaches the ports")).to_be_visible()
+        assert "Its programs have no certificates" in open_system.log_text()
 
 
 def test_one_signs_in_with_a_password_and_gets_where_one_wanted(system: RunningSystem, profile: BrowserContext) -> None:

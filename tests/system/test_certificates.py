@@ -76,7 +76,7 @@ def test_a_system_with_certificates_works_and_keeps_strangers_out(tmp_path: Path
                 async with Client(addresses) as guest:
                     assert (await guest.map()).objects
                     with pytest.raises(
-                        RemoteError, match=r"guest \(viewer\) may not send Submit: that is for the roles api, client, scheduler"
+                        RemoteError, match=r"guest \(viewer\) may not send Submit: that is for the roles api, client, device, scheduler"
                     ):
                         await guest.submit(Submit(effect=GOAL))
                     Authority.of_data(data).revoke("guest", datetime.now(UTC))

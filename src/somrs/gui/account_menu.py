@@ -46,7 +46,8 @@ def add_account_menu() -> None:
 
 
 def _add_warning(icon: str, text: str) -> None:
-    ui.icon(icon).classes("somrs-insecure").props(f'role="img" aria-label="{text}"').tooltip(text)
+    with ui.element("span").props(f'role="img" aria-label="{text}"').tooltip(text):  # icons are hidden from screen readers
+        ui.icon(icon).classes("somrs-insecure")
 
 
 def only_with(required_right: Right, *controls: ui.element) -> None:

@@ -25,6 +25,7 @@ from somrs.protocol.messages import (
     traffic,
 )
 from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.people import person_name
 from somrs.trust.identity import Identity, Role
 
 DENIED = "frp:Denied"
@@ -63,6 +64,11 @@ def _participant(message: Message) -> Iterable[str]:
 
 def _body_names(*fields: str) -> Names:
     return lambda message: [getattr(message.body, field) for field in fields]
+
+
+def _client(message: Message) -> Iterable[str]:
+    """The client that the task is of."""
+    return (person_name(message.header.sender),)
 
 
 def _publisher(message: Message) -> Iterable[str]:
@@ -123,7 +129,8 @@ RIGHTS: dict[type[Any], Right] = {
     reservations.TaskAssigned: _RESERVING,
     **_all(_OF_REPOSITORIES, neighbours.Neighbours, neighbours.Adopt, neighbours.Adopted, neighbours.AdoptionRefused),
     # Clients of a Task Manager.
-    **_all(_TASKS, submission.Submit, submission.SubmitOnce, submission.CancelTask, submission.PauseTask, previews.Preview),
+    **_all(_TASKS | {_DEVICE: _client}, submission.Submit, submission.SubmitOnce),  # a robot has itself charged
+    **_all(_TASKS, submission.CancelTask, submission.PauseTask, previews.Preview),
     **_all(_ANYONE, task_news.ReadTasks, task_news.WatchTask, task_news.WatchTasks, task_news.ReadMessages, records.ReadRecords),
     **_all(_OF_TASK_MANAGERS, submission.Submitted, submission.TaskRejected, submission.Cancelling, submission.TaskPaused),
     **_all(_OF_TASK_MANAGERS, task_news.Tasks, task_news.TaskNews, task_news.TasksNews, task_news.Messages),
