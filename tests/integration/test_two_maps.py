@@ -8,14 +8,17 @@ from types import MappingProxyType
 
 import pytest
 
+from somrs.gui.pages.task_story import story
 from somrs.ontology.files.loading import load_text
 from somrs.ontology.map import Map
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
+from somrs.protocol.messages.event_text import sentence
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.protocol.messages.neighbours import Neighbour
 from somrs.protocol.messages.submission import Submit, Submitted, TaskRejected
 from somrs.protocol.messages.task_views import TaskView
+from somrs.protocol.messages.waits import RepositoryAnswered, WaitsForRepository
 from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
 from somrs.registry.neighbours import Configured
@@ -31,7 +34,7 @@ from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Advance, Capability, Order, Profile, WorkDone
 from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
 from somrs.task_manager.manager import TaskManager
-from somrs.task_manager.transaction.views import view
+from somrs.task_manager.transaction.views import event_view, row, view
 from tests.support.answer_client import AnswerClient
 from tests.support.building import wide_building
 from tests.support.virtual_system import Robot, transfer_effect
@@ -269,3 +272,45 @@ def test_a_goal_about_what_a_neighbour_does_not_have_is_refused_at_once(goal: st
     two = TwoOwners(yard_robot=Robot("YardRobot", price=5, duration=20), shows=shows)
     rejected = two.client.ask(two.yard.manager_address, Submit(effect=goal), TaskRejected)
     assert rejected.problem.splitlines()[0] == problem
+
+
+def events_of(owner: Owner, task: str, *kinds: type) -> list[str]:
+    return [sentence(logged.event) for logged in owner.manager.state.tasks[task].events if isinstance(logged.event, kinds)]
+
+
+@pytest.mark.parametrize(
+    ("absent", "repository", "about"), [("Barn", "the Repository of Barn", " about Barn:Jar1"), ("Yard", "the Repository", "")]
+)
+def test_a_task_says_that_it_waits_for_a_repository_and_when_that_is_over(absent: str, repository: str, about: str) -> None:
+    robot = Robot("YardRobot", price=5, duration=20)
+    two = TwoOwners(yard_robot=robot)
+    task = two.submit(two.yard, "Barn:Jar1 isOn YardPlatform")
+    state = two.yard.manager.state.tasks[task]
+    assert two.world.run(600, lambda: bool(robot.orders))
+    two.world.cut_off(f"{absent}/repository")
+    two.world.run(90.0)
+    waiting = f"waiting for an answer{about}: {repository} does not answer"
+    assert row(state).reasons == view(state).reasons == (waiting,)
+    assert events_of(two.yard, task, WaitsForRepository) == [waiting], "it is said once"
+    two.world.reconnect(f"{absent}/repository")
+    task_view = two.finish(two.yard, task)
+    assert (task_view.outcome, task_view.waiting_for_answer) == ("accomplished", None)
+    (answered,) = events_of(two.yard, task, RepositoryAnswered)
+    assert answered.startswith(f"continuing: {repository} has answered after ")
+    logged_events = tuple(event_view(number, logged) for number, logged in enumerate(state.events, 1))
+    texts = [(chapter.title, chapter.text) for chapter in story(task_view, logged_events)]
+    assert [text for text in texts if text[0] in ("Waiting", "Continuing")] == [("Waiting", waiting), ("Continuing", answered)]
+
+
+def test_a_task_says_that_it_waits_for_a_neighbour_before_anything_moves() -> None:
+    robot = Robot("YardRobot", price=5, duration=20)
+    two = TwoOwners(yard_robot=robot)
+    two.world.cut_off("Barn/repository")
+    task = two.submit(two.yard, "Barn:Jar1 isOn YardPlatform")
+    two.world.run(40.0)
+    state = two.yard.manager.state.tasks[task]
+    assert view(state).reasons == ("waiting for an answer about Barn:Jar1: the Repository of Barn does not answer",)
+    assert not robot.orders
+    two.world.reconnect("Barn/repository")
+    assert two.finish(two.yard, task).outcome == "accomplished"
+    assert len(events_of(two.yard, task, WaitsForRepository, RepositoryAnswered)) == 2

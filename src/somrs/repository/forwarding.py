@@ -237,12 +237,12 @@ def notice(contents: Contents, neighbour: NeighbourState, body: Body, now: float
     return tell(contents, neighbour.settings.address, body, now)
 
 
-def tell(contents: Contents, recipient: str, body: Body, now: float) -> Send:
-    """A message that has no answer."""
+def tell(contents: Contents, recipient: str, body: Body, now: float, seconds: float = FORWARDING_TIME) -> Send:
+    """A message that has no answer. `seconds`: how long it is of use."""
     contents.notice_count += 1
     id = message_id(contents.address, recipient, type(body).__name__, contents.notice_count, now)
     header = Header(sender=contents.address, recipient=recipient, message_id=id)
-    return Send(Message(header=header, body=body), now + FORWARDING_TIME)
+    return Send(Message(header=header, body=body), now + seconds)
 
 
 def request(contents: Contents, address: str, body: Body, id: str, now: float) -> Send:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from somrs.kernel.component import Effects, EffectsReturning, Send, SetTimer
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.neighbours import Adopted, AdoptionRefused
+from somrs.repository.awaiting import REPETITION_TIME, notices
 from somrs.repository.committing import Committing
 from somrs.repository.forwarding import Forwarding
 from somrs.repository.handing_over import HandingOver
@@ -18,9 +19,6 @@ from somrs.repository.publishing import Publishing
 from somrs.repository.reserving import Reserving
 from somrs.repository.shared_reserving import SharedReserving
 from somrs.repository.state import Answer, Contents, RepetitionDue
-
-REPETITION_TIME = 10.0
-"""Seconds after which a neighbour that has not answered is asked again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +80,9 @@ class Neighbourhood:
             yield SetTimer(RepetitionDue(), self._contents.repeats_at)
 
     def repeat(self, now: float) -> Effects:
-        """Ask neighbours again: their answers may have been lost, if they or this Repository were down."""
+        """Ask neighbours again: their answers may have been lost, if they or this Repository were down. Who waits for them is told."""
         self._contents.repeats_at = None
         yield from self.forwarding.repeat(now)
         yield from self.reserving.repeat(now)
         yield from self.handing_over.repeat(now)
+        yield from notices(self._contents, now)

@@ -7,16 +7,12 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from somrs.kernel.component import Effects
-from somrs.ontology.objects import objects_of
-from somrs.ontology.qualified_names import translated
 from somrs.protocol.messages.neighbours import MapNeighbourView, Neighbour, Neighbours
+from somrs.repository.awaiting import waits
 from somrs.repository.importing import Importing
 from somrs.repository.neighbour_state import NeighbourCopy, NeighbourState
 from somrs.repository.publishing import Publishing
 from somrs.repository.state import Contents
-
-ANSWERS_WITHIN = 5.0
-"""Seconds within which a neighbour that is there answers."""
 
 
 class NeighboursConfigured(Struct, frozen=True, tag=True):
@@ -78,34 +74,13 @@ class Neighbouring:
         return Neighbours(map=contents.map.name, neighbours=tuple(self._view(neighbour, now) for neighbour in contents.neighbours.values()))
 
     def _view(self, neighbour: NeighbourState, now: float) -> MapNeighbourView:
+        own_waits = (wait.text for wait in waits(self._contents, now) if wait.map == neighbour.settings.map)
         return MapNeighbourView(
             neighbour=neighbour.settings,
             objects=self._contents.map.count_from(neighbour.settings.map),
             heard_at=neighbour.copy.known_since or None,
-            problems=(*self._waits(neighbour.settings.map, now), *self._problems(neighbour)),
+            problems=(*own_waits, *self._problems(neighbour)),
         )
-
-    def _waits(self, map: str, now: float) -> Iterator[str]:
-        """What has waited for a neighbour for longer than it takes to answer."""
-        for handover in self._contents.handovers.values():
-            if handover.map == map and handover.adopted is None and now - handover.since >= ANSWERS_WITHIN:
-                count = len(handover.deferred)
-                updates = f"; {count} {'update of it waits' if count == 1 else 'updates of it wait'} for that" if count else ""
-                yield f"{handover.object} gets its home there as soon as {map} answers{updates}"
-        updates_on_their_way = [
-            forwarded
-            for forwarded in self._contents.forwarded.values()
-            if next(iter(forwarded.parts)) == map and now - forwarded.since >= ANSWERS_WITHIN
-        ]
-        for forwarded in updates_on_their_way:
-            author = getattr(forwarded.message.body, "author", "") or forwarded.message.header.sender
-            names = (objects_of(change)[0] for change in forwarded.parts[map].changes if objects_of(change))
-            subjects = dict.fromkeys(translated(name, map, self._contents.map.name) for name in names)
-            yield f"an update of {', '.join(subjects)} by {author} waits until {map} answers"
-        for shared in self._contents.shared_reservations.values():
-            is_late = bool(shared.request_id) and shared.waiting[0] == map and now - shared.since >= ANSWERS_WITHIN
-            if is_late and shared.request is not None:
-                yield f"the task {shared.request.goal!r} waits until {map} answers whether it may have its objects"
 
     def _problems(self, neighbour: NeighbourState) -> Iterator[str]:
         copy, settings, contents = neighbour.copy, neighbour.settings, self._contents

@@ -27,9 +27,10 @@ from somrs.kernel.service_replica import ServiceUpdate
 from somrs.limits import Limits
 from somrs.ontology.modes import freed_devices
 from somrs.ontology.objects import objects_of
-from somrs.protocol.messages import directory, frp, previews, records, reservations, submission, task_news
+from somrs.protocol.messages import directory, frp, neighbours, previews, records, reservations, submission, task_news
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
+from somrs.protocol.messages.waits import WaitsForRepository
 from somrs.task_manager.context import TaskManagerContext, find_task_error
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.senders import answer_stranger
@@ -61,6 +62,8 @@ from somrs.task_manager.timers import (
     StopDue,
     Timer,
 )
+from somrs.task_manager.transaction.repository_wait import RepositoryWait
+from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.transaction import Transaction
 from somrs.task_manager.transaction.views import preview_reply
@@ -178,6 +181,7 @@ class TaskManager:
                     yield from self._transaction(task).clock_adjusted(now)
             case DeliveryFailed(message, reason) if message.header.message_id in state.requests.pending:
                 yield from self._request_answered((yield from state.requests.delivery_failed(message, reason, now)), now)
+                self._note_overdue(message.header.message_id, now)
             case DeliveryFailed(message, reason):
                 yield from self._delivery_failed(message, reason, now)
 
@@ -261,6 +265,10 @@ class TaskManager:
                 yield from self._transaction(task).freed(now)
             case reservations.ReservationLost(task=task) as lost:
                 yield from self._transaction(task).lost_reservation(lost, now)
+            case neighbours.NeighbourAwaited(task=task, request=request) as awaited:
+                if task in state.running and request in state.requests.pending:
+                    wait = WaitsForRepository(since=awaited.since, map=awaited.map, objects=awaited.objects)
+                    self._repository_wait(task).begin(request, wait, now)
             case frp.Fault():
                 pass  # a Fault is never answered
             case body if type(body) not in REQUESTS and not isinstance(body, FrpBody):
@@ -320,8 +328,9 @@ class TaskManager:
                     yield self._reply(waiting, frp.Fault(code="env:Receiver", text=text))
             case DiscoveryDue():
                 state.discovery.timer_at = None
-            case AnswerDue():
+            case AnswerDue() as timer:
                 yield from self._request_answered((yield from state.requests.timer_fired(timer, now)), now)
+                self._note_overdue(timer.request, now)
             case BidsDue() | SilenceDue() | OverdueDue() | DeadlineDue() | RetryDue() | StopDue() if timer.owner in state.tasks:
                 yield from self._transaction(timer.owner).timer_fired(timer, now)
             case BidsDue() | PreviewDue() if timer.owner in state.previews:
@@ -345,9 +354,17 @@ class TaskManager:
         elif transaction in self.state.previews:
             yield from self._advance_preview(transaction, now, lambda preview: preview.delivery_failed(message, reason, now))
 
+    def _note_overdue(self, request: str, now: float) -> None:
+        """The Repository has not answered in time."""
+        overdue = self.state.requests.overdue(request)
+        if overdue is not None and overdue[0] in self.state.running:
+            self._repository_wait(overdue[0]).begin(request, WaitsForRepository(since=overdue[1]), now)
+
     def _request_answered(self, result: RequestResult | None, now: float) -> Effects:
         """Handle the result of a request to the Repository or the Registry."""
         state = self.state
+        if result is not None and result.purpose.owner in state.running:
+            self._repository_wait(result.purpose.owner).end(now)
         match result:
             case ServicesKnown(purpose, offers) if purpose.owner in state.tasks:
                 yield from self._transaction(purpose.owner).discovered(purpose, offers, now)
@@ -404,6 +421,9 @@ class TaskManager:
 
     def _transaction(self, id: str) -> Transaction:
         return Transaction(self.state.tasks[id], self._context)
+
+    def _repository_wait(self, id: str) -> RepositoryWait:
+        return RepositoryWait(TaskScope(self.state.tasks[id], self._context))
 
     def _still_at_work(self, work: AtWork) -> bool:
         task: TaskState | None = self.state.tasks.get(work.transaction)

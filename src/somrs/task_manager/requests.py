@@ -240,6 +240,13 @@ class Requests(Struct, kw_only=True):
             return None
         return (yield from self._retry(request, f"{request.message.header.recipient} does not answer", now))
 
+    def overdue(self, id: str) -> tuple[str, float] | None:
+        """The task whose request to the Repository has not been answered in time, and when it was sent; None for another request."""
+        request = self.pending.get(id)
+        if request is None or not isinstance(request.purpose, ForReport | ForReservation):
+            return None
+        return request.purpose.owner, request.expires_at - UPDATE_TIME
+
     def _interpret_answer(
         self, request: Request, answer: Message, now: float, ontology: Ontology = Ontology()
     ) -> EffectsReturning[RequestResult | None]:

@@ -111,7 +111,8 @@ class TaskHeader:
                 if view.waiting_to_retry is not None:
                     show_hindrances(view.waiting_to_retry)
                 waits = view.waiting_for is not None or view.waiting_to_retry is not None
-                for reason in current_reasons[: int(view.pause is not None)] if waits else current_reasons:
+                stated_count = (view.pause is not None) + (view.waiting_for_answer is not None)
+                for reason in current_reasons[:stated_count] if waits else current_reasons:
                     with ui.element("li"):
                         ui.label(reason_text(reason)).tooltip(reason)
         self._reason_status.visible = bool(current_reasons)

@@ -49,7 +49,9 @@ class _StoryBuilder:
                 pass  # ordinary: devices are often busy
             case waits.WaitsForTasks():
                 self._add_chapter(entry, "hourglass_empty", "Waiting", "busy").waiting_for = event
-            case waits.GoesOn():
+            case waits.WaitsForRepository():
+                self._add_chapter(entry, "hourglass_empty", "Waiting", "busy", entry.text)
+            case waits.GoesOn() | waits.RepositoryAnswered():
                 self._add_chapter(entry, "hourglass_empty", "Continuing", "busy", entry.text)
             case events.TaskEnded(outcome=outcome, reasons=end_reasons):
                 self.end(entry, outcome, end_reasons)

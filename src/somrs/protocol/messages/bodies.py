@@ -40,6 +40,7 @@ KnowledgeBody = (
     | reservations.ReservationLost | reservations.Release | reservations.ClaimReservations
     | reservations.AssignTask | reservations.TaskAssigned
     | neighbours.ReadNeighbours | neighbours.Neighbours | neighbours.Adopt | neighbours.Adopted | neighbours.AdoptionRefused
+    | neighbours.NeighbourAwaited
 )  # fmt: skip
 ClientBody = (
     submission.Submit | submission.SubmitOnce | submission.Submitted | submission.TaskRejected | submission.CancelTask

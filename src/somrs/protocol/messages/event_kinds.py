@@ -40,7 +40,15 @@ from somrs.protocol.messages.events import (
     WorkStranded,
     WorkUndone,
 )
-from somrs.protocol.messages.waits import GoesOn, WaitOver, WaitsForDevice, WaitsForTasks, WaitsToRetry
+from somrs.protocol.messages.waits import (
+    GoesOn,
+    RepositoryAnswered,
+    WaitOver,
+    WaitsForDevice,
+    WaitsForRepository,
+    WaitsForTasks,
+    WaitsToRetry,
+)
 
 
 class EventKind(StrEnum):
@@ -68,6 +76,7 @@ class EventKind(StrEnum):
 
 KINDS: dict[type[Event], EventKind] = {
     **dict.fromkeys((WaitsForTasks, WaitsToRetry, WaitOver, GoesOn, WaitsForDevice, Paused, Resumed), EventKind.WAIT),
+    **dict.fromkeys((WaitsForRepository, RepositoryAnswered), EventKind.WAIT),
     **dict.fromkeys((Replanned, TriedOnceMore, ConditionsAdopted), EventKind.REPLAN),
     **dict.fromkeys(
         (

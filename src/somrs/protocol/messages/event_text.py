@@ -36,6 +36,17 @@ def retry_text(event: waits.WaitsToRetry) -> str:
     return f"waiting to try again{count}: {reasons}"
 
 
+def awaited_text(event: waits.WaitsForRepository) -> str:
+    """Return whose answer a task waits for."""
+    about = f" about {', '.join(event.objects)}" if event.objects else ""
+    return f"waiting for an answer{about}: {repository_text(event.map)} does not answer"
+
+
+def repository_text(map: str) -> str:
+    """Return the Repository that has a map; without a name, that of the Task Manager."""
+    return f"the Repository of {map}" if map else "the Repository"
+
+
 def holders_text(holders: Iterable[Holder]) -> str:
     """Return which tasks have reserved which objects."""
     return " and ".join(f"{_task_text(holder)} {reserved_text(holder)}" for holder in holders)
@@ -83,6 +94,10 @@ def sentence(event: Event) -> str:
             return f"continuing after {seconds:.0f} s and {attempts} attempt{'s' if attempts != 1 else ''}"
         case waits.GoesOn():
             return "continuing: the objects it waited for are free"
+        case waits.WaitsForRepository():
+            return awaited_text(event)
+        case waits.RepositoryAnswered(seconds=seconds, map=map):
+            return f"continuing: {repository_text(map)} has answered after {seconds:.0f} s"
         case events.Replanned(reasons=reasons):
             return f"replanning: {join_reasons(reasons)}"
         case events.ConditionsAdopted(conditions=conditions):

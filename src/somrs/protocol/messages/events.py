@@ -12,7 +12,16 @@ from msgspec import Struct
 
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.goal_kinds import GoalKind
-from somrs.protocol.messages.waits import GoesOn, Holder, WaitOver, WaitsForDevice, WaitsForTasks, WaitsToRetry
+from somrs.protocol.messages.waits import (
+    GoesOn,
+    Holder,
+    RepositoryAnswered,
+    WaitOver,
+    WaitsForDevice,
+    WaitsForRepository,
+    WaitsForTasks,
+    WaitsToRetry,
+)
 
 # From the goal to the plan
 
@@ -367,6 +376,7 @@ class TaskEnded(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True)
 
 Event = (
     TaskStated | Planned | WaitsForTasks | WaitsToRetry | WaitOver | GoesOn | Replanned | TriedOnceMore
+    | WaitsForRepository | RepositoryAnswered
     | UndoingCheaper | PlansCompared | ServicesAsked | TermsOffered | ServiceRefused | ConditionsAdopted | ServiceChosen
     | WaitsForDevice | StepStarted | ProgressNoted | StepCompleted | FoundOut | StepStopped | FoundSo
     | NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | InvariantBroken | ServiceLost

@@ -48,6 +48,17 @@ class Neighbours(MessageBody, frozen=True, kw_only=True, tag=True):
     neighbours: tuple[MapNeighbourView, ...] = ()
 
 
+class NeighbourAwaited(MessageBody, frozen=True, kw_only=True, tag=True):
+    """To a Task Manager: its request with the id `request`, for a task, waits until the neighbour with the map `map` answers what is asked
+    about these objects, `since` (seconds since 1970)."""
+
+    task: str
+    request: str
+    map: str
+    objects: tuple[str, ...]
+    since: float
+
+
 class Adopt(MessageBody, frozen=True, kw_only=True, tag=True):
     """To a neighbour: an object has come to a place of its map, which becomes its home. `handover` identifies this move.
 

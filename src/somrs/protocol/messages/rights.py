@@ -128,6 +128,7 @@ RIGHTS: dict[type[Any], Right] = {
     reservations.ReservationLost: _OF_REPOSITORIES,
     reservations.TaskAssigned: _RESERVING,
     **_all(_OF_REPOSITORIES, neighbours.Neighbours, neighbours.Adopt, neighbours.Adopted, neighbours.AdoptionRefused),
+    neighbours.NeighbourAwaited: _OF_REPOSITORIES,
     # Clients of a Task Manager.
     **_all(_TASKS | {_DEVICE: _client}, submission.Submit, submission.SubmitOnce),  # a robot has itself charged
     **_all(_TASKS, submission.CancelTask, submission.PauseTask, previews.Preview),

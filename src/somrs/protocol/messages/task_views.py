@@ -16,7 +16,7 @@ from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.submission import Policy
-from somrs.protocol.messages.waits import WaitsForTasks, WaitsToRetry
+from somrs.protocol.messages.waits import WaitsForRepository, WaitsForTasks, WaitsToRetry
 
 
 class Phase(StrEnum):
@@ -129,6 +129,8 @@ class TaskView(Struct, frozen=True, kw_only=True):
     """The tasks that it waits for now; also in the reasons, as text."""
     waiting_to_retry: WaitsToRetry | None = None
     """Why there is no way to do it now, and when the next attempt is; also in the reasons, as text."""
+    waiting_for_answer: WaitsForRepository | None = None
+    """The Repository that does not answer; also in the reasons, as text."""
     pause: Pause | None = None
     """Who has paused it, if it is paused; also in the reasons, as text."""
     recognise: bool = False
@@ -168,6 +170,8 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     """The tasks that it waits for now; also in the reasons, as text."""
     waiting_to_retry: WaitsToRetry | None = None
     """Why there is no way to do it now, and when the next attempt is; also in the reasons, as text."""
+    waiting_for_answer: WaitsForRepository | None = None
+    """The Repository that does not answer; also in the reasons, as text."""
     pause: Pause | None = None
     """Who has paused it, if it is paused; also in the reasons, as text."""
     recognise: bool = False

@@ -68,6 +68,25 @@ class GoesOn(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
     """The objects for which the task waited are free."""
 
 
+class WaitsForRepository(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """A Repository has not answered since `since` (s since 1970), and the task cannot proceed without its answer.
+
+    `map`: the name of its map, if it is a neighbour, and the `objects` that it is asked about. Without a name, it is the Repository of the
+    Task Manager.
+    """
+
+    since: float
+    map: str = ""
+    objects: tuple[str, ...] = ()
+
+
+class RepositoryAnswered(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """The Repository has answered after so many `seconds`."""
+
+    seconds: float
+    map: str = ""
+
+
 class WaitsForDevice(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
     """The device performs other work first."""
 

@@ -10,7 +10,7 @@ from lxml import etree
 from msgspec import Struct
 
 from somrs.protocol.frp.session import CoordinatorBody, ParticipantBody
-from somrs.protocol.messages import directory, frp, knowledge, reservations, traffic
+from somrs.protocol.messages import directory, frp, knowledge, neighbours, reservations, traffic
 from somrs.protocol.messages.bodies import REQUESTS
 from somrs.protocol.soap.soap import CLIENTS, DIRECTORY, FRP, KNOWLEDGE, NAMESPACES, ORDERS, TRAFFIC, action, namespace_of
 from somrs.protocol.soap.xml import Element, union_of
@@ -50,6 +50,7 @@ COMPONENTS: dict[str, tuple[str, Kinds]] = {
             directory.ServicesLeft,
             reservations.ReservationFree,
             reservations.ReservationLost,
+            neighbours.NeighbourAwaited,
             *_FOLLOWS_MAP,
         ),
     ),

@@ -17,7 +17,7 @@ from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.previews import Previewed
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import Pause, Phase
-from somrs.protocol.messages.waits import WaitsForTasks, WaitsToRetry
+from somrs.protocol.messages.waits import WaitsForRepository, WaitsForTasks, WaitsToRetry
 from somrs.task_manager.arrangement.call_for_proposals import OpenCalls
 from somrs.task_manager.arrangement.conditions import StatedConditions
 from somrs.task_manager.arrangement.plan_request import PlanRequest
@@ -140,6 +140,13 @@ class Attempt(Struct, kw_only=True):
     messages: list[LoggedMessage] = []
 
 
+class AwaitedAnswer(Struct, frozen=True):
+    """The answer to the request with this id, and of whom it is."""
+
+    request: str
+    wait: WaitsForRepository
+
+
 class TaskState(Struct, kw_only=True, eq=False):
     """The state of one task.
 
@@ -179,6 +186,8 @@ class TaskState(Struct, kw_only=True, eq=False):
     """Why there is no plan, while interrupted work is being compensated."""
     reservation: TaskReservation = field(default_factory=TaskReservation)
     """The objects that the task has reserved."""
+    awaited_answer: AwaitedAnswer | None = None
+    """The answer of a Repository that is late."""
     pause: Pause | None = None
     """Who has paused the task."""
     due_time: float | None = None

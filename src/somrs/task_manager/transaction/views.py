@@ -15,7 +15,7 @@ from somrs.ontology.types import UNKNOWN
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.protocol.frp.states import WORKING
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.event_text import join_reasons, pause_text, sentence
+from somrs.protocol.messages.event_text import awaited_text, join_reasons, pause_text, sentence
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.paging import fit_page
 from somrs.protocol.messages.previews import Obstacle, Previewed
@@ -64,6 +64,7 @@ def view(task: TaskState) -> TaskView:
         retry_of=task.task.retry_of,
         waiting_for=task.goal.waiting_for,
         waiting_to_retry=task.goal.waiting_to_retry,
+        waiting_for_answer=task.awaited_answer.wait if task.awaited_answer is not None else None,
         pause=task.pause,
     )
 
@@ -109,6 +110,7 @@ def row(task: TaskState) -> TaskRow:
         services=tuple(member.offer.service for member in working),
         waiting_for=task.goal.waiting_for,
         waiting_to_retry=task.goal.waiting_to_retry,
+        waiting_for_answer=task.awaited_answer.wait if task.awaited_answer is not None else None,
         pause=task.pause,
     )
 
@@ -233,7 +235,8 @@ def contract_view(member: Member) -> ContractView:
 def _reasons(task: TaskState) -> tuple[str, ...]:
     """Why the task ended or is ending, or what it waits for."""
     paused = (pause_text(task.pause),) if task.pause is not None else ()
-    return (*paused, *(task.reasons or waiting_texts(task.goal)))
+    awaited = (awaited_text(task.awaited_answer.wait),) if task.awaited_answer is not None else ()
+    return (*paused, *awaited, *(task.reasons or waiting_texts(task.goal)))
 
 
 def event_view(number: int, noted: LoggedEvent) -> TaskEvent:

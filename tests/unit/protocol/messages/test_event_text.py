@@ -64,6 +64,12 @@ SENTENCES: list[tuple[Event, str]] = [
     (waits.WaitOver(attempts=1, seconds=2.4), "continuing after 2 s and 1 attempt"),
     (waits.WaitOver(attempts=3, seconds=14.0), "continuing after 14 s and 3 attempts"),
     (waits.GoesOn(), "continuing: the objects it waited for are free"),
+    (waits.WaitsForRepository(since=1.0), "waiting for an answer: the Repository does not answer"),
+    (
+        waits.WaitsForRepository(since=1.0, map="Barn", objects=("Barn:A", "B")),
+        "waiting for an answer about Barn:A, B: the Repository of Barn does not answer",
+    ),
+    (waits.RepositoryAnswered(seconds=7.6, map="Barn"), "continuing: the Repository of Barn has answered after 8 s"),
     (events.Replanned(reasons=TWO), "replanning: no; never"),
     (events.TriedOnceMore(services=("R.A", "R.B")), "there is no plan without R.A, R.B; they may try again"),
     (events.Paused(author="Ada"), "paused by Ada"),
@@ -189,7 +195,10 @@ def test_what_an_event_is_in_the_life_of_its_task() -> None:
         EventKind.HANDLER: {"HandlerBegun"},
         EventKind.REPLACE: {"ServiceReplaced"},
         EventKind.REPLAN: {"ConditionsAdopted", "Replanned", "TriedOnceMore"},
-        EventKind.WAIT: {"WaitsForTasks", "WaitsToRetry", "WaitOver", "GoesOn", "WaitsForDevice", "Paused", "Resumed"},
+        EventKind.WAIT: {
+            "WaitsForTasks", "WaitsToRetry", "WaitOver", "GoesOn", "WaitsForDevice", "WaitsForRepository", "RepositoryAnswered", "Paused",
+            "Resumed",
+        },
         EventKind.LOOK: {"FoundOut", "LookBegun", "LookFound", "NobodyLooks", "KnownOtherwise", "ObjectsDiscovered"},
         EventKind.UNDO: {
             "UndoingCheaper", "FailuresUndone", "UndoneByHandler", "UndoneByService", "UndoneByOthers", "Compensated", "WorkUndone",

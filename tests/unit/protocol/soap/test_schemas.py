@@ -292,7 +292,7 @@ MAP = ["MapChanged", "OntologyChanged"]
             "task-manager",
             "TaskManager",
             CLIENTS,
-            [*REPORTS, "ServicesJoined", "ServicesLeft", "ReservationFree", "ReservationLost", *MAP],
+            [*REPORTS, "ServicesJoined", "ServicesLeft", "ReservationFree", "ReservationLost", "NeighbourAwaited", *MAP],
         ),
         ("scheduler", "Scheduler", ORDERS, MAP),
         (
