@@ -37,7 +37,9 @@ from somrs.runtime.host import Host
 from somrs.runtime.http import Server
 from somrs.runtime.node import Report
 from somrs.runtime.wire import Unanswered, Wire
-from somrs.storage.stream_log import StreamLog, status_subject
+from somrs.storage.running_component import status_subject
+from somrs.storage.stored_copy import CopyInfo
+from somrs.storage.stream_log import StreamLog
 from somrs.task_manager.manager import TaskManager
 from tests.support.hang import HANG_TIME
 from tests.support.lab import contents
@@ -366,7 +368,7 @@ def test_a_site_is_discarded_and_others_on_the_bus_are_not(tmp_path: Path) -> No
             assert await log.begin_writing(0)
             await log.append(1, 1, b"one")
             (tmp_path / "copy").write_bytes(b"a copy")
-            await log.store_copy(tmp_path / "copy", 0, "http://127.0.0.1:1/registry")
+            await log.store_copy(tmp_path / "copy", CopyInfo(number=0, address="http://127.0.0.1:1/registry"))
         with pytest.raises(UsageError, match="registry of the site yard runs on"):
             await discard_site(server.address.servers, "yard")
         for log in logs:
@@ -377,7 +379,8 @@ def test_a_site_is_discarded_and_others_on_the_bus_are_not(tmp_path: Path) -> No
         for log, bounds, number in zip(logs, ((1, 0), (1, 2)), (None, 0), strict=True):
             await log.open()
             assert await log.bounds() == bounds
-            assert await log.copied_number() == number
+            copy = await log.copy_info()
+            assert (copy.number if copy is not None else None) == number
             assert await log.acquire()
             await log.close()
 

@@ -22,6 +22,7 @@ from somrs.runtime.bus_requests import answer_subject
 from somrs.runtime.host import Host
 from somrs.runtime.wire import Unanswered, Wire
 from somrs.storage.audit_log import Actor, AuditLog
+from somrs.storage.stored_copy import CopyInfo
 from somrs.storage.stream_log import StreamLog
 from somrs.trust.authority import Authority
 from somrs.trust.certificates import CERTIFICATE_DAYS
@@ -323,7 +324,7 @@ def test_each_component_has_what_it_needs_of_the_bus(tmp_path: Path, caplog: pyt
         assert await log.begin_writing(0)
         await log.append(1, 1, b"one")
         (tmp_path / "copy").write_bytes(b"a copy")
-        await log.store_copy(tmp_path / "copy", 1, f"{bus.address.gateway}/task-manager-2")
+        await log.store_copy(tmp_path / "copy", CopyInfo(number=1, address=f"{bus.address.gateway}/task-manager-2"))
         await log.fetch_copy(tmp_path / "fetched")
         await log.forget_before(2)
         batch = await log.batch(2)

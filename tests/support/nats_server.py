@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sysconfig
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 from somrs.ports import listen_at
@@ -16,14 +17,14 @@ from tests.support.hang import HANG_TIME
 
 
 class NatsServer:
-    """A context manager. `gateway`: the URL below which the addresses of the site are."""
+    """A context manager. `gateway`: the URL below which the addresses of the site are. `settings`: of JetStream."""
 
-    def __init__(self, folder: Path, gateway: str = "http://127.0.0.1:1") -> None:
+    def __init__(self, folder: Path, gateway: str = "http://127.0.0.1:1", settings: Mapping[str, int] | None = None) -> None:
         with listen_at("127.0.0.1", 0) as free:
             self.port: int = free.getsockname()[1]
         self.address = BusAddress(servers=f"nats://127.0.0.1:{self.port}", site="yard", gateway=gateway)
         self._settings = folder / "nats.json"
-        jetstream = {"store_dir": str(folder / "nats"), "sync_interval": "always"}
+        jetstream = {"store_dir": str(folder / "nats"), "sync_interval": "always"} | dict(settings or {})
         self._settings.write_text(
             json.dumps({"host": "127.0.0.1", "port": self.port, "log_file": str(folder / "nats.log"), "jetstream": jetstream})
         )

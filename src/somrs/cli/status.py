@@ -23,7 +23,7 @@ from somrs.deployment.incidents import Incident
 from somrs.errors import RemoteError
 from somrs.protocol.messages.directory import NeighbourView
 from somrs.protocol.messages.neighbours import MapNeighbourView
-from somrs.storage.stream_log import RunningComponent
+from somrs.storage.running_component import RunningComponent
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,7 +44,7 @@ async def status(addresses: Addresses, data: Path, *, json: bool) -> None:
     elif addresses.bus is not None and not status.processes:
         print(f"no component of the site {addresses.bus.site} runs on the bus at {addresses.bus.servers}")
     else:
-        terminal.console().print(_render_processes(status.processes) if addresses.bus is not None else _render_parts(status.parts))
+        terminal.console().print(processes_table(status.processes) if addresses.bus is not None else _render_parts(status.parts))
         _print_neighbours(status.neighbours)
         _print_neighbouring_maps(status.neighbouring_maps)
         for incident in status.incidents:
@@ -88,12 +88,15 @@ def _print_neighbouring_maps(neighbours: Sequence[MapNeighbourView]) -> None:
         terminal.console().print(table)
 
 
-def _render_processes(processes: Sequence[RunningComponent]) -> Table:
+def processes_table(processes: Sequence[RunningComponent]) -> Table:
+    """What runs where, who leads, and what is wrong."""
     table = Table("component", "host", "process", "state", "inputs", "behind")
     leading = {process.component: process.number for process in processes if process.leads}
     for process in processes:
         behind = max(0, leading.get(process.component, process.number) - process.number)
         state = "[green]✔ leads[/]" if process.leads else "standby"
+        if process.problem:
+            state += f"\n[red]✘[/] {escape(process.problem)}"
         table.add_row(process.component, process.host, str(process.process), state, str(process.number), str(behind))
     for component in sorted({process.component for process in processes} - set(leading)):
         table.add_row(component, "", "", "[red]✘ nobody leads[/]", "", "")

@@ -22,7 +22,8 @@ from somrs.runtime.http import Server
 from somrs.runtime.node import ANSWER_TIME
 from somrs.runtime.trust_client import following
 from somrs.storage.nats_connection import made_with_copies, patiently
-from somrs.storage.stream_log import RunningComponent, discard_journals, status_subject
+from somrs.storage.running_component import RunningComponent, status_subject
+from somrs.storage.stream_log import discard_journals
 from somrs.trust.credentials import Credentials
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import os
 import uuid
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -16,6 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from somrs.deployment.joining import JoinedJournal, OpenJournal, join, note_joined
 from somrs.deployment.programs import say_ready, stop_signals, until_stopped
 from somrs.errors import RemoteError, UsageError
 from somrs.kernel.component import Stateful
@@ -23,9 +25,11 @@ from somrs.kernel.durability import JournaledComponent
 from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.host import Host
 from somrs.runtime.node import CarryOut, Node, refuse_work
-from somrs.storage.journal import Journal, Log
 from somrs.storage.lease import RENEWAL
+from somrs.storage.stored_copy import CopyInfo
 from somrs.storage.stream_log import StreamLog
+
+log = logging.getLogger(__name__)
 
 COPY_AFTER = 20_000
 """The number of batches after which the leader stores a copy of its file, and deletes them from the stream."""
@@ -33,23 +37,22 @@ COPY_AFTER = 20_000
 KEPT = 1000
 """The number of batches before a copy that stay in the stream, for standbys that are a little behind."""
 
-OpenJournal = Callable[[Log | None], Journal]
-"""Opens the journal of a component, in its file, with this log."""
-
 IDENTITY_FILE = "identity"
 """The file in the data folder with the name by which leases on a bus know it."""
 
 
 class Continuation:
-    """The continuation of a component from its `journal`. `add` returns when this process is the one to do it."""
+    """The continuation of a component from a journal. `add` returns when this process is the one to do it."""
 
-    def __init__(self, journal: Journal, stream: StreamLog | None) -> None:
-        self.journal, self._stream = journal, stream
+    def __init__(self, joined: JoinedJournal, stream: StreamLog | None) -> None:
+        self.journal, self._joined, self._stream = joined.journal, joined, stream
         self._lost = asyncio.Event()
         if stream is not None:
             stream.on_lost = partial(asyncio.get_running_loop().call_soon_threadsafe, self._lost.set)
         self._copied_to = 0
         """The place up to which a copy of the file has the entries."""
+        self._history, self._replaced = "", tuple[str, ...]()
+        """The history on the bus with which this process goes on, and those that were given up for it."""
 
     async def add(
         self,
@@ -85,16 +88,42 @@ class Continuation:
 
     async def _lead(self, stream: StreamLog, address: str, factory: Callable[[str], Stateful]) -> tuple[JournaledComponent, bool]:
         """Follow the journal until this process leads. Returns the component, and whether there was one."""
-        parent, is_said = os.getppid(), False
         journaled, is_resumed = self.journal.begin(address, factory)
+        copy = await stream.copy_info()
         # What was said to a component at another address cannot be handled again at this one: it would do its tasks once more.
-        copied_address = await stream.copied_address()
-        begins_anew = not is_resumed and copied_address not in (None, address)
-        stream.last = (await stream.bounds())[1] if begins_anew else await stream.place_after(journaled.number) - 1
+        begins_anew = self._joined.replaces or (not is_resumed and copy is not None and copy.address != address)
+        follows = not begins_anew and self._joined.common_number is None
+        stream.last = await stream.place_after(journaled.number) - 1 if follows else (await stream.bounds())[1]
+        if follows and copy is not None and copy.history:
+            note_joined(self.journal, copy.history, journaled.number)
+        await self._wait_to_lead(stream, journaled, address, follows=follows)
+        has_all, number_on_bus = False, 0
+        while not has_all:
+            if follows:
+                number_on_bus = await self._follow(stream, journaled)
+            elif not begins_anew:
+                number_on_bus = await self._check_alone(stream)
+            else:
+                stream.last = (await stream.bounds())[1]
+            has_all = await stream.begin_writing(0 if begins_anew else number_on_bus, begins_anew=begins_anew)
+        stream.number = journaled.number
+        copy = await stream.copy_info()
+        await self._begin_history(stream, copy, begins_anew=begins_anew)
+        is_copied = copy is not None and copy.address == address and bool(copy.history) and not begins_anew
+        if not is_copied or number_on_bus < journaled.number:
+            await self._copy(stream)
+        return journaled, is_resumed or journaled.number > 0
+
+    async def _wait_to_lead(self, stream: StreamLog, journaled: JournaledComponent, address: str, *, follows: bool) -> None:
+        """Return when this process has the lease. Until then it `follows` the one that leads, if it has nothing that the bus lacks."""
+        parent, is_said = os.getppid(), False
         with stop_signals() as signals:
             while not await stream.acquire():
-                await self._follow(stream, journaled)
+                if follows:
+                    await self._follow(stream, journaled)
                 if not is_said:
+                    if not follows:
+                        log.warning("%s waits until no other process leads: its file goes on without those on the bus", stream.component)
                     say_ready(stream.component, f"{address} (standby)")
                     is_said = True
                 await stream.wait_for_news(RENEWAL)
@@ -102,13 +131,23 @@ class Continuation:
                     raise SystemExit(0)
                 if os.getppid() != parent:
                     raise RemoteError(f"{stream.component} ends, because the process that started it has ended")
-        has_all = False
-        while not has_all:
-            number_on_bus = await self._follow(stream, journaled)
-            has_all = await stream.begin_writing(journaled.number)
-        if copied_address != address or await stream.copied_number() is None or number_on_bus < journaled.number:
-            await self._copy(stream)
-        return journaled, is_resumed or journaled.number > 0
+
+    async def _check_alone(self, stream: StreamLog) -> int:
+        """The number of the last entry on the bus, if it has not gone on without this file. Raises UsageError if it has."""
+        stream.last = (await stream.bounds())[1]
+        number, common_number = await stream.last_number(), self._joined.common_number
+        if common_number is not None and number > common_number:
+            raise UsageError(f"{stream.component} ends: another process has gone on meanwhile, without what {self.journal.disk.path} has")
+        return number
+
+    async def _begin_history(self, stream: StreamLog, copy: CopyInfo | None, *, begins_anew: bool) -> None:
+        """Go on with the history on the bus, whose latest copy is `copy`, or begin one."""
+        if copy is not None:
+            self._replaced = (*copy.replaced, copy.history) if begins_anew and copy.history else copy.replaced
+        self._history = copy.history if copy is not None and copy.history and not begins_anew else uuid.uuid4().hex
+        note_joined(self.journal, self._history, self.journal.number)
+        if begins_anew:
+            await stream.forget_before(stream.last)
 
     async def _follow(self, stream: StreamLog, journaled: JournaledComponent) -> int:
         """Handle the entries on the bus that are new here. Returns the number of the last entry on the bus.
@@ -120,18 +159,19 @@ class Continuation:
         number = 0
         if stream.last:
             last_batch = await stream.batch(stream.last)
-            number = last_batch.number if last_batch is not None else await stream.copied_number() or 0
+            number = last_batch.number if last_batch is not None else await stream.last_number()
         while (batch := await stream.batch(stream.last + 1)) is not None:
+            if batch.begins_anew:
+                raise UsageError(f"{stream.component} ends: its journal on the bus has begun anew; start it again")
             if batch.document:
                 self.journal.follow(journaled, batch.document, batch.version)
             stream.last, number = batch.sequence, batch.number
             stream.number = journaled.number
             if self.journal.due:
                 self.journal.snapshot(journaled)
-        if (await stream.bounds())[0] > stream.last + 1:
-            raise UsageError(
-                f"{stream.component} ends: it was so far behind that only the copy on the bus has what it missed; start it again"
-            )
+        first, last_place = await stream.bounds()
+        if first > stream.last + 1 or last_place < stream.last:
+            raise UsageError(f"{stream.component} ends: only the copy on the bus has what it missed; start it again")
         return number
 
     async def _copy_at_times(self, stream: StreamLog) -> None:
@@ -139,7 +179,8 @@ class Continuation:
         self._copied_to = (await stream.bounds())[0] - 1
         while True:
             await asyncio.sleep(RENEWAL)
-            if stream.last - self._copied_to >= COPY_AFTER:
+            if stream.last - self._copied_to >= COPY_AFTER or stream.lacks_copy:
+                stream.lacks_copy = False
                 await self._copy(stream)
 
     async def _copy(self, stream: StreamLog) -> None:
@@ -149,7 +190,8 @@ class Continuation:
         file = self.journal.disk.path.with_suffix(".copy")
         file.unlink(missing_ok=True)
         await asyncio.wrap_future(self.journal.disk.read(lambda db: db.execute("VACUUM INTO ?", (str(file),)) and None))
-        await stream.store_copy(file, number, self.journal.address)
+        info = CopyInfo(number=number, address=self.journal.address, history=self._history, replaced=self._replaced)
+        await stream.store_copy(file, info)
         file.unlink()
         self._copied_to = place
         await stream.forget_before(place - KEPT)
@@ -157,50 +199,27 @@ class Continuation:
 
 @asynccontextmanager
 async def continuing(bus: BusAddress | None, component: str, file: Path, open_journal: OpenJournal) -> AsyncIterator[Continuation]:
-    """Open the journal of a component in its file, with the copy that is on the bus if the file is not there or is behind it.
+    """Open the journal of a component in its file, as `joining.join` says.
 
-    Raises UsageError when the journal cannot be opened.
+    Raises UsageError when the journal cannot be opened, or when a person has to choose with which one the component goes on.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
     stream = StreamLog(bus.servers, bus.site, component, _identity(file.parent)) if bus is not None else None
     try:
         if stream is not None:
             await stream.open()
-        journal = await _opened(stream, file, open_journal)
+        joined = await join(stream, file, f"{bus.gateway}/{component}" if bus is not None else "", open_journal)
         try:
-            yield Continuation(journal, stream)
+            yield Continuation(joined, stream)
         finally:
             if stream is not None:
                 stream.end_writing()
-            journal.close()
+            joined.journal.close()
             if stream is not None:
                 await stream.resign()
     finally:
         if stream is not None:
             await stream.close()
-
-
-async def _opened(stream: StreamLog | None, file: Path, open_journal: OpenJournal) -> Journal:
-    while True:
-        journal = open_journal(stream)
-        if stream is None:
-            return journal
-        copied_number = await stream.copied_number()
-        if copied_number is None:
-            # Only the one that leads begins a new journal; the others wait for its copy.
-            if not journal.is_new or await stream.acquire():
-                return journal
-        elif not journal.is_new and journal.number >= copied_number:
-            return journal
-        journal.close()
-        if copied_number is None:
-            await asyncio.sleep(RENEWAL)
-            continue
-        copy = file.with_suffix(".copy")
-        await stream.fetch_copy(copy)
-        for suffix in ("-wal", "-shm"):
-            file.with_name(file.name + suffix).unlink(missing_ok=True)
-        copy.replace(file)
 
 
 def _identity(folder: Path) -> str:

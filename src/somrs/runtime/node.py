@@ -42,7 +42,7 @@ from somrs.runtime.pending_replies import PendingReplies, in_session, is_waited_
 from somrs.runtime.reception import NotTaken
 from somrs.storage.disk import TRY_PAUSE, WriteFailed
 from somrs.storage.journal import Journal
-from somrs.storage.stream_log import Replaced
+from somrs.storage.stored_copy import Replaced
 
 log = logging.getLogger(__name__)
 

@@ -24,6 +24,7 @@ from somrs.kernel.durability import Entry, JournalCodec, JournaledComponent
 from somrs.kernel.parts import Parts, PartsReader, PartsWriter, part_changes
 from somrs.protocol.component_paths import scheme_change
 from somrs.storage.archive import TaskArchive
+from somrs.storage.bus_histories import forget_histories
 from somrs.storage.disk import Disk
 from somrs.storage.journal_file import (
     KIND,
@@ -152,6 +153,7 @@ class Journal:
                 raise UsageError(self._stuck(stored_journal, change))
             stored_journal = None
         if stored_journal is None:
+            self.disk.write_and_wait(forget_histories)
             journaled = JournaledComponent(factory(address), self._written.schema)
             self._begin_anew(address, journaled)
             return journaled, False
@@ -168,6 +170,13 @@ class Journal:
             self._begin_anew(address, journaled)
             self._entry_count = 0
         return journaled, True
+
+    def can_continue_at(self, address: str) -> bool:
+        """Whether the journal that the file has can be continued at this address. Ask before `begin`."""
+        if self._stored_journal is None:
+            return False
+        with_scheme = scheme_change(self._stored_journal.address, address)
+        return self._changed(self._stored_journal, address, with_scheme or _unchanged) is None
 
     def reread(self) -> JournaledComponent:
         """Return the component as the file has it, after a write that failed. What was not written is forgotten.

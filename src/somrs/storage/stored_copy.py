@@ -1,14 +1,23 @@
-"""The copy of a component's file in the object store of NATS JetStream, from which a new standby begins."""
+"""The copy of a component's file in the object store of NATS JetStream, from which a new standby begins.
+
+Only the one that leads the component stores copies: each names the copy that it replaces, and is refused if there is another one. What a
+writer that was killed or replaced has left half stored is removed with the next copy.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import base64
 import hashlib
+import json
 import logging
+import uuid
+from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
+
+import msgspec
 
 from somrs.errors import UsageError
 from somrs.storage.nats_connection import LONGEST_PAUSE, made_with_copies, patiently
@@ -16,51 +25,166 @@ from somrs.storage.nats_connection import LONGEST_PAUSE, made_with_copies, patie
 if TYPE_CHECKING:
     from nats.js import JetStreamContext
     from nats.js.api import ObjectInfo
-    from nats.js.object_store import ObjectStore
 
 log = logging.getLogger(__name__)
 
 COPIES = "somrs-journals"
 """The bucket of the copies of files."""
 
+_STREAM = f"OBJ_{COPIES}"
+_CHUNK_SIZE = 128 * 1024
+"""Bytes of the file in one message."""
+
+_EXPECTED = "Nats-Expected-Last-Subject-Sequence"
+_WRONG_SEQUENCE = 10071
+
+_NUMBER, _ADDRESS, _HISTORY, _REPLACED = "Somrs-Number", "Somrs-Address", "Somrs-History", "Somrs-Replaced"
+"""The headers of a copy."""
+
+
+class Replaced(UsageError):
+    """Another process continues this component."""
+
+
+class CopyInfo(msgspec.Struct, frozen=True, kw_only=True):
+    """What a copy is of: the number of its last entry, the address of its component, and the history on the bus that it belongs to (empty
+    for a copy of an earlier program). `replaced`: the histories that a person has given up for it."""
+
+    number: int
+    address: str
+    history: str = ""
+    replaced: tuple[str, ...] = ()
+
+    def headers(self) -> dict[str, str]:
+        return {
+            _NUMBER: str(self.number),
+            _ADDRESS: self.address,
+            _HISTORY: self.history,
+            _REPLACED: " ".join(self.replaced),
+        }
+
+    @classmethod
+    def of(cls, headers: dict[str, str]) -> CopyInfo:
+        return cls(
+            number=int(headers.get(_NUMBER, 0)),
+            address=headers.get(_ADDRESS, ""),
+            history=headers.get(_HISTORY, ""),
+            replaced=tuple(headers.get(_REPLACED, "").split()),
+        )
+
 
 class StoredCopy:
-    """The copy of the component with this key, in the bucket `store`. All methods wait until the servers answer, however long."""
+    """The copy of the component with this key. All methods wait until the servers answer, however long."""
 
-    def __init__(self, js: JetStreamContext, store: ObjectStore, key: str) -> None:
-        self._js, self._store, self._key = js, store, key
+    def __init__(self, js: JetStreamContext, key: str) -> None:
+        self._js, self._key = js, key
+        self._subject = f"$O.{COPIES}.M.{base64.urlsafe_b64encode(key.encode()).decode()}"
+        self._chunks = f"$O.{COPIES}.C.{key}"
+        self._replaces: int | None = None
+        """The place of the copy that this process knows as the latest one."""
 
     @classmethod
     async def opened(cls, js: JetStreamContext, key: str) -> StoredCopy:
         """The copy with this key. Makes the bucket if there is none."""
-        return cls(js, await made_with_copies(lambda copies: js.create_object_store(COPIES, replicas=copies)), key)
+        await made_with_copies(lambda copies: js.create_object_store(COPIES, replicas=copies))
+        return cls(js, key)
 
-    async def write(self, file: Path, headers: dict[str, str]) -> None:
-        """Store the file, with headers that say what is in it."""
-        from nats.js.api import ObjectMeta
+    async def begin_writing(self) -> None:
+        """This process leads from here on, and replaces the copy that is there now."""
+        self._replaces, _ = await self._latest()
+        await self._remove_others()
 
-        async def put() -> None:
-            with file.open("rb") as content:
-                await self._store.put(self._key, content, ObjectMeta(name=self._key, headers=headers))
+    async def write(self, file: Path, info: CopyInfo, leads: Callable[[], Awaitable[bool]]) -> None:
+        """Store the file. `leads`: whether this process still leads, if somebody else has stored a copy meanwhile.
 
-        await patiently(put)
+        Raises Replaced if it does not.
+        """
+        from nats.js.errors import APIError
 
-    async def headers(self) -> dict[str, str] | None:
-        """The headers of the stored file; None if there is none."""
-        info = await self._info()
-        return (info.headers or {}) if info is not None else None
+        is_said = False
+        while True:
+            try:
+                await patiently(partial(self._put, file, info, leads))
+            except APIError as error:
+                if not is_said:
+                    log.warning("the bus does not store a copy of %s: %s; it is tried again", self._key, error.description or error)
+                    is_said = True
+            else:
+                break
+            finally:
+                await self._remove_others()
+            await asyncio.sleep(LONGEST_PAUSE)
+
+    async def _put(self, file: Path, info: CopyInfo, leads: Callable[[], Awaitable[bool]]) -> None:
+        from nats.js.api import ObjectInfo, ObjectMetaOptions
+
+        id, digest, size, count = f"{self._key}.{uuid.uuid4().hex}", hashlib.sha256(), 0, 0
+        with file.open("rb") as content:
+            while chunk := await asyncio.to_thread(content.read, _CHUNK_SIZE):
+                await self._js.publish(f"$O.{COPIES}.C.{id}", chunk)
+                digest.update(chunk)
+                size, count = size + len(chunk), count + 1
+        stored_info = ObjectInfo(
+            name=self._key,
+            headers=info.headers(),
+            options=ObjectMetaOptions(max_chunk_size=_CHUNK_SIZE),
+            bucket=COPIES,
+            nuid=id,
+            size=size,
+            chunks=count,
+            digest=_digest_text(digest.digest()),
+        )
+        await self._put_info(stored_info, leads)
+
+    async def _put_info(self, info: ObjectInfo, leads: Callable[[], Awaitable[bool]]) -> None:
+        """Make the copy the latest one."""
+        from nats.js.errors import APIError
+
+        document = json.dumps(info.as_dict()).encode()
+        if self._replaces is None:
+            self._replaces, _ = await self._latest()
+        while True:
+            headers = {"Nats-Rollup": "sub", _EXPECTED: str(self._replaces)}
+            try:
+                self._replaces = (await self._js.publish(self._subject, document, headers=headers)).seq
+            except APIError as error:
+                if error.err_code != _WRONG_SEQUENCE:
+                    raise
+                place, latest_info = await self._latest()
+                if latest_info is None or latest_info.nuid != info.nuid:
+                    if not await leads():
+                        raise Replaced(f"another process continues {self._key}: it has stored a copy of its file on the bus") from None
+                    self._replaces = place
+                    continue
+                self._replaces = place
+            return
+
+    async def _remove_others(self) -> None:
+        """Remove all chunks but those of the latest copy."""
+        _, info = await self._latest()
+        stream = await patiently(lambda: self._js.stream_info(_STREAM, subjects_filter=f"{self._chunks}.>"))
+        for subject in stream.state.subjects or {}:
+            if info is None or subject != f"$O.{COPIES}.C.{info.nuid}":
+                await patiently(partial(self._js.purge_stream, _STREAM, subject=subject))
+
+    async def info(self) -> CopyInfo | None:
+        """What the stored file is; None if there is none."""
+        _, info = await self._latest()
+        return CopyInfo.of(info.headers or {}) if info is not None else None
 
     async def read(self, file: Path) -> None:
         """Write the stored file to `file`; if it is replaced meanwhile, or is damaged, then the next one.
 
         Raises UsageError when there is none.
         """
-        while (info := await self._info()) is not None:
+        while True:
+            _, info = await self._latest()
+            if info is None:
+                raise UsageError(f"there is no copy of {self._key} on the bus any more; start it again")
             with file.open("wb") as content:
                 if await self._read_chunks(info, content):
                     return
-            await self._replaced(info)
-        raise UsageError(f"there is no copy of {self._key} on the bus any more; start it again")
+            await self._wait_for_next(info)
 
     async def _read_chunks(self, info: ObjectInfo, content: IO[bytes]) -> bool:
         """Write the chunks to `content`. Returns whether all are there, with the digest of what was stored.
@@ -70,31 +194,39 @@ class StoredCopy:
         from nats.js.errors import NotFoundError
 
         digest, place = hashlib.sha256(), 0
-        stream, subject = f"OBJ_{COPIES}", f"$O.{COPIES}.C.{info.nuid}"
+        subject = f"$O.{COPIES}.C.{info.nuid}"
         for _ in range(info.chunks or 0):
             try:
-                message = await patiently(partial(self._js.get_msg, stream, seq=place + 1, subject=subject, next=True))
+                message = await patiently(partial(self._js.get_msg, _STREAM, seq=place + 1, subject=subject, next=True))
             except NotFoundError:
                 return False
             assert message.seq is not None, "a message of a stream has a place in it"
             chunk, place = message.data or b"", message.seq
             digest.update(chunk)
             await asyncio.to_thread(content.write, chunk)
-        return info.digest == f"SHA-256={base64.urlsafe_b64encode(digest.digest()).decode()}"
+        return info.digest == _digest_text(digest.digest())
 
-    async def _replaced(self, info: ObjectInfo) -> None:
+    async def _wait_for_next(self, info: ObjectInfo) -> None:
         """Return when another file is stored, or none. Chunks of the one before are deleted then, and when its writer was cut off."""
         is_said = False
-        while (stored_info := await self._info()) is not None and stored_info.nuid == info.nuid:
+        while (latest_info := (await self._latest())[1]) is not None and latest_info.nuid == info.nuid:
             if not is_said:
                 log.warning("the copy of %s on the bus is damaged; waiting for the next one of the process that leads", self._key)
                 is_said = True
             await asyncio.sleep(LONGEST_PAUSE)
 
-    async def _info(self) -> ObjectInfo | None:
+    async def _latest(self) -> tuple[int, ObjectInfo | None]:
+        """The place of what was said last about the file, 0 if nothing was, and what is stored; None if nothing is."""
+        from nats.js.api import ObjectInfo
         from nats.js.errors import NotFoundError
 
         try:
-            return await patiently(lambda: self._store.get_info(self._key))
+            message = await patiently(lambda: self._js.get_last_msg(_STREAM, self._subject))
         except NotFoundError:
-            return None
+            return 0, None
+        info = ObjectInfo.from_response(json.loads(message.data or b"{}"))
+        return message.seq or 0, info if not info.deleted else None
+
+
+def _digest_text(digest: bytes) -> str:
+    return f"SHA-256={base64.urlsafe_b64encode(digest).decode()}"

@@ -23,7 +23,8 @@ import msgspec
 from somrs.errors import UsageError
 from somrs.storage.lease import LEASES, Lease, leases
 from somrs.storage.nats_connection import FIRST_PAUSE, INBOXES, LONGEST_PAUSE, connect, end, made_with_copies, patiently
-from somrs.storage.stored_copy import COPIES, StoredCopy
+from somrs.storage.running_component import RunningComponent, status_subject
+from somrs.storage.stored_copy import COPIES, CopyInfo, Replaced, StoredCopy
 from somrs.trust.credentials import Credentials
 
 if TYPE_CHECKING:
@@ -38,8 +39,8 @@ T = TypeVar("T")
 NUMBER, VERSION, WRITER = "Somrs-Number", "Somrs-Version", "Somrs-Writer"
 """The headers of a batch of entries: the number of its last entry, the version of their schema, and who wrote it."""
 
-ADDRESS = "Somrs-Address"
-"""The header of a copy with the address of the component; those of a copy have the number of its last entry, too."""
+_BEGINS_ANEW = "Somrs-Begins-Anew"
+"""The header of a batch without entries before which nothing counts any more: the next ones follow on the copy that is stored then."""
 
 _EXPECTED = "Nats-Expected-Last-Sequence"
 _WRONG_SEQUENCE = 10071
@@ -50,10 +51,6 @@ _WRITE_TIME = 2.0
 """Seconds after which a write without an answer is repeated. If it was done, the repetition is refused and recognised."""
 
 
-class Replaced(UsageError):
-    """Another process continues this component."""
-
-
 class Batch(NamedTuple):
     """Entries in the stream: their place, the number of the last one, the version of their schema, and the document."""
 
@@ -61,16 +58,8 @@ class Batch(NamedTuple):
     number: int
     version: int
     document: bytes
-
-
-class RunningComponent(msgspec.Struct, frozen=True, kw_only=True):
-    """A process that runs a component on a bus: on which host, whether it leads, and the number of the last entry that it knows."""
-
-    component: str
-    host: str
-    process: int
-    leads: bool
-    number: int
+    begins_anew: bool = False
+    """What is before it does not count any more."""
 
 
 class StreamLog:
@@ -90,6 +79,10 @@ class StreamLog:
         self._resignation = f"somrs-resignation.{self._key}"
         self.last = self.number = 0
         self.on_lost: Callable[[], object] = lambda: None
+        self.problem = ""
+        """Why the bus does not store what is written; empty if it does."""
+        self.lacks_copy = False
+        """Whether the stream has lost entries, so that the bus needs a copy of the file."""
         self._is_ending = False
         self._client: Client | None = None
         self._writer: Client | None = None
@@ -115,17 +108,20 @@ class StreamLog:
         self._writing: JetStreamContext = self._writer.jetstream(timeout=_WRITE_TIME)
 
     async def _open(self) -> None:
-        from nats.js.api import StreamConfig
-
         self._client = client = await connect(self._servers, self._credentials)
         self._js: JetStreamContext = client.jetstream(timeout=_WRITE_TIME)
-        stream = StreamConfig(name=self._stream, subjects=[self._subject])
-        await made_with_copies(lambda copies: self._js.add_stream(stream, num_replicas=copies))
+        await self._make_stream()
         self._copy = await StoredCopy.opened(self._js, self._key)
         self.lease = Lease(await leases(self._js), self._key, self._identity, lambda: self.on_lost())
         self._followed = await client.subscribe(self._subject, cb=self._on_news)
         await client.subscribe(self._resignation, cb=self._on_news)
         await client.subscribe(status_subject(self._key.partition(".")[0]), cb=self._on_question)
+
+    async def _make_stream(self) -> None:
+        from nats.js.api import StreamConfig
+
+        stream = StreamConfig(name=self._stream, subjects=[self._subject])
+        await made_with_copies(lambda copies: self._js.add_stream(stream, num_replicas=copies))
 
     async def _on_question(self, question: Msg) -> None:
         answer = RunningComponent(
@@ -134,6 +130,7 @@ class StreamLog:
             process=os.getpid(),
             leads=self.lease.is_held,
             number=self.number,
+            problem=self.problem,
         )
         if question.reply.startswith(INBOXES):
             await question.respond(msgspec.msgpack.encode(answer))
@@ -164,39 +161,74 @@ class StreamLog:
         """Write entries, the last of which has this number, and return when the servers have stored them. One call at a time.
 
         Raises Replaced when another process has written, and UsageError when the servers do not accept messages of this size, or cannot be
-        reached after `end_writing`.
+        reached after `end_writing`. What passes, such as a bus without room, is waited for: `problem` says it.
         """
-        await self._append(number, version, document)
+        await self._append(document, {NUMBER: str(number), VERSION: str(version)})
         self.number = number
 
-    async def _append(self, number: int, version: int, document: bytes) -> None:
+    async def _append(self, document: bytes, headers: dict[str, str]) -> None:
         from nats import errors
         from nats.js.errors import APIError
 
-        headers = {_EXPECTED: str(self.last), NUMBER: str(number), VERSION: str(version), WRITER: self._identity}
         pause = FIRST_PAUSE
         while True:
+            all_headers = headers | {_EXPECTED: str(self.last), WRITER: self._identity}
             try:
-                self.last = (await self._writing.publish(self._subject, document, timeout=_WRITE_TIME, headers=headers)).seq
+                self.last = (await self._writing.publish(self._subject, document, timeout=_WRITE_TIME, headers=all_headers)).seq
             except errors.MaxPayloadError:
                 assert self._writer is not None, "it is open"
                 advice = f"raise max_payload of the NATS servers, now {self._writer.max_payload}"
                 raise UsageError(f"an input of {self._key} has {len(document)} bytes; {advice}") from None
             except APIError as error:
                 if error.err_code == _WRONG_SEQUENCE:
-                    if not await self._is_own(self.last + 1, document):
+                    if await self._is_own(self.last + 1, document):
+                        self.last += 1
+                        break
+                    if not await self._begins_at_new_stream():
                         raise Replaced(f"another process continues {self._key}: it has written to its journal on the bus") from None
-                    self.last += 1
-                    return
-                log.warning("the bus does not store an input of %s: %s; it is tried again", self._key, error)
-            except (errors.Error, OSError):
-                pass  # an acknowledgement that is lost is found by the next attempt
+                    continue
+                self._note_problem(f"the bus does not store the inputs of {self._key}: {error.description or error}")
+            except (errors.Error, OSError):  # an acknowledgement that is lost is found by the next attempt
+                if self.lease.is_held and await self._is_gone():
+                    self._note_problem(f"the journal of {self._key} on the bus was deleted")
+                    await self.call(self._make_stream())
+                    continue
+                self._note_problem(f"the bus does not answer {self._key}")
             else:
-                return
+                break
             if self._is_ending:
                 raise UsageError(f"the last inputs of {self._key} are not stored, because the bus cannot be reached")
             await asyncio.sleep(pause)
             pause = min(pause * 2, LONGEST_PAUSE)
+        if self.problem:
+            log.warning("the bus stores the inputs of %s again", self._key)
+            self.problem = ""
+
+    def _note_problem(self, problem: str) -> None:
+        if problem != self.problem:
+            log.warning("%s; they are sent again until it does, and wait for that", problem)
+            self.problem = problem
+
+    async def _is_gone(self) -> bool:
+        """Whether the stream was deleted, as far as the servers answer."""
+        from nats import errors
+        from nats.js.errors import NotFoundError
+
+        try:
+            await self._writing.stream_info(self._stream)
+        except NotFoundError:
+            return True
+        except (errors.Error, OSError):
+            pass
+        return False
+
+    async def _begins_at_new_stream(self) -> bool:
+        """Whether the stream was deleted and made anew, so that this process, if it leads, goes on there. Then the bus needs a copy."""
+        _, last_place = await self.bounds()
+        if last_place >= self.last or not self.lease.is_held:
+            return False
+        self.last, self.lacks_copy = last_place, True
+        return True
 
     def end_writing(self) -> None:
         """Let writes try only once from here on: a process that ends must not wait until the bus is back."""
@@ -231,14 +263,15 @@ class StreamLog:
             except NotFoundError:
                 return None
             headers = message.headers or {}
-            return Batch(sequence, int(headers.get(NUMBER, 0)), int(headers.get(VERSION, 0)), message.data or b"")
+            number, version = int(headers.get(NUMBER, 0)), int(headers.get(VERSION, 0))
+            return Batch(sequence, number, version, message.data or b"", _BEGINS_ANEW in headers)
 
         return await self.call(read())
 
     async def place_after(self, number: int) -> int:
         """The place of the first batch with an entry after the one with this number, or behind the last batch."""
-        first, last = await self.bounds()
-        low, high = first, last + 1
+        first, last_place = await self.bounds()
+        low, high = first, last_place + 1
         while low < high:
             middle = (low + high) // 2
             batch = await self.batch(middle)
@@ -248,13 +281,26 @@ class StreamLog:
                 high = middle
         return low
 
-    async def begin_writing(self, number: int) -> bool:
-        """Write that this process leads from here on, with the entries up to this number. False if there are others, not read yet."""
+    async def last_number(self) -> int:
+        """The number of the last entry that the bus has."""
+        first, last_place = await self.bounds()
+        batch = await self.batch(last_place) if first <= last_place else None
+        if batch is not None and not batch.begins_anew:
+            return batch.number
+        copy = await self.copy_info()
+        return copy.number if copy is not None else 0
+
+    async def begin_writing(self, number: int, *, begins_anew: bool = False) -> bool:
+        """Write that this process leads from here on. False if there are entries that are not read yet.
+
+        `number`: that of the last entry on the bus. `begins_anew`: what is there does not count any more.
+        """
         try:
-            await self.append(number, 0, b"")
+            await self._append(b"", {NUMBER: str(number), VERSION: "0"} | ({_BEGINS_ANEW: "1"} if begins_anew else {}))
         except Replaced:
             return False
         await self.call(self._followed.unsubscribe())  # a leader knows what it writes
+        await self.call(self._copy.begin_writing())
         return True
 
     async def wait_for_news(self, seconds: float) -> None:
@@ -275,19 +321,24 @@ class StreamLog:
 
     # The copy of the file
 
-    async def store_copy(self, file: Path, number: int, address: str) -> None:
-        """Store a copy of the file of the component at this address, which has the entries up to this number."""
-        await self.call(self._copy.write(file, {NUMBER: str(number), ADDRESS: address}))
+    async def store_copy(self, file: Path, info: CopyInfo) -> None:
+        """Store a copy of the file of the component. Raises Replaced when another process leads."""
+        await self.call(self._copy.write(file, info, self._leads))
 
-    async def copied_number(self) -> int | None:
-        """The number of the last entry in the stored copy; None if there is no copy."""
-        headers = await self.call(self._copy.headers())
-        return int(headers.get(NUMBER, 0)) if headers is not None else None
+    async def _leads(self) -> bool:
+        """Whether nobody else has written to the stream since this process."""
+        from nats.js.errors import NotFoundError
 
-    async def copied_address(self) -> str | None:
-        """The address of the component that the stored copy is of; None if there is no copy."""
-        headers = await self.call(self._copy.headers())
-        return headers.get(ADDRESS) if headers is not None else None
+        state = (await patiently(lambda: self._js.stream_info(self._stream))).state
+        try:
+            message = await patiently(lambda: self._js.get_msg(self._stream, state.last_seq))
+        except NotFoundError:
+            return self.lease.is_held
+        return (message.headers or {}).get(WRITER) == self._identity
+
+    async def copy_info(self) -> CopyInfo | None:
+        """What the stored copy is of; None if there is no copy."""
+        return await self.call(self._copy.info())
 
     async def fetch_copy(self, file: Path) -> None:
         """Write the stored copy to a file. Raises UsageError when there is none."""
@@ -331,8 +382,3 @@ async def discard_journals(client: Client, site: str) -> None:
         for key in await bucket.keys():
             if key.startswith(f"{site}."):
                 await bucket.purge(key)
-
-
-def status_subject(site: str) -> str:
-    """The subject on which all processes of a site are asked what they run."""
-    return f"somrs-status.{site}"

@@ -38,8 +38,8 @@ def retry_text(event: waits.WaitsToRetry) -> str:
 
 def awaited_text(event: waits.WaitsForRepository) -> str:
     """Return whose answer a task waits for."""
-    about = f" about {', '.join(event.objects)}" if event.objects else ""
-    return f"waiting for an answer{about}: {repository_text(event.map)} does not answer"
+    subject = f" about {', '.join(event.objects)}" if event.objects else ""
+    return f"waiting for an answer{subject}: {repository_text(event.map)} does not answer"
 
 
 def repository_text(map: str) -> str:
