@@ -359,6 +359,29 @@ def test_who_takes_over_while_the_servers_do_not_answer_lists_itself_when_they_d
     on_bus(tmp_path, scenario)
 
 
+def test_a_gateway_that_starts_after_the_components_lists_all_that_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The bus may have forgotten the site: its data were lost, or it is another one."""
+
+    async def scenario(server: NatsServer) -> None:
+        components = ("task-manager", "task-manager-3", "registry-2", "repository")
+        logs = [StreamLog(server.address.servers, "yard", component, "first") for component in components]
+        for log in logs:
+            await log.open()
+        await list_number(server.address, task_manager=3)
+        gateway = asyncio.create_task(run_gateway(server.address, "127.0.0.1", 0))
+        while "gateway" not in capsys.readouterr().out:
+            await asyncio.sleep(0.02)
+        origin = server.address.gateway
+        addresses = await find_site(server.address.servers)
+        assert addresses.further_task_managers == (f"{origin}/task-manager-2", f"{origin}/task-manager-3")
+        assert addresses.further_registries == (f"{origin}/registry-2",)
+        gateway.cancel()
+        for log in logs:
+            await log.close()
+
+    on_bus(tmp_path, scenario)
+
+
 def test_a_site_is_discarded_and_others_on_the_bus_are_not(tmp_path: Path) -> None:
     async def scenario(server: NatsServer) -> None:
         logs = [StreamLog(server.address.servers, site, "registry", "first") for site in ("yard", "yard-2")]

@@ -65,7 +65,7 @@ async def run_gateway(bus: BusAddress, host: str, port: int) -> None:
         server = Server(host, port, BusParts(connection, ANSWER_TIME), public_url=bus.gateway, credentials=credentials)
         await server.start()
         if listed is None or listed.bus != bus:
-            await sites.put(bus.site, msgspec.json.encode(addresses_on(bus)))
+            await sites.put(bus.site, msgspec.json.encode(await _running_addresses(bus, credentials)))
         async with following(credentials):
             await until_stopped("gateway", bus.gateway)
         await server.stop()
@@ -99,6 +99,18 @@ def addresses_on(bus: BusAddress) -> Addresses:
         scheduler=f"{bus.gateway}/scheduler",
         bus=bus,
     )
+
+
+async def _running_addresses(bus: BusAddress, credentials: Credentials | None) -> Addresses:
+    """The addresses of a site of which the bus knows nothing, with all Task Managers and Registries that run."""
+    names = [running.component for running in await running_components(bus, credentials)]
+    task_manager, registry = (_highest_number(f"{kind}-", names) for kind in ("task-manager", "registry"))
+    return _with_numbers(addresses_on(bus), bus.gateway, task_manager, registry)
+
+
+def _highest_number(prefix: str, names: Sequence[str]) -> int:
+    """The highest number of components whose names begin like this; the first one has none in its name."""
+    return max((int(name.removeprefix(prefix)) for name in names if name.startswith(prefix)), default=1)
 
 
 async def find_site(servers: str, name: str | None = None) -> Addresses:
