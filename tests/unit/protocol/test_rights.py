@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from somrs.errors import WireError
-from somrs.protocol.messages import directory, frp, knowledge, rights, traffic
+from somrs.protocol.messages import directory, frp, knowledge, traffic
 from somrs.protocol.messages.bodies import REQUESTS, FrpBody
 from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.people import client_address
 from somrs.protocol.messages.rights import BODY_TYPES, DENIED, RIGHTS, check_right, missing_rights
 from somrs.protocol.messages.submission import Submit
 from somrs.trust.identity import Identity, Role
@@ -110,8 +111,14 @@ def small_offer() -> directory.Offer:
     return directory.Offer(service="Robot1.Work", provider="Robot1", provider_type="Robot", address="http://a/b", service_type=work)
 
 
-def test_a_person_s_program_submits_and_a_device_does_not() -> None:
-    check_right(message(Submit(effect="A isOn B")), sender(Role.CLIENT))
-    with pytest.raises(WireError, match=r"Robot1 \(device\) may not send Submit: that is for the roles api, client, scheduler"):
-        check_right(message(Submit(effect="A isOn B")), sender(Role.DEVICE))
-    assert rights.RIGHTS[Submit].keys() == {Role.API, Role.CLIENT, Role.SCHEDULER}
+def test_a_person_s_program_submits_and_a_device_only_in_its_own_name() -> None:
+    submission = message(Submit(effect="A isOn B"))
+    check_right(submission, sender(Role.CLIENT))
+    with pytest.raises(WireError, match=r"Robot1 \(device\) may not speak for b, as this Submit does"):
+        check_right(submission, sender(Role.DEVICE))
+    own_submission = structs.replace(submission, header=structs.replace(submission.header, sender=client_address("Robot1")))
+    check_right(own_submission, sender(Role.DEVICE))
+    with pytest.raises(
+        WireError, match=r"Robot1 \(task-manager\) may not send Submit: that is for the roles api, client, device, scheduler"
+    ):
+        check_right(own_submission, sender(Role.TASK_MANAGER))
