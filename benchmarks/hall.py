@@ -25,6 +25,7 @@ from start import cpu, descendants, memory
 
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
+from somrs.client.simulator_link import operator_link
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Policy, Submit
@@ -134,9 +135,7 @@ class Deliveries:
 async def play(robots: int, addresses: Addresses, *, steady: bool) -> Run:
     """Play a burst, or a steady run."""
     run = Run(robots)
-    assert addresses.simulator is not None
-    host, _, port = addresses.simulator.rpartition(":")
-    async with Client(addresses) as client, OperatorLink(host, int(port)) as operator:
+    async with Client(addresses) as client, operator_link(addresses) as operator:
         deliveries = Deliveries(robots, client)
         started_at, run.began = time.monotonic(), (await operator.clock()).time
         watch = asyncio.create_task(watch_robots(operator, run))

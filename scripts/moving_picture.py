@@ -15,6 +15,7 @@ from pathlib import Path
 
 from somrs.client.client import Client
 from somrs.client.message_chart import SETBACKS
+from somrs.client.simulator_link import operator_link
 from somrs.client.trace import Follower, Line
 from somrs.demo.film import Film, Frame
 from somrs.demo.scenarios import CHEAP_ROBOT, REQUEST, prepare
@@ -62,9 +63,7 @@ async def record(folder: Path) -> Recording:
     recording = Recording(Follower(system.data / "messages.jsonl"))
     try:
         await system.start()
-        assert system.addresses.simulator is not None, "the scenario's robots are simulated"
-        host, _, port = system.addresses.simulator.rpartition(":")
-        async with Client(system.addresses) as client, OperatorLink(host, int(port)) as operator:
+        async with Client(system.addresses) as client, operator_link(system.addresses) as operator:
             await operator.schedule(CHEAP_ROBOT, Fault.DRIVE, carried=distance)
             task = await client.submit(REQUEST)
             camera = asyncio.create_task(take_pictures(operator, recording))

@@ -18,8 +18,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
+from somrs.client.simulator_link import operator_link
 from somrs.devices.simulator.link.commands import Fault
-from somrs.devices.simulator.link.link import OperatorLink
 from tests.support.paths import SCENARIO_1
 
 from .conftest import HOLDING_NEWS, WIDTHS, WORK_TIME, RunningSystem, every_look, fits, resize, sign_in, take_screenshot
@@ -74,8 +74,7 @@ def breaks_down(system: RunningSystem, robot: str, carried: float, fault: Fault 
     """Have the robot break down once it has carried something so far (metres): then it does so on its way, however busy the machine is."""
 
     async def schedule_fault() -> None:
-        host, _, port = (system.addresses.simulator or "").rpartition(":")
-        async with OperatorLink(host, int(port)) as operator:
+        async with operator_link(system.addresses) as operator:
             await operator.schedule(robot, fault, carried=carried)
 
     with ThreadPoolExecutor(1) as executor:  # Playwright's own event loop runs in this thread

@@ -107,7 +107,7 @@ def test_open_tasks_go_on_when_the_programs_get_certificates_and_when_they_lose_
                 bus=bus,
             )
             async with system, Client(system.addresses) as client, asyncio.timeout(HANG_TIME):
-                assert system.has_certificates is system.addresses.task_manager.startswith("https:") is bool(choice)
+                assert (system.addresses.trust is not None) is system.addresses.task_manager.startswith("https:") is bool(choice)
                 if task:
                     view = [news.view async for news in client.news(task)][-1]
                     assert view.outcome is Outcome.ACCOMPLISHED, view.explanation

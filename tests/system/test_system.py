@@ -21,6 +21,7 @@ from rich.console import Console
 from somrs.cli.import_commands import importer, write_import
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
+from somrs.client.simulator_link import operator_link
 from somrs.client.trace import Line
 from somrs.demo.scenarios import play
 from somrs.deployment.system import System
@@ -62,10 +63,12 @@ async def accomplish(client: Client, effect: str, *, waits: bool = True) -> Task
 async def running(
     data: Path, *site: Path, world: WorldKind = WorldKind.PHYSICS, speed: str = "max"
 ) -> AsyncIterator[tuple[System, Client, OperatorLink]]:
-    async with System(site, data, speed=speed, world=world, launcher=warm.launcher()) as system, Client(system.addresses) as client:
-        host, _, port = (system.addresses.simulator or "").rpartition(":")
-        async with OperatorLink(host, int(port)) as operator:
-            yield system, client, operator
+    async with (
+        System(site, data, speed=speed, world=world, launcher=warm.launcher()) as system,
+        Client(system.addresses) as client,
+        operator_link(system.addresses) as operator,
+    ):
+        yield system, client, operator
 
 
 def lines_of(folder: Path) -> list[Line]:

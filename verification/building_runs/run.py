@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from somrs.client.client import Client
+from somrs.client.simulator_link import operator_link
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
@@ -53,7 +54,7 @@ async def play(site: Sequence[Path], chosen: Sequence[Delivery | Trip], folder: 
     async with (
         System((*site, jars) if deliveries else site, folder / "run", speed="max", world=WorldKind.KINEMATIC) as system,
         Client(system.addresses) as client,
-        OperatorLink.at(system.addresses.simulator or "") as link,
+        operator_link(system.addresses) as link,
     ):
         levels = _levels(site)
         breaker = asyncio.create_task(_break_in_lift(link, levels)) if breaks else None

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from somrs.client.client import Client
+from somrs.client.simulator_link import operator_link
 from somrs.deployment.launcher import Launcher
 from somrs.deployment.system import System
 from somrs.devices.simulator.drivers.charging import ENOUGH
@@ -73,7 +74,7 @@ class EnergyRun:
         async with (
             System([site], self.data / "run", speed=self.speed, world=WorldKind.KINEMATIC, launcher=self._launcher) as system,
             Client(system.addresses) as client,
-            OperatorLink.at(system.addresses.simulator or "") as operator,
+            operator_link(system.addresses) as operator,
         ):
             supervisor = asyncio.create_task(system.keep_running(self.result.explanations.append))
             carriers = [asyncio.create_task(self._carry_boxes(client)) for _ in range(self._carried_at_once)]

@@ -16,11 +16,11 @@ from pathlib import Path
 import msgspec
 
 from somrs.client.client import Client
+from somrs.client.simulator_link import operator_link
 from somrs.deployment.launcher import Launcher
 from somrs.deployment.private_files import discard
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
-from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.files.loading import load
 from somrs.ontology.map import Map
@@ -77,7 +77,7 @@ class RunningSystem:
             if self._hosts is not None:
                 await self._hosts.replace_components_of(self.system, self._site)
             self.client = await self._open.enter_async_context(Client(self.system.addresses))
-            self.operator = await self._open.enter_async_context(OperatorLink.at(self.system.addresses.simulator or ""))
+            self.operator = await self._open.enter_async_context(operator_link(self.system.addresses))
             self._open.push_async_callback(self._wire.close)
         except BaseException:  # also an interrupt: no process may be left
             await self._open.aclose()

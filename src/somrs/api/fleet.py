@@ -173,7 +173,7 @@ class FleetService:
         services = self._context.listener.services
         tasks, states, offers, *_ = await asyncio.gather(
             self._context.client.tasks(running=True),
-            simulated_devices(self._context.addresses.simulator),
+            simulated_devices(self._context.addresses),
             self._offers(),
             self._presence.read(self._context.client, services.version),
             self._reliability.learn(self._task_history),
@@ -191,7 +191,7 @@ class FleetService:
     @operation("POST", "/fleet/{robot}/faults/{fault}", Right.OPERATE)
     async def fault(self, robot: str, fault: Fault, repair: bool = False) -> None:
         """Inject a fault into a simulated robot, lift, door or other device, or with `repair` remove it."""
-        await break_or_mend(self._context.addresses.simulator, robot, fault, repair=repair)
+        await break_or_mend(self._context.addresses, robot, fault, repair=repair)
 
     @operation("POST", "/fleet/{robot}/place", Right.OPERATE)
     async def put(self, robot: str, x: float, y: float, storey: str | None = None, turned: float = 0.0, by: str = "") -> None:
@@ -206,7 +206,7 @@ class FleetService:
             raise NotFound(f"there is no robot {robot} on the map; GET /fleet lists the devices")
         height = value_of(storey, "Elevation", map, ontology) if storey is not None else value_of(robot, "PositionZ", map, ontology)
         z = _number(height) or 0.0
-        await put_robot(self._context.addresses.simulator, robot, x, y, z, turned)
+        await put_robot(self._context.addresses, robot, x, y, z, turned)
         pose = {"PositionX": x, "PositionY": y, "PositionZ": z, "RotationZ": turned}
         moved: list[Change] = [ValueSet(robot, path, value) for path, value in pose.items()]
         former_places = [FactRemoved(Fact("isAt", arguments)) for arguments in map.facts_with("isAt", 0, robot)]

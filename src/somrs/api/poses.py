@@ -25,8 +25,8 @@ import msgspec
 
 from somrs.api.bodies import movers, scene_of
 from somrs.api.context import Context
+from somrs.client.simulator_link import operator_link
 from somrs.devices.simulator.link.lines import Mover, Poses, RobotStatus
-from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError
 
 RATE = 20.0
@@ -97,11 +97,9 @@ class PoseFeed:
     # Sources
 
     async def _follow_simulator(self) -> None:
-        address = self._context.addresses.simulator
-        assert address is not None, "else the map is followed"
         while True:
             try:
-                async with OperatorLink.at(address) as operator, aclosing(operator.poses(RATE)) as lines:
+                async with operator_link(self._context.addresses) as operator, aclosing(operator.poses(RATE)) as lines:
                     async for line in lines:
                         self._take_poses(line)
             except RemoteError:

@@ -9,6 +9,8 @@ from contextlib import asynccontextmanager
 import msgspec
 
 from somrs.api.waiting import waiting_text
+from somrs.client.addresses import Addresses
+from somrs.client.simulator_link import operator_link
 from somrs.devices.simulator.link.commands import Fault, LinkedDevice
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError, SomrsError, UsageError
@@ -32,12 +34,12 @@ class SimulatedDeviceView(msgspec.Struct, frozen=True, kw_only=True):
     """Why it waits in traffic, such as `waits for Robot3, which charges`; empty if it does not wait."""
 
 
-async def simulated_devices(simulator: str | None) -> Mapping[str, SimulatedDeviceView]:
+async def simulated_devices(addresses: Addresses) -> Mapping[str, SimulatedDeviceView]:
     """The simulated devices by name; empty if there is no simulator, or if it does not answer within `PATIENCE`."""
-    if simulator is None:
+    if addresses.simulator is None:
         return {}
     try:
-        async with answering(simulator) as operator:
+        async with answering(addresses) as operator:
             devices, traffic = await operator.devices(), await operator.traffic()
     except SomrsError:
         return {}
@@ -60,34 +62,34 @@ def _view(device: LinkedDevice, waiting: str) -> SimulatedDeviceView:
     )
 
 
-async def break_or_mend(simulator: str | None, device: str, fault: Fault, *, repair: bool) -> None:
+async def break_or_mend(addresses: Addresses, device: str, fault: Fault, *, repair: bool) -> None:
     """Inject a fault into a simulated device, or with `repair` remove it.
 
     Raises:
         UsageError: there is no such device, or it cannot have the fault.
         RemoteError: the system has no simulator.
     """
-    if simulator is None:
+    if addresses.simulator is None:
         raise RemoteError("this system has no simulator; faults can be injected into simulated devices only")
-    async with OperatorLink.at(simulator) as operator:
+    async with operator_link(addresses) as operator:
         await (operator.repair if repair else operator.fault)(device, fault)
 
 
-async def put_robot(simulator: str | None, robot: str, x: float, y: float, z: float, yaw: float) -> None:
+async def put_robot(addresses: Addresses, robot: str, x: float, y: float, z: float, yaw: float) -> None:
     """Put a simulated robot elsewhere. Raises UsageError if it is none or does not fit there, and RemoteError without a simulator."""
-    if simulator is None:
+    if addresses.simulator is None:
         raise RemoteError("this system has no simulator; only simulated robots can be put elsewhere")
-    async with answering(simulator) as operator:
+    async with answering(addresses) as operator:
         if robot not in await operator.robots():
             raise UsageError(f"{robot} is no simulated robot: carry it there, and it reports where it is")
         await operator.move(robot, x, y, z, yaw)
 
 
 @asynccontextmanager
-async def answering(simulator: str) -> AsyncIterator[OperatorLink]:
+async def answering(addresses: Addresses) -> AsyncIterator[OperatorLink]:
     """A link for a few questions. Raises RemoteError if they are not answered within `PATIENCE`."""
     try:
-        async with asyncio.timeout(PATIENCE), OperatorLink.at(simulator) as operator:
+        async with asyncio.timeout(PATIENCE), operator_link(addresses) as operator:
             yield operator
     except TimeoutError:
         raise RemoteError(f"the simulator did not answer within {PATIENCE:g} s; try again") from None

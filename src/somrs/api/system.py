@@ -12,10 +12,11 @@ from msgspec.structs import replace
 
 from somrs.access.rights import Right
 from somrs.api.context import Context
+from somrs.client.addresses import Addresses
 from somrs.client.client import NOBODY
 from somrs.client.operations import operation
+from somrs.client.simulator_link import operator_link
 from somrs.deployment.incidents import Incident, read_incidents
-from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import SomrsError
 from somrs.ontology.types import ABSTRACT
 from somrs.protocol.messages.directory import Discover, Discovered, NeighbourView
@@ -101,7 +102,7 @@ class SystemService:
                 ("Scheduler", scheduler, lambda: context.client.ask(scheduler, ReadTemplates(after=NAME_BEYOND_ALL), TemplatesPage))
             )
         if (simulator := addresses.simulator) is not None:
-            probes.append(("Simulator", simulator, lambda: _clock(simulator)))
+            probes.append(("Simulator", simulator, lambda: _clock(addresses)))
         if (traffic := addresses.traffic) is not None:
             probes.append(("Traffic", traffic, lambda: context.client.ask(traffic, ReadRoadmap(after=OFFSET_BEYOND_ALL), RoadmapPage)))
         parts = await asyncio.gather(*(_probe_part(*probe) for probe in probes))
@@ -151,6 +152,6 @@ async def _probe_part(name: str, address: str, ask: Callable[[], Awaitable[objec
     return PartView(name=name, address=address, milliseconds=round(1000 * (time.perf_counter() - start_time), 1))
 
 
-async def _clock(simulator: str) -> object:
-    async with OperatorLink.at(simulator) as operator:
+async def _clock(addresses: Addresses) -> object:
+    async with operator_link(addresses) as operator:
         return await operator.clock()

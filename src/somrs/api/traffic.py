@@ -13,8 +13,10 @@ from somrs.api.context import Context
 from somrs.api.simulator_gateway import answering
 from somrs.api.traffic_reader import TrafficReader
 from somrs.api.waiting import waiting_text, waits_for
+from somrs.client.addresses import Addresses
 from somrs.client.operations import operation
 from somrs.client.refusals import ErrorReport, NotFound, error_report
+from somrs.client.simulator_link import operator_link
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.link.roads import Roadmap, RoadPoint, RobotInTraffic, TrafficState
 from somrs.errors import SomrsError
@@ -52,8 +54,8 @@ class Traffic(msgspec.Struct, frozen=True, kw_only=True):
 class TrafficService:
     def __init__(self, context: Context) -> None:
         self._context = context
-        traffic, self._simulator = context.addresses.traffic, context.addresses.simulator
-        self._reader = TrafficReader(context.client, traffic) if traffic is not None and self._simulator is None else None
+        traffic, simulator = context.addresses.traffic, context.addresses.simulator
+        self._reader = TrafficReader(context.client, traffic) if traffic is not None and simulator is None else None
         context.hub.feed("traffic", self._feed)
 
     @operation("GET", "/traffic", Right.SEE)
@@ -74,17 +76,18 @@ class TrafficService:
             return await source.roadmap()
 
     def _source(
-        self, connect: Callable[[str], AbstractAsyncContextManager[OperatorLink]]
+        self, connect: Callable[[Addresses], AbstractAsyncContextManager[OperatorLink]]
     ) -> AbstractAsyncContextManager[OperatorLink | TrafficReader | None]:
         """Who is asked about traffic: the simulator, to which `connect` makes a link, or the program of its own; None without both."""
-        return connect(self._simulator) if self._simulator is not None else nullcontext(self._reader)
+        addresses = self._context.addresses
+        return connect(addresses) if addresses.simulator is not None else nullcontext(self._reader)
 
     async def _feed(self, topic: str) -> None:
         """Publish traffic whenever it changes, or an error report while it cannot be read."""
         published: Traffic | ErrorReport | None = None
         while True:
             try:
-                async with self._source(OperatorLink.at) as source:
+                async with self._source(operator_link) as source:
                     while source is not None:
                         traffic = view_of(await source.traffic())
                         if traffic != published:

@@ -16,7 +16,7 @@ from somrs.client import terminal
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
 from somrs.client.state_labels import neighbour_text
-from somrs.errors import ModelError, RemoteError, UsageError
+from somrs.errors import ModelError, UsageError
 from somrs.ontology.objects import Change, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Value
 from somrs.protocol.messages.directory import Discover
@@ -169,7 +169,7 @@ def _print_sign_in(system: System, console: Console) -> None:
 
 def _print_open_ports(system: System, console: Console) -> None:
     """That its programs have no certificates, if so, and how they get some."""
-    if not system.has_certificates:
+    if system.addresses.trust is None:
         console.print(
             "[yellow]Its programs have no certificates[/]: whoever reaches their ports may send messages in any name. To change that: "
             f"stop it, and start it once with somrs up --certificates --data {system.data}",
@@ -317,25 +317,18 @@ async def export(output: Path, data: Path, sources: Sequence[Path] = ()) -> None
     print(f"{output}: {len(site_map.objects)} objects")
 
 
-def _simulator(data: Path) -> str:
-    address = Addresses.read(data).simulator
-    if address is None:
-        raise RemoteError("this system has no simulator")
-    return address
-
-
 async def fault(robot: str, fault_name: str, repair: bool, data: Path) -> None:
+    from somrs.client.simulator_link import operator_link
     from somrs.devices.simulator.link.commands import Fault
-    from somrs.devices.simulator.link.link import OperatorLink
 
-    async with OperatorLink.at(_simulator(data)) as operator:
+    async with operator_link(Addresses.read(data)) as operator:
         await (operator.repair if repair else operator.fault)(robot, Fault(fault_name))
     print(f"{robot}: {fault_name} {'repaired' if repair else 'broken'}")
 
 
 async def picture(output: Path, subject: str | None, data: Path) -> None:
-    from somrs.devices.simulator.link.link import OperatorLink
+    from somrs.client.simulator_link import operator_link
 
-    async with OperatorLink.at(_simulator(data)) as operator:
+    async with operator_link(Addresses.read(data)) as operator:
         output.write_bytes(await operator.picture(subject))
     print(output)

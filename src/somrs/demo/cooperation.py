@@ -20,6 +20,7 @@ from rich.console import Console
 from somrs.client import people, terminal
 from somrs.client.client import Client
 from somrs.client.message_chart import chart
+from somrs.client.simulator_link import operator_link
 from somrs.client.timeline import bars, svg, timeline_table
 from somrs.client.trace import Follower, Line
 from somrs.demo.picture_sheet import sheet
@@ -143,7 +144,7 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     """Play the scenario, and write its results to `folder`. Return the exit code: 0 if all checks pass."""
     assert system.addresses.simulator is not None
     started = time.monotonic()
-    async with Client(system.addresses) as client, OperatorLink.at(system.addresses.simulator) as operator:
+    async with Client(system.addresses) as client, operator_link(system.addresses) as operator:
         console.print(f"[bold]Scenario 3[/]: {REQUEST.effect}")
         record = await _ScenarioPlayer(system, client, operator, folder, console).play()
         ontology, map = await client.ontology(), await client.map()

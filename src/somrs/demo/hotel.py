@@ -23,6 +23,7 @@ from rich.text import Text
 from somrs.client import terminal
 from somrs.client.client import Client
 from somrs.client.message_chart import chart
+from somrs.client.simulator_link import operator_link
 from somrs.client.timeline import Mark, bars, svg, timeline_table
 from somrs.client.trace import Follower, Line
 from somrs.demo.film import WIDTH, Film, Frame
@@ -302,7 +303,7 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     """Play the scenario, and write its results to `folder`. Return the exit code: 0 if all checks pass."""
     assert system.addresses.simulator is not None
     started = time.monotonic()
-    async with Client(system.addresses) as client, OperatorLink.at(system.addresses.simulator) as operator:
+    async with Client(system.addresses) as client, operator_link(system.addresses) as operator:
         console.print(
             f"[bold]Scenario 4[/]: {', '.join(_goal(thing) for thing in _FIRST)}; later {', '.join(_goal(thing) for thing in _LAST)}"
         )

@@ -20,10 +20,10 @@ from rich.text import Text
 from somrs.client import terminal
 from somrs.client.client import Client
 from somrs.client.message_chart import chart
+from somrs.client.simulator_link import operator_link
 from somrs.client.timeline import Mark, bars, svg, timeline_table
 from somrs.client.trace import Follower, Line
 from somrs.deployment.system import System
-from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.map import Map
@@ -143,7 +143,7 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     """Play the scenario, and write its results to `folder`. Return the exit code: 0 if all checks pass."""
     assert system.addresses.simulator is not None
     started = time.monotonic()
-    async with Client(system.addresses) as client, OperatorLink.at(system.addresses.simulator) as operator:
+    async with Client(system.addresses) as client, operator_link(system.addresses) as operator:
         map_before = await client.map()
         console.print(f"[bold]Scenario 2[/]: {_REQUEST.effect}")
         player = _ScenarioPlayer(system, client, console)

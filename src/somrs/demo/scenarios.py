@@ -22,6 +22,7 @@ from rich.console import Console
 from somrs.client import terminal
 from somrs.client.client import Client
 from somrs.client.message_chart import chart
+from somrs.client.simulator_link import operator_link
 from somrs.client.trace import Follower, Line
 from somrs.demo import cooperation as cooperation_demo
 from somrs.demo import hotel as hotel_demo
@@ -166,7 +167,7 @@ async def _perform(scenario: str, system: System, folder: Path, distance: float,
     assert system.addresses.simulator is not None
     trace = Follower(system.data / "messages.jsonl")
     lines: list[Line] = []
-    async with Client(system.addresses) as client, OperatorLink.at(system.addresses.simulator) as operator:
+    async with Client(system.addresses) as client, operator_link(system.addresses) as operator:
         if scenario == "1b":
             await operator.schedule(CHEAP_ROBOT, Fault.DRIVE, carried=distance)
         started, start_time = time.monotonic(), (await operator.clock()).time

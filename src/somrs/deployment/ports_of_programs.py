@@ -58,8 +58,8 @@ class Ports:
 
     @property
     def world(self) -> str:
-        """HOST:PORT of the world."""
-        return f"{self._host}:{self[Part.WORLD]}"
+        """The address of the world: HOST:PORT, before which is `tls://` if it has certificates."""
+        return f"{'tls://' if self._trust is not None else ''}{self._host}:{self[Part.WORLD]}"
 
     def traffic(self, bus: BusAddress | None) -> str:
         """The address of traffic."""
@@ -117,7 +117,7 @@ def ports_before(addresses: Addresses, *, task_managers: int, is_on_bus: bool, h
         Part.REPOSITORY: addresses.repository,
         Part.REGISTRY: addresses.registry,
         Part.TASK_MANAGER: addresses.task_manager,
-        Part.WORLD: f"//{addresses.simulator or addresses.world}",
+        Part.WORLD: f"//{(addresses.simulator or addresses.world or '').removeprefix('tls://')}",
         Part.WINDOWS: addresses.gui or "",
         Part.API: addresses.api or "",
         Part.SCHEDULER: addresses.scheduler or "",

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from somrs.client.addresses import Addresses
+from somrs.errors import UsageError
 from somrs.trust.credentials import VARIABLE, Credentials
 from somrs.trust.identity import Identity, Role
 
@@ -37,16 +38,24 @@ _ROLES = {
 """The roles of programs, by their command. All others only read."""
 
 
-def certificates_of_programs(data: Path, host: str, site: str, choice: bool | None, *, secure: bool) -> ProgramCertificates | None:
+def certificates_of_programs(
+    data: Path, host: str, site: str, choice: bool | None, *, secure: bool, is_shared: bool = False
+) -> ProgramCertificates | None:
     """The certificates of the programs of the system with this data folder, at this host; None if they have none.
 
     `choice`: whether they have, as was asked for; None: nothing was. Then they have, but in a system that is open to anybody, and in one
-    that has run without: devices of other makes may rely on that.
+    that has run without: devices of other makes may rely on that. `is_shared`: the system has neighbours, or a simulator with others.
+    Raises UsageError if it has certificates then.
     """
     earlier_addresses = Addresses.of_last_run(data)
     has_run_without = earlier_addresses is not None and earlier_addresses.trust is None
     if not (choice if choice is not None else secure and not has_run_without):
         return None
+    if is_shared:
+        raise UsageError(
+            "neighbours do not know the certificates of this system, nor does a simulator that it shares with others: start it with "
+            "--no-certificates, if all programs that reach its ports are trusted"
+        )
     from somrs.trust.authority import Authority  # loads libraries that others do without
 
     return ProgramCertificates(Authority.of_data(data), host, site)

@@ -29,6 +29,7 @@ from somrs.deployment.watchdog import Heartbeat
 from somrs.errors import RemoteError, UsageError
 from somrs.runtime.host import Host
 from somrs.runtime.wire import REMINDER
+from somrs.trust.credentials import Credentials
 from somrs.worker import fork_ahead
 
 if TYPE_CHECKING:
@@ -195,7 +196,9 @@ async def run_simulator(
         runtime.add("/simulator" if number == 1 else f"/simulator-{number}", partial(Follower, repository=repository, followed=followed))
     try:
         simulation = await simulated(followed)
-        server = Server(simulation, host=host, port=port, speed=speed, is_shared=followed.is_shared)
+        server = Server(
+            simulation, host=host, port=port, speed=speed, is_shared=followed.is_shared, credentials=Credentials.of_environment()
+        )
         serve_simulated_traffic(simulation, runtime, server.wake, data / FOREIGN_FILE)
         with TrafficWorker() as worker:
             lay_out_beside(simulation, worker, server.wake)
@@ -236,7 +239,7 @@ async def run_world(addresses: Addresses, host: str, port: int, speed: float | N
 
     async with Client(addresses) as client:
         world = SymbolicWorld(await client.ontology(), await client.map())
-    server = WorldServer(world, host=host, port=port, speed=speed)
+    server = WorldServer(world, host=host, port=port, speed=speed, credentials=Credentials.of_environment())
     await server.start()
     await until_stopped("world", f"{server.host}:{server.port}")
     await server.stop()

@@ -138,7 +138,10 @@ class System:
         self.problems: list[str] = []
         """What was left out at the start, and why, for people."""
         self._reservation: Reservation | None = None
-        self._chosen_certificates = partial(certificates_of_programs, data, host, site_name(self.site), certificates, secure=secure)
+        choice, is_shared = certificates, neighbours is not None or world_address is not None
+        self._chosen_certificates = partial(
+            certificates_of_programs, data, host, site_name(self.site), choice, secure=secure, is_shared=is_shared
+        )
         self._certificates: ProgramCertificates | None = None
         self._launcher = launcher or Launcher()
 
@@ -166,11 +169,6 @@ class System:
             self._certificates = self._chosen_certificates()
             await discard_site(self._bus, self._name or site_name(self.site), self._bus_credentials())
         discard(self.data, keep=[*self.site, *access_files(self.data), self.data / FOLDER])
-
-    @property
-    def has_certificates(self) -> bool:
-        """Whether its programs have certificates, once it has started."""
-        return self._certificates is not None
 
     def _prepare_access(self) -> None:
         """Make what its own programs prove with who they are. Raises UsageError."""

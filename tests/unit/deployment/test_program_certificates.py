@@ -8,6 +8,7 @@ import pytest
 
 from somrs.client.addresses import LAST_FILE, Addresses
 from somrs.deployment.program_certificates import certificates_of_programs
+from somrs.errors import UsageError
 from somrs.trust.authority import Authority
 from somrs.trust.certificates import make_request
 from somrs.trust.credentials import Credentials
@@ -32,6 +33,13 @@ def test_they_have_unless_the_system_is_open_or_has_run_without(
         addresses.write(tmp_path, LAST_FILE)
     certificates = certificates_of_programs(tmp_path, "127.0.0.1", "site", choice, secure=secure)
     assert (certificates is not None) is expected[has_run]
+
+
+def test_neighbours_are_not_let_down_in_silence(tmp_path: Path) -> None:
+    for choice in (None, True):
+        with pytest.raises(UsageError, match=r"neighbours do not know the certificates of this system.*: start it with --no-certificates"):
+            certificates_of_programs(tmp_path, "127.0.0.1", "site", choice, secure=True, is_shared=True)
+    assert certificates_of_programs(tmp_path, "127.0.0.1", "site", False, secure=True, is_shared=True) is None
 
 
 @pytest.mark.parametrize("kind", ["pem", "key"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 
+from somrs.devices.link_security import DEVICES, Proof, start_listening
 from somrs.devices.open_sockets import OpenSockets
 from somrs.devices.symbolic.lines import (
     LONGEST,
@@ -25,20 +26,33 @@ from somrs.devices.symbolic.lines import (
 from somrs.devices.symbolic.world import SymbolicWorld
 from somrs.errors import WireError
 from somrs.ports import listen_at
+from somrs.trust.credentials import Credentials
 
 log = logging.getLogger(__name__)
 
 
 class WorldServer:
-    """Answers requests about one world. `speed`: a service of cost 1 takes 1 second at speed 1; None: services take no time."""
+    """Answers requests about one world. `speed`: a service of cost 1 takes 1 second at speed 1; None: services take no time.
 
-    def __init__(self, world: SymbolicWorld, *, host: str = "127.0.0.1", port: int = 0, speed: float | None = 1.0) -> None:
+    `credentials`: with them, a device is only spoken for by who has a certificate that names it.
+    """
+
+    def __init__(
+        self,
+        world: SymbolicWorld,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        speed: float | None = 1.0,
+        credentials: Credentials | None = None,
+    ) -> None:
+        self._credentials = credentials
         self.world, self.host, self.port, self.speed = world, host, port, speed
         self._sockets = OpenSockets()
 
     async def start(self) -> None:
         """Listen, and set `port` to the actual port."""
-        self._listener = await asyncio.start_server(self._serve, sock=listen_at(self.host, self.port), limit=LONGEST)
+        self._listener = await start_listening(self._serve, listen_at(self.host, self.port), LONGEST, self._credentials)
         self.port = self._listener.sockets[0].getsockname()[1]
 
     async def stop(self) -> None:
@@ -47,13 +61,14 @@ class WorldServer:
         await self._listener.wait_closed()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        proof = Proof.of(self._credentials, writer)
         try:
             if not self._sockets.add(writer):
                 writer.write(encode_line(Refused(reason=f"this world serves {self._sockets.limit} connections, which is the limit")))
                 return
             while line := await reader.readline():
                 self._sockets.note_heard(writer)
-                writer.write(encode_line(self._answered(line)))
+                writer.write(encode_line(self._answered(line, proof)))
                 await writer.drain()
         except (ConnectionError, ValueError) as error:  # ValueError: a line that is too long
             log.warning("a connection of a device ended: %s", error)
@@ -61,9 +76,11 @@ class WorldServer:
             self._sockets.remove(writer)
             writer.close()
 
-    def _answered(self, line: bytes) -> Answer:
+    def _answered(self, line: bytes, proof: Proof) -> Answer:
         try:
-            return self.answer(read_request(line))
+            request = read_request(line)
+            proof.check(DEVICES, request.device)
+            return self.answer(request)
         except WireError as error:
             return Refused(reason=error.text)
 

@@ -11,6 +11,7 @@ from collections.abc import Awaitable, Callable, Coroutine, Iterable
 from contextlib import AsyncExitStack
 from typing import TypeVar
 
+from somrs.devices.link_security import link_credentials
 from somrs.devices.simulator.drivers.outage import Outage
 from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
@@ -65,12 +66,15 @@ class SimulatedDevice(Device):
     async def open(self) -> None:
         try:
             host, port, map_name = link_address(self.simulator or "")
+            credentials = link_credentials(self.simulator or "")
         except UsageError as error:
             raise DeviceError(f"{self.name} needs a simulator: {error}") from None
         self._working = 0
         self._reported_pose: Pose | None = None
         self._known_broken = await self.map.holds(f"{self.name}.Working = FALSE")
-        self._link = RobotLink(host, port, self.name, silence=self.silence, on_state=self._notice_state, map=map_name)
+        self._link = RobotLink(
+            host, port, self.name, silence=self.silence, on_state=self._notice_state, map=map_name, credentials=credentials
+        )
         await self._opened.enter_async_context(self._link)
         await self._link.status()
         self.attributes = {name: value for name in self.features for value in await self._feature(name)}

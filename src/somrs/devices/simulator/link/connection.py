@@ -29,6 +29,7 @@ from somrs.devices.simulator.link.lines import (
     read_by_client,
 )
 from somrs.errors import RemoteError, SimulationError, UsageError, WireError
+from somrs.trust.credentials import Credentials
 
 log = logging.getLogger(__name__)
 
@@ -57,9 +58,11 @@ class RobotGaveUp(RemoteError):
 
 
 class Link:
-    """A connection that reconnects when it is lost. Requests without an answer then fail with RobotGaveUp."""
+    """A connection that reconnects when it is lost. Requests without an answer then fail with RobotGaveUp. `credentials`: with what this
+    program proves who it is; None: the simulator has no certificate."""
 
-    def __init__(self, host: str, port: int, hello: Hello) -> None:
+    def __init__(self, host: str, port: int, hello: Hello, credentials: Credentials | None = None) -> None:
+        self._credentials = credentials
         self._address = f"{host}:{port}"
         self._host, self._port, self._hello = host, port, hello
         self._ids = itertools.count(1)
@@ -176,7 +179,8 @@ class Link:
     async def _converse(self) -> bool:
         """Connect and process lines until the connection ends. Return whether the server accepted it."""
         async with asyncio.timeout(PATIENCE):
-            reader, self._writer = await asyncio.open_connection(self._host, self._port, limit=LONGEST)
+            tls = self._credentials.client if self._credentials is not None else None
+            reader, self._writer = await asyncio.open_connection(self._host, self._port, limit=LONGEST, ssl=tls)
             self._writer.write(encode_line(self._hello))
             first = read_by_client(await reader.readuntil(b"\n"))
         if isinstance(first, Refused):

@@ -10,6 +10,7 @@ import logging
 from collections.abc import AsyncGenerator, Callable, Sequence
 from dataclasses import dataclass
 
+from somrs.devices.link_security import SCHEME, link_credentials
 from somrs.devices.simulator.link.commands import (
     Approach,
     Charge,
@@ -70,6 +71,7 @@ from somrs.devices.simulator.link.lines import (
 from somrs.devices.simulator.link.pose_buffer import PoseBuffer
 from somrs.devices.simulator.link.roads import Roadmap, TrafficState
 from somrs.errors import UsageError
+from somrs.trust.credentials import Credentials
 
 log = logging.getLogger(__name__)
 
@@ -83,8 +85,9 @@ class Reading:
 
 
 def link_address(address: str) -> tuple[str, int, str | None]:
-    """Host, port and map of a simulator's address: `host:port`, or `host:port/map` for a world with several maps. Raises UsageError."""
-    socket, _, map = address.partition("/")
+    """Host, port and map of a simulator's address: `host:port`, or `host:port/map` for a world with several maps; before it `tls://`, if it
+    has certificates. Raises UsageError."""
+    socket, _, map = address.removeprefix(SCHEME).partition("/")
     host, _, port = socket.rpartition(":")
     if not host or not port.isdigit():
         raise UsageError(f"the address of a simulator is host:port, or host:port/map for a world with several maps, not {address!r}")
@@ -108,8 +111,9 @@ class RobotLink(Link):
         silence: float = 6.0,
         on_state: Callable[[RobotState], None] | None = None,
         map: str | None = None,
+        credentials: Credentials | None = None,
     ) -> None:
-        super().__init__(host, port, Hello(version=VERSION, robot=robot, rate=rate, map=map))
+        super().__init__(host, port, Hello(version=VERSION, robot=robot, rate=rate, map=map), credentials)
         self.robot = robot
         self._silence = silence
         self._unheard = 0.0
@@ -231,17 +235,17 @@ class RobotLink(Link):
 class OperatorLink(Link):
     """Observes the simulated world, and intervenes in it. Methods raise UsageError when the simulator refuses a request."""
 
-    def __init__(self, host: str, port: int, map: str | None = None) -> None:
-        super().__init__(host, port, Hello(version=VERSION, map=map))
+    def __init__(self, host: str, port: int, map: str | None = None, credentials: Credentials | None = None) -> None:
+        super().__init__(host, port, Hello(version=VERSION, map=map), credentials)
         self._pose_buffer: PoseBuffer | None = None
 
     @classmethod
-    def at(cls, address: str) -> OperatorLink:
-        """A link to the simulator at an address of a system: `host:port`, or `host:port/map` for a world with several maps.
+    def at(cls, address: str, credentials: Credentials | None = None) -> OperatorLink:
+        """A link to the simulator at an address of a system, as of `link_address`. `credentials`: by default those of this process.
 
         Raises UsageError.
         """
-        return cls(*link_address(address))
+        return cls(*link_address(address), link_credentials(address, credentials))
 
     async def fault(self, robot: str, fault: Fault) -> None:
         """Inject a fault now."""

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from somrs.devices.link_security import OPEN, Proof
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, Fault, RobotState, Stop
 from somrs.devices.simulator.link.lines import HEARTBEAT, Answer, Refused, ServerLine, State, Unheard, encode_line
 from somrs.devices.simulator.server.link_names import LinkNames
@@ -33,6 +34,7 @@ class Connection:
     reported_state: RobotState | None = None
     """The state that was sent last."""
     names: LinkNames | None = None
+    proof: Proof = OPEN
 
     def send_line(self, line: ServerLine) -> None:
         if self.writer.transport.get_write_buffer_size() > TOO_SLOW_READER:

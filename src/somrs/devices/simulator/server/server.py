@@ -15,6 +15,7 @@ from typing import TypeVar
 
 from msgspec import Struct
 
+from somrs.devices.link_security import ANY_ROLE, DEVICES, PEOPLE, Proof, start_listening
 from somrs.devices.open_sockets import OpenSockets
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, Fault
 from somrs.devices.simulator.link.lines import (
@@ -57,6 +58,7 @@ from somrs.devices.simulator.server.pictures import Pictures
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.errors import InputError, SimulationError, WireError
 from somrs.ports import listen_at
+from somrs.trust.credentials import Credentials
 
 log = logging.getLogger(__name__)
 
@@ -72,15 +74,29 @@ NAP = 0.05
 """Seconds between two checks of a world at rest, in real-time mode."""
 
 
+_ROLES = {Break: PEOPLE, Repair: PEOPLE, Move: PEOPLE | DEVICES, SetWeight: PEOPLE | DEVICES}
+"""The roles whose programs may change the world without a robot, where clients prove who they are. Programs of persons move what these have
+moved."""
+
+
 class Server:
     """Serves the simulation at a TCP port. `speed`: simulated seconds per second; None: as fast as the processor allows.
 
-    `is_shared`: whether the world has several maps, so that its names are qualified.
+    `is_shared`: whether the world has several maps, so that its names are qualified. `credentials`: with them, clients have to prove who
+    they are; a robot is controlled by who speaks for it, and `_ROLES` says who may change the world.
     """
 
     def __init__(
-        self, simulation: Simulation, *, host: str = "127.0.0.1", port: int = 0, speed: float | None = None, is_shared: bool = False
+        self,
+        simulation: Simulation,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        speed: float | None = None,
+        is_shared: bool = False,
+        credentials: Credentials | None = None,
     ) -> None:
+        self._credentials = credentials
         self.simulation, self.host, self.port, self.speed = simulation, host, port, speed
         self._is_shared = is_shared
         self._schedule = Schedule(simulation)
@@ -90,7 +106,7 @@ class Server:
 
     async def start(self) -> None:
         """Listen, start the simulated time, and set `port` to the actual port."""
-        self._listener = await asyncio.start_server(self._serve, sock=listen_at(self.host, self.port), limit=LONGEST)
+        self._listener = await start_listening(self._serve, listen_at(self.host, self.port), LONGEST, self._credentials)
         self.port = self._listener.sockets[0].getsockname()[1]
         self._running = asyncio.create_task(self._run())
 
@@ -196,7 +212,7 @@ class Server:
     # Connections
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        connection = Connection(writer)
+        connection = Connection(writer, proof=Proof.of(self._credentials, writer))
         self._connections.add(connection)
         try:
             if not self._sockets.add(writer):
@@ -229,6 +245,10 @@ class Server:
             raise ConnectionClosing("hello-first", error.text) from None
         if not isinstance(hello, Hello):
             raise ConnectionClosing("hello-first", "the first line of a connection must be a hello")
+        try:
+            connection.proof.check(ANY_ROLE if hello.robot is None else DEVICES, hello.robot)
+        except WireError as error:
+            raise ConnectionClosing(error.code, error.text) from None
         if self._is_shared and hello.map is not None:
             connection.names = LinkNames(hello.map)
         hello = self._in_names_of_world(connection, hello)
@@ -259,6 +279,7 @@ class Server:
         robot = connection.robot
         if robot is None:
             raise WireError("not-allowed", "an operator's connection cannot command robots; connect as the robot's controller")
+        connection.proof.check(DEVICES)
 
         def ended(result: CommandDone | CommandGivenUp) -> None:
             if self._connections.is_mute(robot):
@@ -290,6 +311,7 @@ class Server:
     # Questions
 
     def _ask(self, connection: Connection, id: int, question: Question) -> None:
+        connection.proof.check(_ROLES.get(type(question), ANY_ROLE))
         question = self._in_names_of_world(connection, question)
         if connection.robot is not None and not (isinstance(question, Ways) and question.robot == connection.robot):
             raise WireError("not-allowed", f"the connection of a robot may send only `ways` of {connection.robot}; connect as an operator")
