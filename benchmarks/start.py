@@ -107,14 +107,14 @@ def main() -> None:
     rounds = parser.parse_args().rounds
     results: dict[str, list[Cost]] = {}
     for _ in range(rounds):
-        for options in ((), ("--certificates",), ("--bus",), ("--bus", "--certificates")):
+        for options in ((), ("--no-certificates",), ("--bus",), ("--bus", "--no-certificates")):
             results.setdefault(" ".join(("somrs up", *options)), []).append(started_by_command(*options))
         results.setdefault("each by itself", []).append(asyncio.run(started_singly()))
     for name, costs in results.items():
         wall, spent, own_memory = (
             statistics.median(getattr(sample, attribute) for sample in costs) for attribute in ("wall", "cpu", "memory")
         )
-        print(f"{name:32} {wall:5.1f} s, {spent:5.1f} s of CPU, {own_memory:5.0f} MB")
+        print(f"{name:34} {wall:5.1f} s, {spent:5.1f} s of CPU, {own_memory:5.0f} MB")
 
 
 if __name__ == "__main__":

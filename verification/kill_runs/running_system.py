@@ -31,6 +31,8 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.runtime.wire import Wire
+from somrs.trust.credentials import FOLDER as TRUST
+from somrs.trust.credentials import Credentials
 from verification.kill_runs.bus import BusOfHosts
 from verification.kill_runs.draw import HOMES, Victim
 from verification.kill_runs.scenarios import DEVICES, PATROL, ROBOTS, THINGS
@@ -62,7 +64,6 @@ class RunningSystem:
         assert loaded.map is not None, "the site has a map"
         self.ontology: Ontology = loaded.ontology
         self._homes: Map = loaded.map
-        self._wire = Wire()
         self._open = contextlib.AsyncExitStack()
 
     async def __aenter__(self) -> RunningSystem:
@@ -72,12 +73,24 @@ class RunningSystem:
                 self._hosts = await self._open.enter_async_context(BusOfHosts(self.data / "hosts"))
             bus, name = (self._hosts.servers, "yard") if self._hosts is not None else (None, None)
             folder = self.data / "rest" if self._is_on_bus else self.data
-            self.system = System([self._site], folder, speed="max", launcher=self._launcher, devices_per_process=1, bus=bus, name=name)
+            self.system = System(
+                [self._site],
+                folder,
+                speed="max",
+                launcher=self._launcher,
+                devices_per_process=1,
+                bus=bus,
+                name=name,
+                certificates=not self._is_on_bus,  # that bus has none
+            )
             await self._open.enter_async_context(self.system)
             if self._hosts is not None:
                 await self._hosts.replace_components_of(self.system, self._site)
             self.client = await self._open.enter_async_context(Client(self.system.addresses))
             self.operator = await self._open.enter_async_context(operator_link(self.system.addresses))
+            # It speaks as the Task Manager does, to ask devices and to send them what is late.
+            certificate = folder / TRUST / "programs" / "task-manager.pem"
+            self._wire = Wire(Credentials(certificate) if not self._is_on_bus else None)
             self._open.push_async_callback(self._wire.close)
         except BaseException:  # also an interrupt: no process may be left
             await self._open.aclose()
