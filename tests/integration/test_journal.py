@@ -347,20 +347,22 @@ def test_with_nothing_open_another_begins_anew(shelf: Shelf, change: str) -> Non
     reopened_shelf.journal.close()
 
 
-def test_it_goes_on_at_the_same_address_with_another_scheme(shelf: Shelf, path: Path) -> None:
+def test_it_goes_on_at_the_same_address_with_another_scheme(path: Path) -> None:
     """As of components that have got certificates."""
+    plain, secure = "http://127.0.0.1:7001/registry", "https://127.0.0.1:7001/registry"
     sender, foreigner = "http://127.0.0.1:7002/devices/Robot1", "http://127.0.0.1:9000/robot"
+    shelf = Shelf(path, address=plain)
     for number, address in enumerate((sender, foreigner)):
         shelf.feed(Received(amount_message(number, 5, reply_to=address)))
     state, number = shelf.ledger.state, shelf.journaled.number
     shelf.journal.close()
-    for address in (ADDRESS.replace("http", "https"), ADDRESS):
+    for address, sent_to in ((secure, sender.replace("http:", "https:")), (plain, sender)):
         moved_shelf = Shelf(path, address=address)
         assert moved_shelf.is_resumed
         assert moved_shelf.ledger.state == structs.replace(state, address=address)
         assert moved_shelf.journaled.number == number
-        recipients = {message.message.header.recipient for message in moved_shelf.pending.messages.values()}
-        assert recipients >= {sender.replace("http", "https") if address != ADDRESS else sender, foreigner}
+        assert {message.message.header.sender for message in moved_shelf.pending.messages.values()} == {address}
+        assert {message.message.header.recipient for message in moved_shelf.pending.messages.values()} >= {sent_to, foreigner}
         moved_shelf.journal.close()
 
 
