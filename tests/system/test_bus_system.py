@@ -11,6 +11,7 @@ from somrs.api.remote import live_api
 from somrs.client.addresses import Addresses
 from somrs.client.api_client import local_token_reader
 from somrs.client.client import Client
+from somrs.client.credentials import credentials_in
 from somrs.deployment.bus import find_site
 from somrs.deployment.system import OWN_BUS, System
 from somrs.devices.simulator.world.kinds import WorldKind
@@ -18,7 +19,6 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import ReadRecords
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
-from somrs.trust.credentials import VARIABLE
 from tests.support import warm
 from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1
@@ -30,18 +30,14 @@ async def ended(client: Client, task: str) -> TaskView:
     return [news.view async for news in client.news(task)][-1]
 
 
-def test_a_system_on_a_bus_goes_on_when_the_server_of_the_bus_or_the_gateway_is_killed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_system_on_a_bus_goes_on_when_the_server_of_the_bus_or_the_gateway_is_killed(tmp_path: Path) -> None:
     async def run() -> None:
         system = System([SCENARIO_1], tmp_path, speed="4", world=WorldKind.KINEMATIC, launcher=warm.launcher(), bus=OWN_BUS, name="lab")
         async with system, Client(system.addresses) as client:
             bus = system.addresses.bus
             assert bus is not None
             assert {address.rpartition("/")[0] for address in (system.addresses.repository, system.addresses.task_manager)} == {bus.gateway}
-            with monkeypatch.context() as environment:
-                environment.setenv(VARIABLE, str(tmp_path / "trust" / "programs" / "client.pem"))
-                assert await find_site(bus.servers) == system.addresses
+            assert await find_site(bus.servers, credentials=credentials_in(tmp_path)) == system.addresses
             notices: list[str] = []
             supervisor = asyncio.create_task(system.keep_running(notices.append))
             for number, (program, effect) in enumerate((("bus", "Jar002 isOn Platform001"), ("gateway", "Jar002 isOn Table001")), start=1):

@@ -67,6 +67,9 @@ def test_a_system_with_certificates_works_and_keeps_strangers_out(tmp_path: Path
                 assert [part.name for part in (await service.system.read()).parts if part.problem] == []
             shown_status = await asyncio.to_thread(somrs, "status", "--data", data)
             assert (shown_status.returncode, "task-manager" in shown_status.stdout) == (0, True), shown_status
+            if addresses.bus is not None:
+                shown_status = await asyncio.to_thread(somrs, "status", "--bus", addresses.bus.servers, "--data", data)
+                assert (shown_status.returncode, "task-manager" in shown_status.stdout) == (0, True), shown_status
             logs = {file.name: file.read_text() for file in (data / "logs").glob("*.log")}
             assert [name for name, text in logs.items() if "denied" in text] == [], logs
             viewer = Identity(name="guest", roles=frozenset({Role.VIEWER}))

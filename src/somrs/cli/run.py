@@ -287,6 +287,7 @@ def addresses_of(data: Path, bus: str | None, name: str | None) -> Addresses:
 
     if bus is None:
         return Addresses.read(data)
+    from somrs.client.credentials import credentials_in
     from somrs.deployment.bus import find_site
 
-    return asyncio.run(find_site(bus, name))
+    return asyncio.run(find_site(bus, name, credentials_in(data)))

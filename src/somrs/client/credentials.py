@@ -5,7 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from somrs.client.addresses import Addresses
-from somrs.trust.credentials import Credentials
+from somrs.trust.credentials import FOLDER, Credentials
+
+
+def credentials_in(data: Path) -> Credentials | None:
+    """Those of this program; or else those of clients of the system with this data folder, if it has some."""
+    if (credentials := Credentials.of_environment()) is not None:
+        return credentials
+    certificate = data / FOLDER / "programs" / "client.pem"
+    return Credentials(certificate) if certificate.exists() else None
 
 
 def credentials_for(addresses: Addresses) -> Credentials | None:

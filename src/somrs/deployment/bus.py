@@ -113,9 +113,10 @@ def _highest_number(prefix: str, names: Sequence[str]) -> int:
     return max((int(name.removeprefix(prefix)) for name in names if name.startswith(prefix)), default=1)
 
 
-async def find_site(servers: str, name: str | None = None) -> Addresses:
-    """The addresses of a site on the bus; without a name, of the only one. Raises UsageError when it is not there."""
-    connection = Bus(BusAddress(servers=servers, site="any", gateway="http://127.0.0.1"))
+async def find_site(servers: str, name: str | None = None, credentials: Credentials | None = None) -> Addresses:
+    """The addresses of a site on the bus; without a name, of the only one. Raises UsageError when it is not there. `credentials`: as of
+    `Bus`."""
+    connection = Bus(BusAddress(servers=servers, site="any", gateway="http://127.0.0.1"), credentials)
     await connection.start()
     try:
         sites = await _sites(connection)
