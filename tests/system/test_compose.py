@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
+from somrs.cli.main import command
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
 from somrs.deployment.bus import find_site, running_components
@@ -26,11 +27,12 @@ HOSTS = {"first": "127.31.41.1", "second": "127.31.41.2", "third": "127.31.41.3"
 """The volumes, each of which stands for a host, and the addresses of these hosts."""
 
 
-def services() -> dict[str, dict[str, Any]]:
-    """The services; the site file is that of the demonstration, and what a variable of the shell sets is the default."""
+def services(profile: str = "") -> dict[str, dict[str, Any]]:
+    """The services of a profile; without a name, those that always run. The site file is that of the demonstration, and what a variable of
+    the shell sets is the default."""
     text = re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", FILE.read_text())
-    found: dict[str, dict[str, Any]] = yaml.safe_load(text)["services"]
-    return found
+    services: dict[str, dict[str, Any]] = yaml.safe_load(text)["services"]
+    return {name: service for name, service in services.items() if service.get("profiles", [""]) == [profile]}
 
 
 def host_of(service: dict[str, Any]) -> str:
@@ -50,6 +52,27 @@ def test_each_host_has_a_server_of_the_bus_and_two_have_all_components() -> None
             site = service["volumes"][1].split(":")
             assert (FILE.parent / site[0]).resolve() == SCENARIO_1
             assert site[1] == service["environment"]["SOMRS_SITE"]
+
+
+def test_the_second_host_has_a_gateway_for_when_the_first_is_lost() -> None:
+    [gateway] = services("first-is-lost").values()
+    first = services()["gateway"]
+    assert (host_of(gateway), gateway["command"], gateway["ports"]) == ("second", first["command"], first["ports"])
+
+
+@pytest.mark.parametrize("name", [*services(), *services("first-is-lost")])
+def test_a_container_gets_its_settings_from_its_environment(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    service = (services() | services("first-is-lost"))[name]
+    for variable, value in service["environment"].items():
+        monkeypatch.setenv(variable, value or "")
+    [component] = service["command"]
+    group: Any = command()
+    parameters = group.commands["run"].commands[component].make_context(component, []).params
+    of_component: dict[str, dict[str, object]] = {"bus": {"host": "0.0.0.0"}, "gateway": {"host": "0.0.0.0", "port": 8600}}
+    expected = of_component.get(component, {"data": Path("/var/lib/somrs")})
+    if component != "bus":
+        expected |= {"bus": service["environment"]["SOMRS_BUS"], "name": "office"}
+    assert {key: value for key, value in parameters.items() if key in expected} == expected
 
 
 class Services:

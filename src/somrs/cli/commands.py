@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from somrs.cli.geometry import geometry_problems, printed
+from somrs.cli.running_site import site_addresses
 from somrs.client import terminal
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
@@ -199,7 +200,7 @@ async def services(type: str | None, effect: str | None, attributes: Sequence[st
         if not equals:
             raise UsageError(f"--attribute takes NAME=VALUE, such as Payload=2, not {attribute!r}")
         required_values[name.strip()] = python_value(text.strip())
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         discover = Discover(service_type=type, effect=effect, attributes=required_values)
         offers, withheld, neighbours = await client.services(discover), await client.withheld_services(discover), await client.neighbours()
     if json:
@@ -217,7 +218,7 @@ async def services(type: str | None, effect: str | None, attributes: Sequence[st
 
 async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:
     """Print the bindings for which the formula holds. Returns the exit status: 0 if there are any."""
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         result = await client.query(formula, limit)
     if json:
         terminal.print_json([row.bindings for row in result.rows])
@@ -238,7 +239,7 @@ async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:
 async def show_object(name: str, data: Path, *, json: bool) -> None:
     from somrs.entish.parse import nearest
 
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         map = await client.map()
         discovered = (await client.history(name, limit=1)).discovered if name in map.objects else None
     if name not in map.objects:
@@ -258,7 +259,7 @@ async def show_object(name: str, data: Path, *, json: bool) -> None:
 async def history(name: str, limit: int, before_version: int | None, data: Path, *, json: bool) -> None:
     from somrs.cli.edit_commands import describe_event
 
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         page = await client.history(name, limit, before_version)
     if json:
         terminal.print_json(page.events)
@@ -277,7 +278,7 @@ async def update(situation: str | None, added: Sequence[str], removed: Sequence[
     changes: list[Change] = [*map(_added_object, added), *map(ObjectRemoved, removed)]
     if situation is None and not changes:
         raise UsageError("there is nothing to change; state a situation, such as 'Jar001 isOn Table001', or use --add or --remove")
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         updated = await client.report(UpdateMap(changes=tuple(changes), situation=situation, author=author))
     for variable, name in updated.reception.names.items() if updated.reception is not None else ():
         print(f"?{variable} is {name}{', new on the map' if updated.reception and name in updated.reception.added else ''}")
@@ -304,7 +305,7 @@ async def export(output: Path, data: Path, sources: Sequence[Path] = ()) -> None
             raise UsageError(f"{', '.join(map(str, sources))}: there is no map in it")
         ontology, site_map = loaded.ontology, loaded.map
     else:
-        async with Client(Addresses.read(data)) as client:
+        async with Client(await site_addresses(data)) as client:
             ontology, site_map = await client.ontology(), await client.map()
     if output.name.endswith((".lif", ".lif.json")):
         from somrs.sites.lif import export_layouts

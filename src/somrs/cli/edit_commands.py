@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from somrs.cli.running_site import site_addresses
 from somrs.client import terminal
-from somrs.client.addresses import Addresses
 from somrs.client.client import Client
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.naming import SINGULAR, DefinitionKey, Renaming, Section, key_of
@@ -35,7 +35,7 @@ def _parse_section(text: str) -> Section:
 
 async def history(limit: int, data: Path, *, ontology: bool, before_version: int | None, json: bool) -> None:
     """Print the events of the map and the ontology, or of the ontology only, newest first."""
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         page = await client.read_events(ReadEvents(limit=limit, before=before_version, ontology=ontology))
     if json:
         terminal.print_json(page.events)
@@ -95,7 +95,7 @@ def _describe_revision(revision: Revision, skipped_names: set[tuple[Section, str
 
 async def alter(alteration: Alteration, data: Path, *, dry: bool, json: bool) -> int:
     """Make the change, or with `dry` print its consequences. Returns the exit status: 0 if the change was made, or is possible."""
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         return await _make_change(client, alteration, data, dry=dry, json=json)
 
 
@@ -178,7 +178,7 @@ async def export(output: Path, data: Path, *, whole: bool) -> None:
     from somrs.ontology.files.levels import level_of
     from somrs.ontology.files.loading import upper
 
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         ontology = await client.ontology()
     output.write_text(dump_ontology(ontology, upper(level_of(ontology)), "ontology", whole=whole), encoding="utf-8")
     print(f"{output}: {'the whole ontology' if whole else 'the ontology without the upper ontology'}")
@@ -189,7 +189,7 @@ async def import_definitions(file: Path, author: str, data: Path, *, dry: bool, 
     from somrs.ontology.files.loading import load_definitions
 
     text = file.read_text("utf-8-sig")
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         ontology = await client.ontology()
         define = diff_ontologies(ontology, load_definitions(text, str(file), ontology), author)
         return await _make_change(client, define, data, dry=dry, json=json)

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 from somrs.cli.edit_commands import alter
+from somrs.cli.running_site import site_addresses
 from somrs.client import terminal
-from somrs.client.addresses import Addresses
 from somrs.client.client import Client
 from somrs.client.owl_change import OwlChange
 from somrs.errors import UsageError
@@ -23,7 +23,7 @@ def is_owl(file: Path) -> bool:
 
 
 async def export(output: Path, data: Path, *, map: bool, shapes: bool) -> None:
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         ontology, exported_map = await client.ontology(), await client.map() if map else None
     output.write_bytes(owl.export(ontology, exported_map, FORMATS[output.suffix.lower()], shapes=shapes))
     objects = f", {len(exported_map.objects)} objects" if exported_map is not None else ""
@@ -32,7 +32,7 @@ async def export(output: Path, data: Path, *, map: bool, shapes: bool) -> None:
 
 async def import_definitions(file: Path, author: str, data: Path, *, map: bool, dry: bool, json: bool) -> int:
     """Import the definitions of an OWL file and, with `map`, its individuals as objects of the map. Returns the exit status."""
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         ontology, current_map = await client.ontology(), await client.map() if map else None
     try:
         text = file.read_text("utf-8-sig")

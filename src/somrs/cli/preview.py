@@ -8,8 +8,8 @@ from pathlib import Path
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from somrs.cli.running_site import site_addresses
 from somrs.client import terminal
-from somrs.client.addresses import Addresses
 from somrs.client.client import Client
 from somrs.client.outlook_text import outlook_note, outlook_price
 from somrs.client.task_report import reasons
@@ -18,7 +18,7 @@ from somrs.protocol.messages.previews import OtherPlan, Preview, Previewed, Quot
 
 async def plan(request: Preview, data: Path, *, json: bool) -> int:
     """Print the plan. Returns the exit status: 0 if there is a plan, or nothing to do."""
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         result = await client.preview(request)
     if json:
         terminal.print_json(result)

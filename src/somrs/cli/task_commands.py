@@ -11,8 +11,8 @@ from rich.live import Live
 
 from somrs.cli import task_report
 from somrs.cli.procedures import handler
+from somrs.cli.running_site import site_addresses
 from somrs.client import terminal
-from somrs.client.addresses import Addresses
 from somrs.client.client import PATIENCE, Client
 from somrs.client.message_chart import chart
 from somrs.client.task_history import TaskHistory, open_task_history
@@ -53,7 +53,7 @@ async def run_task(task: Submit, data: Path, *, wait: bool, json: bool, task_man
     With `json`, prints the task as it ended; of a task that asks what is so, its findings.
     """
     console = terminal.console()
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         id = await client.submit(task, patience=PATIENCE, task_manager=task_manager)
         if not wait:
             if json:
@@ -96,7 +96,7 @@ async def tasks(data: Path, *, history: bool, limit: int, json: bool, query: Rea
             records = await archive.first(structs.replace(query or ReadRecords(), brief=True), limit)
             views, silent = [*running, *map(view, records)], tuple(archive.silent)
     else:
-        async with Client(Addresses.read(data)) as client:
+        async with Client(await site_addresses(data)) as client:
             listing = await client.tasks(running=True)
             views, silent = [*listing], listing.silent
     if silent:
@@ -184,14 +184,14 @@ async def retry(name: str, data: Path, *, wait: bool, json: bool) -> int:
 
 
 async def pause(name: str, author: str, data: Path, *, paused: bool) -> None:
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         id = await _select_running(name, client)
         is_paused = await client.pause(id, author, paused=paused)
         print(f"{id} is paused" if is_paused else f"{id} goes on" if not paused else f"{id} has ended or is ending")
 
 
 async def cancel(name: str, reason: str, data: Path) -> None:
-    async with Client(Addresses.read(data)) as client:
+    async with Client(await site_addresses(data)) as client:
         id = await _select_running(name, client)
         await client.cancel(id, reason)
         print(f"stopping {id}")
