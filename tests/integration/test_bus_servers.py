@@ -6,9 +6,12 @@ import asyncio
 from pathlib import Path
 
 import nats
+import pytest
 
 from somrs.deployment.bus_server import run_bus
+from somrs.storage.nats_connection import connect
 from tests.support.hang import HANG_TIME
+from tests.support.nats_server import NatsServer
 from tests.support.secure_bus import free_port
 
 
@@ -33,6 +36,51 @@ def test_servers_that_listen_at_all_addresses_of_their_hosts_are_told_apart_and_
     folders = [tmp_path / name for name in ("first", "second", "first")]
     names = [asyncio.run(name_of_server(folder, "0.0.0.0", cluster_port)) for folder in folders]
     assert names[0] == names[2] != names[1]
+
+
+class Cable:
+    """Leads to a server, until it is `cut`: then nothing comes through it, and neither end hears of that."""
+
+    def __init__(self, port: int) -> None:
+        self._port, self.is_cut, self._ends = port, False, list[asyncio.StreamWriter]()
+
+    async def __aenter__(self) -> int:
+        """The port at which it begins."""
+        self._server = await asyncio.start_server(self._join, "127.0.0.1", 0)
+        port: int = self._server.sockets[0].getsockname()[1]
+        return port
+
+    async def __aexit__(self, *exception: object) -> None:
+        self._server.close()
+        for writer in self._ends:
+            writer.close()
+
+    async def _join(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self._port)
+        self._ends += (writer, far_writer)
+        await asyncio.gather(self._pass_on(reader, far_writer), self._pass_on(far_reader, writer), return_exceptions=True)
+
+    async def _pass_on(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        while (data := await reader.read(65_536)) and not self.is_cut:
+            writer.write(data)
+
+
+@pytest.mark.long
+def test_a_program_goes_to_another_server_when_the_host_of_its_own_is_lost_without_a_word(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        with NatsServer(tmp_path) as server:
+            cable = Cable(server.port)
+            async with cable as port, asyncio.timeout(HANG_TIME):
+                client = await connect(f"nats://127.0.0.1:{port},nats://127.0.0.1:{server.port}", dont_randomize=True)
+                assert client.connected_url is not None
+                assert client.connected_url.port == port
+                cable.is_cut = True
+                while client.connected_url is None or client.connected_url.port != server.port:
+                    await asyncio.sleep(0.05)
+                await client.flush()
+                await client.close()
+
+    asyncio.run(scenario())
 
 
 def test_a_server_is_known_by_its_address(tmp_path: Path) -> None:

@@ -36,6 +36,10 @@ ALL_ADDRESSES = ("0.0.0.0", "::")  # to recognise them
 LOOK_PAUSE = 0.2
 """Seconds between two looks whether the certificates of the site have changed."""
 
+PING_PAUSE, MOST_PINGS = "10s", 2
+"""The time between two pings of a program or another server, and how many it may leave unanswered before its subscriptions end: it may be
+on a host that lost its power or its network."""
+
 _DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 
 
@@ -141,6 +145,8 @@ def _settings(folder: Path, host: str, port: int) -> dict[str, object]:
         "log_file": str(folder / LOG),
         "log_size_limit": limits().log_bytes,
         "log_max_num": 2,
+        "ping_interval": PING_PAUSE,
+        "ping_max": MOST_PINGS,
         "jetstream": {"store_dir": str(folder), "sync_interval": "always"},
     }
 

@@ -27,6 +27,10 @@ SCHEMES = ("nats", "tls", "ws", "wss")
 RECONNECT_PAUSE = 0.25
 """Seconds between two attempts to reach a server again."""
 
+PING_PAUSE, MOST_PINGS = 2.0, 2
+"""Seconds between two pings of a server, and how many it may leave unanswered before another one is tried. When a host loses its power
+or its network, nothing says that the connections to it have ended."""
+
 MOST_COPIES = 3
 """The number of servers that store a stream or a bucket, if there are as many."""
 
@@ -90,7 +94,14 @@ async def connect(servers: str, credentials: Credentials | None = None, **option
             if "://" in url and urlsplit(url).scheme not in SCHEMES:
                 raise ValueError(f"it begins with one of {', '.join(f'{scheme}://' for scheme in SCHEMES)}")
         client = await nats.connect(
-            urls, allow_reconnect=True, max_reconnect_attempts=-1, reconnect_time_wait=RECONNECT_PAUSE, error_cb=explain, **options
+            urls,
+            allow_reconnect=True,
+            max_reconnect_attempts=-1,
+            reconnect_time_wait=RECONNECT_PAUSE,
+            ping_interval=PING_PAUSE,
+            max_outstanding_pings=MOST_PINGS,
+            error_cb=explain,
+            **options,
         )
     except (nats.errors.Error, ValueError) as error:  # nothing else ends the attempts
         raise UsageError(f"{servers}: this is not the URL of a NATS server: {error}") from None
