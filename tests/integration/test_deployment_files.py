@@ -17,7 +17,7 @@ from tests.support.paths import ROOT
 
 FOLDER = ROOT / "deploy" / "systemd"
 UNIT = FOLDER / "somrs@.service"
-COMPONENTS = ("bus", "gateway", "repository", "registry", "task-manager", "scheduler")
+COMPONENTS = ("bus", "gateway", "repository", "registry", "task-manager", "scheduler", "trust")
 
 
 def settings() -> dict[str, str]:
@@ -40,10 +40,11 @@ def test_each_component_gets_its_settings_from_the_file(monkeypatch: pytest.Monk
     by_component: dict[str, dict[str, object]] = {
         "bus": {"data": Path("/var/lib/somrs"), "host": "10.0.0.1", "port": 4222, "route": [f"10.0.0.{host}:6222" for host in (1, 2, 3)]},
         "gateway": {"host": "10.0.0.1", "port": 8600, "name": "office", "url": "http://somrs.example:8600"},
+        "trust": {"data": Path("/var/lib/somrs"), "host": "10.0.0.1", "port": 8610},
         "repository": {"site": [Path("/etc/somrs/office.yaml")]},
     }
     expected = by_component.get(component, {})
-    if component != "bus":
+    if component not in ("bus", "trust"):
         expected |= {"bus": settings()["SOMRS_BUS"], "name": "office"}
     assert {key: list(value) if isinstance(value, tuple) else value for key, value in parameters.items() if key in expected} == expected
 
