@@ -8,7 +8,7 @@ from typing import NamedTuple
 import msgspec
 from msgspec import Struct, structs
 
-from somrs.kernel.reservations import LEASE, Reservations
+from somrs.kernel.reservations import LEASE, Reservation, Reservations
 from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -152,7 +152,7 @@ def state_of(contents: Contents, earlier: RepositoryState, now: float) -> Reposi
         shared.request_id = "asked" if shared.request_id else ""
         shared.lost = shared.lost if shared.request_id else {}  # what it gets later has higher numbers
         if shared.request is None:
-            shared.granted, shared.holders = None, ()
+            shared.granted, shared.holders, shared.earlier = None, (), Reservation()
     arrivals = sorted(claimant.arrival for claimant in reservations.claimants.values())
     for claimant in reservations.claimants.values():
         claimant.had = claimant.overtaken = frozenset()

@@ -62,7 +62,8 @@ class SharedReserving:
         homes = {home_of(name) for name in (*request.changes, *request.relies_on)}
         # Where it waited for objects that it does not need any more, it must not hinder others.
         yield from self._release_at({*shared.waiting[:1]} - homes, request.task, 2 * request.serial - 2, False, now)
-        if shared.message is not None:
+        if shared.message is not None:  # of the request before it has no more than it had
+            self._contents.reservations.restrict(request.task, self._earlier(shared))
             yield self._answer(shared.message, ReservationDenied(task=request.task, holders=()))
         shared.task_manager, shared.message, shared.request = message.header.sender, message, request
         shared.waiting, shared.request_id = sorted({*homes - {""}, self._own_map}), ""
