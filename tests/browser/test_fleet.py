@@ -18,11 +18,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from somrs.client.client import Client
 from somrs.devices.person.questions import Questions
 from somrs.ontology.services import ServiceType
-from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Offer, Publish, Published, Retract, Retracted
+from tests.support.device_client import device_client
 
 from .conftest import PATIENCE, WORK_TIME, RunningSystem, every_look, fits, resize, take_screenshot, wait_until_still
 
@@ -52,9 +51,9 @@ def state_task(system: RunningSystem, effect: str) -> str:
         return str(json.load(answer)["task"])
 
 
-def ask_registry(system: RunningSystem, body: Body, expected: type[Any]) -> None:
+def ask_registry(system: RunningSystem, body: Publish | Retract, expected: type[Any]) -> None:
     async def send_request() -> None:
-        async with Client(system.addresses) as client:
+        async with device_client(system.addresses, body.provider) as client:
             await client.ask(system.addresses.registry, body, expected)
 
     with ThreadPoolExecutor(1) as executor:  # Playwright's own event loop runs in this thread

@@ -17,8 +17,8 @@ import msgspec
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from somrs.client.client import Client
 from somrs.protocol.messages.directory import Offer, Publish, Published, Retract, Retracted
+from tests.support.device_client import device_client
 
 from .conftest import WIDTHS, RunningSystem, every_look, fits, take_screenshot
 
@@ -608,21 +608,21 @@ def run(work: Coroutine[Any, Any, None]) -> None:
 
 def test_a_service_type_shows_who_offers_it_and_whose_program_has_another_definition(system: RunningSystem, window: OpenPage) -> None:
     async def publish(*, again: bool) -> None:
-        async with Client(system.addresses) as client:
+        async with device_client(system.addresses, "OldArm") as client:
             transfer = (await client.ontology()).services["TransferObject"]
             old = msgspec.structs.replace(transfer, effect="?Object isIn ?Destination")
             offer = Offer(
                 service="OldArm.TransferObject",
                 provider="OldArm",
                 provider_type="Device",
-                address=client.addresses.registry,
+                address="https://127.0.0.1:9/devices/OldArm",
                 service_type=old,
             )
             offers = (msgspec.structs.replace(offer, service_type=transfer if again else old),)
             await client.ask(client.addresses.registry, Publish(provider="OldArm", offers=offers, lease=600), Published)
 
     async def retract() -> None:
-        async with Client(system.addresses) as client:
+        async with device_client(system.addresses, "OldArm") as client:
             await client.ask(client.addresses.registry, Retract(provider="OldArm"), Retracted)
 
     run(publish(again=False))
