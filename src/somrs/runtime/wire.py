@@ -236,17 +236,20 @@ def _result(response: _Response, message: Message, decode: Decode) -> Message | 
 def _read(response: _Response, message: Message, decode: Decode) -> Message | None:
     """Return the answer to the message, or None when it was accepted without one. Raises RemoteError when it was rejected.
 
-    Peers of other makes accept a message with 200 or 204 or with a page, too. That is no answer to a request which waits for one here.
+    Peers of other makes accept a message with 200 or 204, with a page, or with an empty envelope, too. That is no answer to a request which
+    waits for one here.
     """
-    if response.status in UNTAKEN or not response.document or response.media_type != soap.MEDIA_TYPE:
-        waits_here = type(message.body) in REQUESTS and message.header.reply_to == ANONYMOUS
-        if response.status == 202 or (200 <= response.status < 300 and not waits_here):
-            return None
-        raise _unexpected(response, message)
-    try:
-        return decode(response.document)
-    except WireError as error:
-        raise RemoteError(f"{message.header.recipient} sent an answer that cannot be read: {error}") from None
+    problem: RemoteError | None = None
+    if response.status not in UNTAKEN and response.document and response.media_type == soap.MEDIA_TYPE:
+        try:
+            return decode(response.document)
+        except WireError as error:
+            problem = RemoteError(f"{message.header.recipient} sent an answer that cannot be read: {error}")
+    waits_here = type(message.body) in REQUESTS and message.header.reply_to == ANONYMOUS
+    is_fault = problem is not None and b"Fault" in response.document
+    if not is_fault and (response.status == 202 or (200 <= response.status < 300 and not waits_here)):
+        return None
+    raise problem or _unexpected(response, message)
 
 
 def _text(response: _Response) -> str:
