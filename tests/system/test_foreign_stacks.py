@@ -51,7 +51,7 @@ class Enrolled:
     def client(self, address: str) -> Any:
         """A client of zeep for the component at the address."""
         transport = zeep.Transport(session=self.session, timeout=HANG_TIME, operation_timeout=HANG_TIME)  # type: ignore[no-untyped-call]
-        return zeep.Client(f"{address}?wsdl", transport=transport).service
+        return zeep.Client(f"{address}?wsdl", transport=transport).service  # type: ignore[no-untyped-call]
 
 
 def carry(system: System, device: str, folder: Path) -> list[str]:

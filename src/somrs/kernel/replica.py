@@ -12,7 +12,7 @@ from msgspec import Struct, field
 from somrs.kernel.component import Effect, Input
 from somrs.kernel.following import LEASE, Following, Reading
 from somrs.ontology.map import Map
-from somrs.ontology.naming import DefinitionKey, Renaming, revise_ontology
+from somrs.ontology.naming import DefinitionKey, Renaming, Section, revise_ontology
 from somrs.ontology.objects import Change, Fact, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages.bodies import Body
@@ -36,7 +36,7 @@ class ReplicaUpdate:
 
     `changes` of the map and names that were `renamed` are in order. `merged`: objects that turned out to be others. `new_names`: the names
     that objects have now, by the names that they lost. `definitions` are new or revised; `removed` are gone or have another name.
-    `reloaded`: the whole copy was read again, so that anything may have changed before `changes`.
+    `reloaded`: the whole copy was read again, so that anything may have changed before `changes`; `renamed` has what got another name.
     """
 
     effects: list[Effect]
@@ -62,6 +62,7 @@ class MapReading(Reading, kw_only=True):
     objects: list[Object] = field(default_factory=list)
     facts: list[Fact] = field(default_factory=list)
     map_name: str = ""
+    former_names: dict[str, str] = field(default_factory=dict)
 
 
 class ReplicaDue(Struct, frozen=True, tag=True):
@@ -86,6 +87,8 @@ class Replica(Following[MapChanged | OntologyChanged, MapReading]):
     map: Map = field(default_factory=Map)
     own: bool = False
     complete: tuple[str, ...] = ()
+    missed_names: dict[str, str] = field(default_factory=dict)
+    """What objects are called now, by the names that they had before everything was read again; until that is reported."""
 
     def handle(self, event: Input, now: float) -> ReplicaUpdate | None:
         """Handle an input; None if it does not concern the replica."""
@@ -130,19 +133,27 @@ class Replica(Following[MapChanged | OntologyChanged, MapReading]):
         reading.objects += page.objects
         reading.facts += page.facts
         reading.map_name = page.map
+        reading.former_names |= page.former_names
         return ReadMap(after=page.objects[-1].name, own=self.own) if page.more else None
 
     def _adopt(self, reading: MapReading, now: float) -> None:
+        map_before = self.map
         self.ontology, self.map = reading.ontology, Map(reading.objects, reading.facts, reading.map_name, self.complete)
+        objects = self.map.objects
+        self.missed_names = {
+            name: new_name
+            for name, new_name in reading.former_names.items()
+            if name in map_before.objects and name not in objects and new_name in objects
+        }
 
     def _update(self, effects: list[Effect], events: tuple[MapChanged | OntologyChanged, ...], reloaded: bool) -> ReplicaUpdate:
         """Apply the events."""
         changes: list[Change] = []
         definitions: list[Definition] = []
         removed: list[DefinitionKey] = []
-        renamed: list[Renaming] = []
+        new_names, self.missed_names = self.missed_names, {}
+        renamed = [Renaming(section=Section.OBJECTS, name=name, to=new_name) for name, new_name in new_names.items()]
         merged: list[Merging] = []
-        new_names: dict[str, str] = {}
         for event in events:
             change_event = event.event if isinstance(event, MapChanged) else event
             renamed += change_event.renamed

@@ -70,6 +70,7 @@ from somrs.protocol.messages.reservations import (
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.committing import Committing
 from somrs.repository.definition import define_outcome, rename_outcome
+from somrs.repository.former_names import with_former_names
 from somrs.repository.forwarding import foreign_parts, impossible_request, own_changes, refusals, superseded_at_homes
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
 from somrs.repository.map_answers import MapAnswers
@@ -233,18 +234,21 @@ class Repository:
                 raise InputError("a situation is promised for the map as it is now: give `situation` or `at_version`, not both")
             return _ask(message, page_query(question, question.at_version, contents))
         if isinstance(question, ReadOntology):
-            page = ontology_page(contents.ontology, contents.version, question.after, contents.ontology_changed_at)
-            return self._answer(message, page)
+            return self._answer(message, ontology_page(contents.ontology, contents.version, question.after, contents.ontology_changed_at))
         neighbour = contents.neighbour_at(message.header.sender)
         reader = neighbour.settings if neighbour is not None else OWN_OBJECTS if question.own and contents.map.homes else None
         if reader is not None and question.situation is None:
             leaving = {handover.object for handover in contents.handovers.values() if handover.map == reader.map}
-            return self._answer(message, View(reader, contents.map, contents.ontology).page(contents.version, question.after, leaving))
+            view = View(reader, contents.map, contents.ontology)
+            shown_page = view.page(contents.version, question.after, leaving)
+            return self._answer(message, with_former_names(shown_page, question, contents, view))
         return self._read_promised(message, question)
 
     def _read_promised(self, message: Message, question: QueryMap | ReadMap) -> Effect:
         contents = self.contents
         answer = self._answers.answer(question, contents.map, contents.ontology, contents.version)
+        if isinstance(answer, MapPage) and isinstance(question, ReadMap):
+            answer = with_former_names(answer, question, contents)
         return _ask(message, answer) if isinstance(answer, LargeQuery) else self._answer(message, answer)
 
     def _answered(self, message: Message, value: object, now: float) -> Effects:

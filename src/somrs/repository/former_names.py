@@ -12,9 +12,11 @@ from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import ObjectAdded, objects_of
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Ontology
-from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.knowledge import MapPage, ReadMap, UpdateMap
 from somrs.protocol.messages.observations import Observation
+from somrs.repository.neighbour_view import View
 from somrs.repository.provenance import Provenance
+from somrs.repository.state import Contents
 
 
 def with_current_names(update: UpdateMap, map: Map, ontology: Ontology, provenance: Provenance) -> UpdateMap:
@@ -32,6 +34,20 @@ def with_current_names(update: UpdateMap, map: Map, ontology: Ontology, provenan
         situation=renamer.text(update.situation),
         observation=_renamed_observation(update.observation, used) if update.observation is not None else None,
     )
+
+
+def with_former_names(page: MapPage, question: ReadMap, contents: Contents, view: View | None = None) -> MapPage:
+    """The page, if it is the first one of the map as it is, with names that objects had.
+
+    Who reads the map anew may have missed how they got others. `view`: what the reader, a neighbour, sees; None: everything.
+    """
+    if question.after or question.situation is not None:
+        return page
+    objects = contents.map.objects
+    names = {
+        name: former.name for name, former in contents.provenance.former_names.items() if name not in objects and former.name in objects
+    }
+    return structs.replace(page, former_names={name: now for name, now in names.items() if view is None or view.shows_name(now)})
 
 
 def _named_objects(update: UpdateMap) -> set[str]:

@@ -65,10 +65,10 @@ class Importing:
             yield from self._define(neighbour, copy.ontology, now)
             neighbour.adopted = {name: None for name in neighbour.adopted if name in copy.map.objects and name in copy.leaving}
             imported_names = (plain_name(name) for name in self._contents.map.objects if home_of(name) == copy.map_name)
-            yield from self._take_over(neighbour, dict.fromkeys((*copy.map.objects, *imported_names)), (), (), now)
+            yield from self._take_over(neighbour, dict.fromkeys((*copy.map.objects, *imported_names)), update.renamed, update.merged, now)
         if update.definitions:
             yield from self._define(neighbour, update.definitions, now)
-        if update.changes or update.renamed or update.merged:
+        if not update.reloaded and (update.changes or update.renamed or update.merged):
             for change in update.changes:
                 if isinstance(change, ObjectRemoved):
                     neighbour.adopted.pop(change.name, None)

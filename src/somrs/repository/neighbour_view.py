@@ -32,6 +32,10 @@ class View:
         shown_places, map = self._neighbour.shows, self._neighbour.map
         return self._neighbour.shows_all or any(place in shown_places or home_of(place) == map for place in self._whereabouts(name))
 
+    def shows_name(self, name: str) -> bool:
+        """Whether it may know the name of an object that it sees, that has left for its own map, or, if it sees all, for another one."""
+        return self.shows(name) or (bool(home_of(name)) and (self._neighbour.shows_all or home_of(name) == self._neighbour.map))
+
     def shows_fact(self, fact: Fact) -> bool:
         """Whether it sees the fact. Whether it sees objects of others in it, it knows from them."""
         return (

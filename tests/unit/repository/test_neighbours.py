@@ -504,6 +504,21 @@ def test_what_moves_between_two_others_stays_one_thing_while_its_new_home_is_awa
     assert f"Yard:{name}" not in three.names(MILL)
 
 
+def test_who_reads_a_map_anew_learns_what_has_another_name_since() -> None:
+    three = Neighbourhood()
+    three.add_mill()
+    three.world.cut_off(MILL)
+    three.update(BARN, situation="Jar1 isOn Yard:Ramp2")
+    three.ask(YARD, RenameObject(name="Ramp1", to="Ramp9"), Updated)
+    three.world.run(200.0)  # longer than subscriptions last
+    three.world.reconnect(MILL)
+    three.settle()
+    (name,) = (fact.arguments[0] for fact in three.at(YARD).contents.map.facts_about("Ramp2") if fact.relation == "isOn")
+    assert three.at(MILL).contents.provenance.current_name("Barn:Jar1") == f"Yard:{name}"
+    assert three.at(MILL).contents.provenance.current_name("Yard:Ramp1") == "Yard:Ramp9"
+    assert not {"Barn:Jar1", "Yard:Ramp1"} & three.names(MILL)
+
+
 def test_what_moves_to_a_home_that_does_not_show_it_is_gone() -> None:
     three = Neighbourhood()
     three.add_mill()

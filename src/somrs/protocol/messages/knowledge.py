@@ -102,7 +102,10 @@ class ReadMap(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class MapPage(MessageBody, frozen=True, kw_only=True, tag=True):
-    """A page of the map with the name `map`. `leaving`: objects on it of which the reader, a neighbour, is becoming the home."""
+    """A page of the map with the name `map`. `leaving`: objects on it of which the reader, a neighbour, is becoming the home.
+
+    `former_names`, on the first page: what objects are called now, by names that they had and no object has any more.
+    """
 
     objects: tuple[Object, ...]
     facts: tuple[Fact, ...]
@@ -110,6 +113,7 @@ class MapPage(MessageBody, frozen=True, kw_only=True, tag=True):
     more: bool
     map: str = ""
     leaving: tuple[str, ...] = ()
+    former_names: dict[str, str] = {}
 
 
 class QueryMap(MessageBody, frozen=True, kw_only=True, tag=True):
