@@ -139,11 +139,8 @@ class Replica(Following[MapChanged | OntologyChanged, MapReading]):
     def _adopt(self, reading: MapReading, now: float) -> None:
         map_before = self.map
         self.ontology, self.map = reading.ontology, Map(reading.objects, reading.facts, reading.map_name, self.complete)
-        objects = self.map.objects
         self.missed_names = {
-            name: new_name
-            for name, new_name in reading.former_names.items()
-            if name in map_before.objects and name not in objects and new_name in objects
+            name: new_name for name, new_name in reading.former_names.items() if name in map_before.objects and name not in self.map.objects
         }
 
     def _update(self, effects: list[Effect], events: tuple[MapChanged | OntologyChanged, ...], reloaded: bool) -> ReplicaUpdate:
