@@ -67,25 +67,26 @@ class HandingOver:
     def _ask(self, handover: Handover, now: float) -> Effects:
         contents = self._contents
         neighbour, name = contents.neighbours[handover.map], handover.object
-        claims = tuple(
-            Claim(
-                task=task,
-                serial=claimant.serial,
-                goal=claimant.goal,
-                priority=claimant.priority,
-                repository=claimant.holder if contents.neighbour_at(claimant.holder) is not None else "",
-            )
-            for task, claimant in contents.reservations.claimants.items()
-            if name in claimant.held.changes and claimant.holder != neighbour.settings.address
-        )
+        claimants = contents.reservations.claimants
+        claims = {task: self._claim(task, claimant) for task, claimant in claimants.items()}
         body = Adopt(
             handover=handover.id,
             object=contents.map.objects[name],
             facts=tuple(contents.map.facts_from(name)),
             times=contents.provenance.times.get(name, {}),
-            claims=claims,
+            claims=tuple(
+                claims[task]
+                for task, claimant in claimants.items()
+                if name in claimant.held.changes and claimant.holder != neighbour.settings.address
+            ),
+            had=tuple(claims[task] for task, claimant in claimants.items() if name in claimant.had - claimant.held.changes),
+            overtaken=tuple(task for task, claimant in claimants.items() if name in claimant.overtaken),
         )
         yield request(contents, neighbour.settings.address, body, handover.id, now)
+
+    def _claim(self, task: str, claimant: Claimant) -> Claim:
+        repository = claimant.holder if self._contents.neighbour_at(claimant.holder) is not None else ""
+        return Claim(task=task, serial=claimant.serial, goal=claimant.goal, priority=claimant.priority, repository=repository)
 
     def defers(self, message: Message, names: Iterable[str]) -> bool:
         """Whether an update of these objects waits for the end of a handover."""
@@ -156,6 +157,10 @@ class HandingOver:
             else:  # it has released the object in the meantime
                 serial = 2 * contents.reservations.last_serial(task) + 1
                 yield notice(contents, neighbour, Release(task=task, serial=serial, ended=claimant is None), now)
+        for task, claimant in contents.reservations.claimants.items():
+            if {name, new_name} & claimant.had and contents.neighbour_at(claimant.holder) is None:
+                # The new home knows of it, too, until it has ended.
+                contents.shared_reservations.setdefault(task, SharedReservation(task_manager=claimant.holder)).asked[handover.map] = None
         yield from self.begin(contained, now)
 
     # Taking
@@ -185,6 +190,7 @@ class HandingOver:
                 fences[task] = fence
             else:
                 yield tell(contents, holder, Reserved(task=task, fence=fence), now)
+        yield from self._note_earlier(name, body, sender, now)
         return Adopted(handover=body.handover, name=name, fences=fences, version=contents.version)
 
     def _here(self, name: str, neighbour: NeighbourState) -> str:
@@ -194,13 +200,34 @@ class HandingOver:
         objects = self._contents.map.objects
         return object.name if object.name not in objects else free_name(object.type, objects)
 
+    def _note_earlier(self, name: str, body: Adopt, sender: str, now: float) -> Effects:
+        """Know which tasks had reserved the object, and after which of them others have changed it: that is not theirs to undo."""
+        contents, reservations = self._contents, self._contents.reservations
+        for claim in body.had:
+            claimant = reservations.claimants.get(claim.task)
+            if claimant is None:
+                if claim.task in reservations.ended or claim.repository == contents.address:
+                    continue
+                holder, serial = self._holder(claim, sender)
+                reservations.arrivals += 1
+                claimant = Claimant(holder=holder, goal=claim.goal, priority=claim.priority, arrival=reservations.arrivals, serial=serial)
+                reservations.claimants[claim.task] = claimant
+                if holder != sender:
+                    yield tell(contents, holder, Reserved(task=claim.task, fence=0), now)
+            claimant.had |= {name}
+            if claim.task in body.overtaken:
+                claimant.overtaken |= {name}
+
+    def _holder(self, claim: Claim, sender: str) -> tuple[str, int]:
+        """Who reserves for a task, and the number of its latest message. A task of a common neighbour goes on reserving for itself."""
+        is_known = self._contents.neighbour_at(claim.repository) is not None
+        return (claim.repository, claim.serial) if is_known else (sender, 2 * claim.serial)
+
     def _reserve(self, name: str, claims: Iterable[Claim], sender: str, now: float) -> Iterator[tuple[str, int]]:
         """The tasks of the neighbour that have reserved the object have it here, too."""
         reservations = self._contents.reservations
         for claim in claims:
-            # A task of a common neighbour goes on reserving for itself.
-            is_known = self._contents.neighbour_at(claim.repository) is not None
-            holder, serial = (claim.repository, claim.serial) if is_known else (sender, 2 * claim.serial)
+            holder, serial = self._holder(claim, sender)
             claimant = Claimant(holder=holder, goal=claim.goal, priority=claim.priority, arrival=0)
             reservation = Reservation(changes=frozenset((name,)))
             granted = reservations.reserve(claim.task, claimant, reservation, ReservationMode.UNDO, now)

@@ -233,7 +233,7 @@ class SharedReserving:
         if is_hindered:
             yield self._answer(message, ReservationDenied(task=task, holders=shared.holders))
         else:
-            yield self._answer(message, structs.replace(granted, overtaken=shared.overtaken, holders=shared.holders))
+            yield self._answer(message, structs.replace(granted, overtaken=tuple(dict.fromkeys(shared.overtaken)), holders=shared.holders))
         self._conclude(task)
 
     def _conclude(self, task: str) -> None:
@@ -295,7 +295,10 @@ class SharedReserving:
         """What a task has reserved has got its home at this neighbour. A task that has nothing any more releases it there."""
         shared = self._contents.shared_reservations.get(task)
         claimant = self._contents.reservations.claimants.get(task)
-        if shared is not None and (shared.request is not None or (claimant is not None and claimant.held)):
+        if not fence and claimant is not None:  # it knows that the task had it
+            shared = self._contents.shared_reservations.setdefault(task, SharedReservation(task_manager=claimant.holder))
+            shared.asked[neighbour.settings.map] = None
+        elif shared is not None and (shared.request is not None or (claimant is not None and claimant.held)):
             shared.fences[neighbour.settings.map] = fence
         else:
             serial = 2 * self._contents.reservations.last_serial(task) + 1

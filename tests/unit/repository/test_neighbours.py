@@ -376,6 +376,27 @@ def test_what_a_task_has_not_got_is_not_its_own_when_it_comes_to_its_map(is_raci
     assert [holder.task for holder in denied.holders] == ["yard-task"]
 
 
+@pytest.mark.parametrize("address", [YARD, MILL, BARN], ids=["new home", "third map", "earlier home"])
+def test_what_others_have_changed_before_it_got_its_home_is_not_undone(address: str) -> None:
+    three = Neighbourhood()
+    three.add_mill()
+    three.ask(address, reserve("old-task", 1, "Jar1" if address == BARN else "Barn:Jar1"), Reserved)
+    three.world.send(request(Release(task="old-task", serial=2), recipient=address))
+    three.settle()
+    fence = three.ask(BARN, reserve("barn-task", 1, "Jar1"), Reserved).fence
+    report = UpdateMap(situation="Jar1 isOn Yard:Ramp2", author="test", reservation=UnderReservation(task="barn-task", fence=fence))
+    three.ask(BARN, report, Updated)
+    three.world.send(request(Release(task="barn-task", serial=2, ended=True), recipient=BARN))
+    three.settle()
+    (name,) = (fact.arguments[0] for fact in three.at(YARD).contents.map.facts_about("Ramp2") if fact.relation == "isOn")
+    seen_name = name if address == YARD else f"Yard:{name}"
+    undoing = three.ask(address, reserve("old-task", 3, seen_name, mode=ReservationMode.UNDO), Reserved)
+    assert undoing.overtaken == (seen_name,)
+    three.world.send(request(Release(task="old-task", serial=4, ended=True), recipient=address))
+    three.settle()
+    assert three.reserved_for() == set(), "nobody remembers a task that has ended"
+
+
 def test_what_a_task_had_it_keeps_when_it_is_denied_more() -> None:
     two = Neighbourhood()
     fence = two.ask(BARN, reserve("barn-task", 1, "Jar1"), Reserved).fence

@@ -63,7 +63,8 @@ class Adopt(MessageBody, frozen=True, kw_only=True, tag=True):
     """To a neighbour: an object has come to a place of its map, which becomes its home. `handover` identifies this move.
 
     `facts`: those that begin with it, as on the map of the sender. `times`: when the latest news about each of its aspects held.
-    `claims`: the tasks that have reserved it to change it.
+    `claims`: the tasks that have reserved it to change it; `had`: those that had done so before, and have not ended; `overtaken`: those of
+    them after which other tasks have changed it.
     """
 
     handover: str
@@ -71,6 +72,8 @@ class Adopt(MessageBody, frozen=True, kw_only=True, tag=True):
     facts: tuple[Fact, ...] = ()
     times: dict[str, float] = {}
     claims: tuple[Claim, ...] = ()
+    had: tuple[Claim, ...] = ()
+    overtaken: tuple[str, ...] = ()
 
 
 class Adopted(MessageBody, frozen=True, kw_only=True, tag=True):
