@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import random
 from collections.abc import AsyncIterator, Callable, Coroutine
 from functools import partial
 from pathlib import Path
@@ -127,6 +128,36 @@ def test_who_went_on_while_the_bus_went_on_too_is_refused_until_somebody_chooses
         monkeypatch.delenv(CHOICE)
         assert await site.total("second", server.address, 1000) == chosen_total + 1000
         assert await site.total("first", server.address) == chosen_total + 1000
+
+    play(tmp_path, scenario)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_lost_silently_whoever_goes_on_with_which_bus(tmp_path: Path, seed: int) -> None:
+    """Folders run one after the other, on one of two buses or on none. What each of them and each bus has is known: what one of two has
+    goes on if it has all of the other one, and else nothing does."""
+    chance = random.Random(seed)
+
+    async def scenario(site: Site, server: NatsServer) -> None:
+        with site.server("other") as other_server:
+            buses: dict[str, NatsServer | None] = {"bus": server, "other": other_server, "none": None}
+            histories: dict[str, list[int]] = {}
+            refused_count = 0
+            for amount in range(1, 26):
+                data, name = chance.choice(["first", "second"]), chance.choice([*buses])
+                bus, own, on_bus = buses[name], histories.get(data, []), histories.get(name, [])
+                address = bus.address if bus is not None else None
+                if bus is not None and own != on_bus[: len(own)] and on_bus != own[: len(on_bus)]:
+                    refused_count += 1
+                    with pytest.raises(UsageError, match="only one can go on"):
+                        await site.total(data, address)
+                    continue
+                history = [*max(own, on_bus, key=len), amount] if bus is not None else [*own, amount]
+                assert await site.total(data, address, amount) == sum(history), (data, name, histories)
+                histories[data] = history
+                if bus is not None:
+                    histories[name] = history
+            assert refused_count
 
     play(tmp_path, scenario)
 

@@ -121,6 +121,8 @@ class Continuation:
             while not await stream.acquire():
                 if follows:
                     await self._follow(stream, journaled)
+                elif not self._joined.replaces:
+                    await self._check_alone(stream)
                 if not is_said:
                     if not follows:
                         log.warning("%s waits until no other process leads: its file goes on without those on the bus", stream.component)
