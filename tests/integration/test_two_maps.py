@@ -314,3 +314,17 @@ def test_a_task_says_that_it_waits_for_a_neighbour_before_anything_moves() -> No
     two.world.reconnect("Barn/repository")
     assert two.finish(two.yard, task).outcome == "accomplished"
     assert len(events_of(two.yard, task, WaitsForRepository, RepositoryAnswered)) == 2
+
+
+def test_a_task_without_a_device_says_which_neighbour_s_registry_does_not_answer() -> None:
+    two = TwoOwners(barn_robot=Robot("BarnRobot", price=5, duration=20))
+    two.world.cut_off(two.barn.registry_address)
+    two.world.run(100.0)
+    task = two.submit(two.yard, "Barn:Jar1 isOn BarnPlatform")
+    two.world.run(30.0)
+    (reason,) = view(two.yard.manager.state.tasks[task]).reasons
+    assert reason.endswith("TransferObject: no device offers it now; the Registry of Barn does not answer")
+    two.world.reconnect(two.barn.registry_address)
+    assert two.finish(two.yard, task).outcome == "accomplished"
+    assert two.yard.manager.state.discovery.directory is not None
+    assert two.yard.manager.state.discovery.directory.away == ()

@@ -65,6 +65,8 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, OffersReading]):
     """The Registry whose offers these are; empty: not known."""
     expected: dict[str, float] = {}
     """Until when providers are expected to publish again, because service types are defined anew. The name may be empty: some provider."""
+    away: tuple[str, ...] = ()
+    """The neighbours of the Registry that do not answer."""
 
     def handle(self, event: Input, now: float) -> ServiceUpdate | None:
         """Handle an input; None if it does not concern the replica."""
@@ -111,6 +113,7 @@ class ServiceReplica(Following[ServicesJoined | ServicesLeft, OffersReading]):
         return max(self.known_since, self.turned_at) + LEASE
 
     def _subscribed(self, answer: ServicesSubscribed, now: float) -> list[Effect]:
+        self.away = answer.away
         self.other_registries = tuple(address for address in answer.other_registries if address != self.registry) or self.other_registries
         if self.copied_from not in ("", self.registry):
             self._begin_anew()

@@ -338,7 +338,11 @@ class Registry:
         state.subscribers[sender] = subscription
         # Neighbours follow each Registry of the site by itself.
         other_registries = () if audience else state.other_registries
-        return ServicesSubscribed(until=subscription.until, version=subscription.version, other_registries=other_registries)
+        silent = [neighbour for neighbour in state.neighbours.values() if neighbour.is_silent(now) and not neighbour.settings.is_of_site]
+        silent_names = tuple(neighbour.settings.name for neighbour in silent) if not audience else ()
+        return ServicesSubscribed(
+            until=subscription.until, version=subscription.version, other_registries=other_registries, away=silent_names
+        )
 
 
 def only_reads(event: Input) -> bool:

@@ -101,14 +101,14 @@ class StoredCopy:
         """
         from nats.js.errors import APIError
 
-        is_said = False
+        has_warned = False
         while True:
             try:
                 await patiently(partial(self._put, file, info, leads))
             except APIError as error:
-                if not is_said:
+                if not has_warned:
                     log.warning("the bus does not store a copy of %s: %s; it is tried again", self._key, error.description or error)
-                    is_said = True
+                    has_warned = True
             else:
                 break
             finally:
@@ -208,11 +208,11 @@ class StoredCopy:
 
     async def _wait_for_next(self, info: ObjectInfo) -> None:
         """Return when another file is stored, or none. Chunks of the one before are deleted then, and when its writer was cut off."""
-        is_said = False
+        has_warned = False
         while (latest_info := (await self._latest())[1]) is not None and latest_info.nuid == info.nuid:
-            if not is_said:
+            if not has_warned:
                 log.warning("the copy of %s on the bus is damaged; waiting for the next one of the process that leads", self._key)
-                is_said = True
+                has_warned = True
             await asyncio.sleep(LONGEST_PAUSE)
 
     async def _latest(self) -> tuple[int, ObjectInfo | None]:

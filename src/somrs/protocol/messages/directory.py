@@ -173,12 +173,14 @@ class SubscribeServices(MessageBody, frozen=True, kw_only=True, tag=True):
 class ServicesSubscribed(MessageBody, frozen=True, kw_only=True, tag=True):
     """`version`: that of the offers listed. Unasked, after a restart of the Registry: news may be missing, subscribe again.
 
-    `other_registries`: the addresses of the other Registries of the site, which list the same offers.
+    `other_registries`: the addresses of the other Registries of the site, which list the same offers. `away`: the neighbours that do not
+    answer, so that their offers are left out.
     """
 
     until: float
     version: int = 0
     other_registries: tuple[str, ...] = ()
+    away: tuple[str, ...] = ()
 
 
 class ServicesJoined(MessageBody, frozen=True, kw_only=True, tag=True):

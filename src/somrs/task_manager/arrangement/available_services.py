@@ -210,7 +210,9 @@ class AvailableServices:
 
     def _absence(self, service_type: str) -> str:
         resting = [loss for loss in self.resting_services if loss.service_type.name == service_type]
-        return f"no device offers it now{resting_text(resting)}"
+        silent_registries = self._directory.away if self._directory is not None else ()
+        silence = f"; the Registry of {' and that of '.join(silent_registries)} does not answer" if silent_registries else ""
+        return f"no device offers it now{resting_text(resting)}{silence}"
 
     def _may_return(self, service: str, offer: Offer | None) -> bool:
         """Whether an excluded service may be available later. One that failed, and says that it works, gets no better by waiting."""
