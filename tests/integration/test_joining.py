@@ -253,3 +253,20 @@ def test_the_bus_has_all_again_after_its_journal_was_deleted_by_hand(tmp_path: P
         assert await site.total("second", server.address) == 7
 
     play(tmp_path, scenario)
+
+
+def test_a_folder_that_changes_to_a_bus_and_back_misses_nothing(tmp_path: Path) -> None:
+    """A component that begins anew at another address has fewer entries than before."""
+
+    async def scenario(site: Site, server: NatsServer) -> None:
+        async def at_port(port: int, bus: BusAddress | None, *amounts: int) -> int:
+            site.port, site.gateway = port, f"http://127.0.0.1:{port}"
+            return await site.total("first", bus, *amounts)
+
+        first_port, second_port = site.port, site.port + 1
+        on_bus = msgspec.structs.replace(server.address, gateway=f"http://127.0.0.1:{second_port}")
+        assert await at_port(first_port, None, 1, 2, 3, 4, 5) == 15
+        assert await at_port(second_port, on_bus, 10) == 10
+        assert await at_port(first_port, None, 100) == 100
+
+    play(tmp_path, scenario)

@@ -89,7 +89,8 @@ class Disk:
         self._stored: list[_Write] = []
         self._storing: asyncio.Task[None] | None = None
         self._listeners: dict[asyncio.AbstractEventLoop, list[Callable[[], None]]] = {}
-        self._mark = HighWaterMark(path) if syncs else None
+        self._mark: HighWaterMark | None = HighWaterMark(path)
+        self._keeps_mark = syncs
         self._reached: dict[str, int] = {}
         """The numbers of the last entries, with those of the present transaction."""
         opened: Future[None] = Future()
@@ -283,6 +284,10 @@ class Disk:
                 f"{self.path}: the last {reached - number} of {reached} inputs are missing; the file or its -wal was damaged or removed. "
                 f"Restore a backup; or delete {self._mark.path} to go on without them: what came after is forgotten"
             )
+        if self._mark is not None and not self._keeps_mark:
+            # What is elsewhere as well is not counted here: later, the mark would be that of other entries.
+            self._mark.path.unlink(missing_ok=True)
+            self._mark = None
 
     def _open(self) -> sqlite3.Connection:
         if self._mark is not None:
