@@ -37,7 +37,7 @@ def test_a_system_on_a_bus_goes_on_when_the_server_of_the_bus_or_the_gateway_is_
             bus = system.addresses.bus
             assert bus is not None
             assert {address.rpartition("/")[0] for address in (system.addresses.repository, system.addresses.task_manager)} == {bus.gateway}
-            assert await find_site(bus.servers, credentials=credentials_in(tmp_path)) == system.addresses
+            assert await find_site(bus.servers, credentials=credentials_in(tmp_path, bus.servers)) == system.addresses
             notices: list[str] = []
             supervisor = asyncio.create_task(system.keep_running(notices.append))
             for number, (program, effect) in enumerate((("bus", "Jar002 isOn Platform001"), ("gateway", "Jar002 isOn Table001")), start=1):

@@ -290,4 +290,4 @@ def addresses_of(data: Path, bus: str | None, name: str | None) -> Addresses:
     from somrs.client.credentials import credentials_in
     from somrs.deployment.bus import find_site
 
-    return asyncio.run(find_site(bus, name, credentials_in(data)))
+    return asyncio.run(find_site(bus, name, credentials_in(data, bus)))

@@ -172,7 +172,8 @@ class Continuation:
             if self.journal.due:
                 self.journal.snapshot(journaled)
         first, last_place = await stream.bounds()
-        if first > stream.last + 1 or last_place < stream.last:
+        # A server that has just come back may answer before it knows of the last entries.
+        if first > stream.last + 1 or (last_place < stream.last and await stream.is_made_anew()):
             raise UsageError(f"{stream.component} ends: only the copy on the bus has what it missed; start it again")
         return number
 

@@ -111,6 +111,7 @@ class StreamLog:
         self._client = client = await connect(self._servers, self._credentials)
         self._js: JetStreamContext = client.jetstream(timeout=_WRITE_TIME)
         await self._make_stream()
+        self._made_at = (await patiently(lambda: self._js.stream_info(self._stream))).created
         self._copy = await StoredCopy.opened(self._js, self._key)
         self.lease = Lease(await leases(self._js), self._key, self._identity, lambda: self.on_lost())
         self._followed = await client.subscribe(self._subject, cb=self._on_news)
@@ -250,6 +251,14 @@ class StreamLog:
         async def read() -> tuple[int, int]:
             state = (await patiently(lambda: self._js.stream_info(self._stream))).state
             return state.first_seq or state.last_seq + 1, state.last_seq
+
+        return await self.call(read())
+
+    async def is_made_anew(self) -> bool:
+        """Whether the stream was deleted since it was opened, and is there again."""
+
+        async def read() -> bool:
+            return (await patiently(lambda: self._js.stream_info(self._stream))).created != self._made_at
 
         return await self.call(read())
 
