@@ -14,6 +14,7 @@ from somrs.ontology.renaming import Renamer
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import MapPage, ReadMap, UpdateMap
 from somrs.protocol.messages.observations import Observation
+from somrs.protocol.messages.paging import fit_page
 from somrs.repository.neighbour_view import View
 from somrs.repository.provenance import Provenance
 from somrs.repository.state import Contents
@@ -44,10 +45,9 @@ def with_former_names(page: MapPage, question: ReadMap, contents: Contents, view
     if question.after or question.situation is not None:
         return page
     objects = contents.map.objects
-    names = {
-        name: former.name for name, former in contents.provenance.former_names.items() if name not in objects and former.name in objects
-    }
-    return structs.replace(page, former_names={name: now for name, now in names.items() if view is None or view.shows_name(now)})
+    latest_first = ((name, former.name) for name, former in reversed(contents.provenance.former_names.items()))
+    names = ((name, now) for name, now in latest_first if name not in objects and now in objects and (view is None or view.shows_name(now)))
+    return structs.replace(page, former_names=dict(fit_page(names)))  # as many as fit into the message
 
 
 def _named_objects(update: UpdateMap) -> set[str]:

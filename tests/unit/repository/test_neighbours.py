@@ -7,8 +7,21 @@ import pytest
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import PART_OF, AttributeType, Kind, ObjectType, Value
+from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.knowledge import Define, Defined, QueryMap, Rejected, RenameObject, Rows, Updated, UpdateMap, by_kind
+from somrs.protocol.messages.knowledge import (
+    Define,
+    Defined,
+    MapPage,
+    QueryMap,
+    ReadMap,
+    Rejected,
+    RenameObject,
+    Rows,
+    Updated,
+    UpdateMap,
+    by_kind,
+)
 from somrs.protocol.messages.neighbours import Neighbour, Neighbours, ReadNeighbours
 from somrs.protocol.messages.observations import Observation
 from somrs.protocol.messages.reservations import (
@@ -22,8 +35,11 @@ from somrs.protocol.messages.reservations import (
     Reserved,
     UnderReservation,
 )
+from somrs.protocol.soap import soap
+from somrs.protocol.soap.document import MOST_BYTES
 from somrs.repository.component import SCHEMA, Repository
 from somrs.repository.neighbouring import NeighboursConfigured
+from somrs.repository.provenance import FormerName
 from somrs.repository.state import Contents, RepetitionDue
 from somrs.runtime.virtual_time import World
 from tests.support.answer_client import AnswerClient
@@ -538,6 +554,16 @@ def test_who_reads_a_map_anew_learns_what_has_another_name_since() -> None:
     assert three.at(MILL).contents.provenance.current_name("Barn:Jar1") == f"Yard:{name}"
     assert three.at(MILL).contents.provenance.current_name("Yard:Ramp1") == "Yard:Ramp9"
     assert not {"Barn:Jar1", "Yard:Ramp1"} & three.names(MILL)
+
+
+def test_a_map_with_many_long_former_names_can_be_read() -> None:
+    two = Neighbourhood()
+    former_names = two.at(BARN).contents.provenance.former_names
+    for number in range(1000):
+        former_names[f"{'Jar' * 80}{number}"] = FormerName(name="Jar1")
+    page = two.ask(BARN, ReadMap(), MapPage)
+    assert page.former_names[f"{'Jar' * 80}999"] == "Jar1", "the latest ones are told"
+    assert len(soap.encode(Message(header=request(ReadMap(), recipient=BARN).header, body=page))) < MOST_BYTES
 
 
 def test_what_moves_to_a_home_that_does_not_show_it_is_gone() -> None:
