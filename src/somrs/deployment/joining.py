@@ -65,7 +65,7 @@ async def join(stream: StreamLog | None, file: Path, address: str, open_journal:
             return JoinedJournal(journal)
         try:
             joined = await _compared(stream, journal, address)
-        except BaseException:
+        except BaseException:  # whatever the error is, nobody else has the journal to close it
             journal.close()
             raise
         if joined is not None:
