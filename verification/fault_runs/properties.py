@@ -215,7 +215,7 @@ class Witness:
         """Check property 4: work is compensated, or its result is reported to the client."""
         if work.state is State.EXECUTING:
             raise Violation(Property.PARTIAL_RESULT, f"{task_view.task} ended {task_view.outcome} while {work.service} still works for it")
-        situation = work.situation or "nothing is known"
+        situation = work.situation or "it did not say what it left"
         if work.state is State.STRANDED and not any(work.service in reason and situation in reason for reason in task_view.reasons):
             raise Violation(
                 Property.PARTIAL_RESULT,

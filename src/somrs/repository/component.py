@@ -338,7 +338,7 @@ class Repository:
             outcome,
             author,
             now,
-            task=alteration.reservation.task if isinstance(alteration, UpdateMap) and alteration.reservation is not None else None,
+            task=_task_that_changes(alteration),
             undoes=alteration.version if isinstance(alteration, Undo) else None,
         )
         yield self._remember_answer(message, _answer_to(alteration, outcome, contents.version))
@@ -366,6 +366,14 @@ class Repository:
 
 def _answer_to(alteration: Alteration, outcome: Outcome, version: int) -> Updated | Defined:
     return Defined(version=version) if isinstance(alteration, Define) else Updated(version=version, reception=outcome.reception)
+
+
+def _task_that_changes(alteration: Alteration) -> str | None:
+    """The task whose work the change is. What its devices only saw was so before."""
+    if not isinstance(alteration, UpdateMap) or alteration.reservation is None:
+        return None
+    observation = alteration.observation
+    return alteration.reservation.task if observation is None or observation.caused else None
 
 
 def _ask(message: Message, task: Task) -> Ask:

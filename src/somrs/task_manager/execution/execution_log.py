@@ -105,20 +105,32 @@ class Work(Struct, kw_only=True, eq=False):
             currency=self.currency,
         )
 
-    def in_words(self) -> str:
-        """The outcome of the work as a sentence, for the reasons of a task that was not accomplished."""
+    def in_words(self, map: Map, ontology: Ontology) -> str:
+        """The outcome of the work as a sentence, for the reasons of a task that was not accomplished.
+
+        Of what the service did not report, it says what the map has now.
+        """
         action = f"{self.step.service_type} by {self.service}"
         since = ", which another task has changed since" if self.overtaken else ""
         match self.state:
             case State.COMPENSATED:
                 return f"{action} was undone: {self.prior_situation}"
             case State.STRANDED:
-                leftover = f"it left {self.situation}" if self.situation else f"nothing is known of {', '.join(self.concerned)}"
+                leftover = f"it left {self.situation}" if self.situation else f"it did not say what it left: {self._now(map, ontology)}"
                 return f"{action} could not be undone, and {leftover}"
             case State.COMPLETED:
                 return f"{action} was done: {self.situation}{since}"
             case _:
                 return f"{action} was interrupted: {self.situation or self.note}{since}"
+
+    def _now(self, map: Map, ontology: Ontology) -> str:
+        """What the map says of what the step changes."""
+        situation = situation_to_restore(self.step, map, ontology)
+        unknown = [name for name in self.concerned if name not in map.objects or map.objects[name].values.get(UNKNOWN) is True]
+        parts = [f"now the map says {situation}"] if situation is not None else []
+        if unknown or not parts:
+            parts.append(f"nothing is known of {', '.join(unknown or self.concerned)}")
+        return ", and ".join(parts)
 
 
 class ExecutionLog(Struct, kw_only=True):

@@ -61,7 +61,8 @@ class Ending:
             state.findings = findings(state.task.effect, state.log, self._context.replica)
         yield from self._scope.reserving.release(now, ended=True)
         if outcome is not Outcome.ACCOMPLISHED:
-            state.reasons += tuple(work.in_words() for work in state.log if work.matters)
+            replica = self._context.replica
+            state.reasons += tuple(work.in_words(replica.map, replica.ontology) for work in state.log if work.matters)
         for timer in (DeadlineDue(state.id), StopDue(state.id)):
             yield SetTimer(timer, None)
         self._scope.log_event(events.TaskEnded(outcome=outcome, reasons=state.reasons), now)

@@ -9,7 +9,7 @@ from msgspec import structs
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
-from somrs.ontology.objects import ValueSet
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ObjectRemoved, ValueSet
 from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages.frp import State
@@ -21,6 +21,7 @@ from tests.support.laboratory import MAP, TRANSFER, laboratory
 from tests.unit.task_manager.execution.test_participants import TransactionHarness
 
 NOW = MAP.changed([ValueSet("DoorAB", "Open", False), ValueSet("Jar001", "Weight", 0.3)])
+ON_SHELF1 = FactRemoved(Fact("isOn", ("Jar001", "Shelf1")))
 MOVED, CLEANED = "Jar001 isOn Shelf2", "Jar001.Clean = TRUE"
 
 
@@ -236,7 +237,6 @@ def test_work_as_clients_see_it() -> None:
     [
         (State.COMPENSATED, MOVED, "was undone: Jar001 isOn Shelf1"),
         (State.STRANDED, MOVED, "could not be undone, and it left Jar001 isOn Shelf2"),
-        (State.STRANDED, None, "could not be undone, and nothing is known of Jar001"),
         (State.COMPLETED, MOVED, "was done: Jar001 isOn Shelf2"),
         (State.FAILED, MOVED, "was interrupted: Jar001 isOn Shelf2"),
         (State.FAILED, None, "was interrupted: stuck"),
@@ -245,7 +245,21 @@ def test_work_as_clients_see_it() -> None:
 def test_what_became_of_work_in_words(state: State, situation: str | None, words: str) -> None:
     work = begin(ExecutionLog())
     work.state, work.situation, work.note = state, situation, "stuck"
-    assert work.in_words() == f"TransferObject by Robot1.Work {words}"
+    assert work.in_words(NOW, laboratory()) == f"TransferObject by Robot1.Work {words}"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ((ON_SHELF1, ValueSet("Jar001", "Unknown", True)), "nothing is known of Jar001"),
+        ((ON_SHELF1, FactAdded(Fact("isHeldBy", ("Jar001", "Robot1")))), "now the map says Jar001 isHeldBy Robot1"),
+        ((ObjectRemoved("Jar001"),), "nothing is known of Jar001"),
+    ],
+)
+def test_of_what_a_service_left_without_a_word_the_client_hears_what_the_map_has(changes: tuple[Change, ...], words: str) -> None:
+    work = begin(ExecutionLog())
+    work.state = State.STRANDED
+    assert work.in_words(NOW.changed(changes), laboratory()).endswith(f"could not be undone, and it did not say what it left: {words}")
 
 
 def test_what_another_task_has_changed_since_is_not_undone_and_told() -> None:
@@ -255,4 +269,4 @@ def test_what_another_task_has_changed_since_is_not_undone_and_told() -> None:
     log.overtake(["Jar001"])
     after.state = State.COMPLETED
     assert numbers(log.to_undo()) == numbers([after, of_another_thing])
-    assert overtaken.in_words() == "TransferObject by Robot1.Work was done: Jar001 isOn Shelf2, which another task has changed since"
+    assert overtaken.in_words(NOW, laboratory()).endswith("was done: Jar001 isOn Shelf2, which another task has changed since")
