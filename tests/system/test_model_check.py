@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import pytest
@@ -215,6 +216,12 @@ def test_two_parts_joined_are_as_their_quotients_joined() -> None:
     assert len(reduced.path_to(reduced.violations[Property.MUTUAL_EXCLUSION].state)) == len(
         whole.path_to(whole.violations[Property.MUTUAL_EXCLUSION].state)
     )
+
+
+def test_a_check_is_the_same_in_another_process() -> None:
+    """A check reaches its process as a copy, which is equal to the original and not the same object."""
+    kind = StepKind.NOT_NOW
+    assert check_kind(kind, pickle.loads(pickle.dumps(LOSSY_FIFO))).states == check_kind(kind, OUTBOX).states
 
 
 def test_media() -> None:

@@ -78,7 +78,7 @@ def check_one(medium: Medium) -> Result:
 
 def check_two(medium: Medium) -> Result:
     """Check two participants of one step. Properties of one are checked in its part with arbitrary others."""
-    return _check_pair(StepKind.PLAIN, OUTBOX if medium is LOSSY_FIFO else medium, "2 participants")
+    return _check_pair(StepKind.PLAIN, OUTBOX if medium == LOSSY_FIFO else medium, "2 participants")
 
 
 def _check_part(kind: StepKind, medium: Medium, configuration: str) -> Result:
@@ -108,12 +108,12 @@ def _check_pair(kind: StepKind, medium: Medium, configuration: str) -> Result:
 
 def check_kind(kind: StepKind, medium: Medium) -> Result:
     """Check one participant with a step of this kind, with kills and restarts at any moment and, for property 7, without."""
-    return _check_part(kind, OUTBOX if medium is LOSSY_FIFO else medium, str(kind))
+    return _check_part(kind, OUTBOX if medium == LOSSY_FIFO else medium, str(kind))
 
 
 def check_kind_with_two(kind: StepKind, medium: Medium) -> Result:
     """Check two participants of one step of this kind."""
-    return _check_pair(kind, OUTBOX if medium is LOSSY_FIFO else medium, f"{kind}, 2 participants")
+    return _check_pair(kind, OUTBOX if medium == LOSSY_FIFO else medium, f"{kind}, 2 participants")
 
 
 def check_lost_disk(medium: Medium, lost_disk: LostDisk) -> Result:
