@@ -100,7 +100,7 @@ benchmarks: setup
 
 # Kills real processes at every type of message of the protocol; SEED=17 plays one run once more.
 kill-runs: setup
-	@$(BIN)/python -m verification.kill_runs $(if $(BUS),--bus) $(if $(N),--runs $(N)) $(if $(SEED_BASE),--first $(SEED_BASE)) $(if $(SEED),--seed $(SEED))
+	@$(BIN)/python -m verification.kill_runs $(if $(BUS),--bus) $(if $(PLANNED),--planned) $(if $(N),--runs $(N)) $(if $(SEED_BASE),--first $(SEED_BASE)) $(if $(SEED),--seed $(SEED))
 
 # What the servers of a running system promise to refuse, and what befalls its machine; SEED=17 draws the same messages once more.
 attack: setup

@@ -33,8 +33,8 @@ STARTS = 3
 class Series:
     """Runs for many seeds, in several systems at the same time. A system is used again as long as its runs do not fail."""
 
-    def __init__(self, seeds: list[int], out_folder: Path, bar: Progress, *, is_on_bus: bool = False) -> None:
-        self._is_on_bus = is_on_bus
+    def __init__(self, seeds: list[int], out_folder: Path, bar: Progress, *, is_on_bus: bool = False, is_planned: bool = False) -> None:
+        self._is_on_bus, self._is_planned = is_on_bus, is_planned
         self.results: list[Result] = []
         self._seeds, self._out_folder, self._bar = deque(seeds), out_folder, bar
         self._progress_task = bar.add_task("kill runs", total=len(seeds))
@@ -51,7 +51,7 @@ class Series:
             self._systems += 1
             data = self._out_folder / f"system-{self._systems}"
             try:
-                async with RunningSystem(data, is_on_bus=self._is_on_bus) as running_system:
+                async with RunningSystem(data, is_on_bus=self._is_on_bus, is_planned=self._is_planned) as running_system:
                     troubles = 0
                     while self._seeds and await self._seed(running_system, self._seeds.popleft()):
                         pass
@@ -111,6 +111,7 @@ def main() -> int:
     arguments.add_argument("--systems", type=int, default=2, help="number of systems that run at the same time")
     arguments.add_argument("--out", type=Path, default=Path("out/kill-runs"))
     arguments.add_argument("--bus", action="store_true", help="kill whole hosts of a system on a bus of three servers, for good")
+    arguments.add_argument("--planned", action="store_true", help="with --bus: ask the host's programs to end, in place of killing them")
     options = arguments.parse_args()
     seeds = [options.seed] if options.seed is not None else [*range(options.first, options.first + options.runs)]
     shutil.rmtree(options.out, ignore_errors=True)
@@ -118,9 +119,9 @@ def main() -> int:
     console = Console(width=None if sys.stdout.isatty() else 200)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as bar:
-        series = Series(seeds, options.out, bar, is_on_bus=options.bus)
+        series = Series(seeds, options.out, bar, is_on_bus=options.bus, is_planned=options.planned)
         results = asyncio.run(series.play(min(options.systems, len(seeds))))
-    summary(results, console)
+    summary(results, console, is_planned=options.planned)
     passed = len({result.seed for result in results if result.recovered})
     print(f"{passed} passed, {len(seeds) - passed} failed")
     return 0 if passed == len(seeds) else 1

@@ -6,6 +6,7 @@ other hosts, which are not killed.
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 
 from somrs.demo.hosts import Host, Hosts
@@ -20,7 +21,8 @@ class BusOfHosts(Hosts):
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder, HOSTS)
-        self._killed: Host | None = None
+        self._lost_host: Host | None = None
+        self._take_out_task: asyncio.Task[None] | None = None
 
     async def _start_components(self, host: Host, site: Path) -> None:
         for component in COMPONENTS:
@@ -46,16 +48,29 @@ class BusOfHosts(Hosts):
 
     async def kill_leader(self) -> None:
         """Kill the host that leads the Task Manager, for good."""
-        [self._killed] = [host for host in self.hosts if "task-manager" in host.leads]
-        await self._killed.kill()
+        self._lost_host = self._leader_of_tasks()
+        await self._lost_host.kill()
+
+    def take_out_leader(self) -> None:
+        """Ask the host that leads the Task Manager to end, as before maintenance."""
+        self._lost_host = self._leader_of_tasks()
+        self._take_out_task = self._lost_host.take_out()
+
+    def _leader_of_tasks(self) -> Host:
+        host = self.leader("task-manager")
+        assert host is not None, "every component has a leader between two runs"
+        return host
 
     async def taken_over(self) -> None:
         """Return when every component has a leader."""
         await self.led(COMPONENTS)
 
     async def bring_back(self, site: Path) -> None:
-        """Start the host that was killed again, for the next run: its components become standbys."""
-        if self._killed is not None:
-            await self.start_server(self._killed)
-            await self._start_components(self._killed, site)
-            self._killed = None
+        """Start the host that was lost again, for the next run: its components become standbys."""
+        if self._take_out_task is not None:
+            await self._take_out_task
+            self._take_out_task = None
+        if self._lost_host is not None:
+            await self.start_server(self._lost_host)
+            await self._start_components(self._lost_host, site)
+            self._lost_host = None

@@ -13,14 +13,15 @@ from verification.kill_runs.draw import MESSAGES, Victim
 from verification.kill_runs.run import Result
 
 
-def summary(results: Sequence[Result], console: Console) -> None:
+def summary(results: Sequence[Result], console: Console, *, is_planned: bool = False) -> None:
     """Print the results of all runs by message and by victim."""
     console.print(_by_message(results))
     console.print(_by_victim(results))
     if take_overs := sorted(result.to_take_over for result in results if result.to_take_over is not None and not result.missed):
         late = take_overs[min(len(take_overs) - 1, math.ceil(len(take_overs) * 0.99) - 1)]
         figures = f"median {median(take_overs):.2f} s, 99 % within {late:.2f} s, most {take_overs[-1]:.2f} s"
-        console.print(f"from the kill of a host until its standbys lead: {figures}", highlight=False)
+        cause = "request to end to" if is_planned else "kill of"
+        console.print(f"from the {cause} a host until its standbys lead: {figures}", highlight=False)
     for missed in (result for result in results if result.missed):
         console.print(
             f"[yellow]missed[/] seed {missed.seed}, attempt {missed.attempt + 1}: {missed.case}: {missed.missed}", highlight=False

@@ -54,10 +54,10 @@ class RunningSystem:
 
     system: System
 
-    def __init__(self, data: Path, launcher: Launcher | None = None, *, is_on_bus: bool = False) -> None:
+    def __init__(self, data: Path, launcher: Launcher | None = None, *, is_on_bus: bool = False, is_planned: bool = False) -> None:
         self.data = data
         self._hosts: BusOfHosts | None = None
-        self._is_on_bus, self._launcher = is_on_bus, launcher
+        self._is_on_bus, self._is_planned, self._launcher = is_on_bus, is_planned, launcher
         with resources.as_file(resources.files("somrs.demo") / "data" / "scenario-2.yaml") as site:
             self._site = site
             loaded = load([site])
@@ -122,7 +122,10 @@ class RunningSystem:
                 self.signal(device, signal.SIGKILL)
             case Victim.HOST:
                 assert self._hosts is not None, "hosts are victims on a bus only"
-                await self._hosts.kill_leader()
+                if self._is_planned:
+                    self._hosts.take_out_leader()
+                else:
+                    await self._hosts.kill_leader()
             case _:
                 self.signal(victim, signal.SIGKILL)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import signal
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -63,13 +64,30 @@ class Host:
 
     async def kill(self) -> None:
         """Kill all its processes at once."""
+        await _end(self._given_up(), signal.SIGKILL)
+
+    def take_out(self) -> asyncio.Task[None]:
+        """Ask its components to end, and its server after them, as before maintenance. The task ends when they have."""
+        return asyncio.create_task(_end_in_order(self._given_up()))
+
+    def _given_up(self) -> dict[str, Process]:
         processes, self._processes = self._processes, {}
         self._is_standby.clear()
-        for process in processes.values():
-            with contextlib.suppress(ProcessLookupError):
-                process.kill()
-        for process in processes.values():
-            await process.wait()
+        return processes
+
+
+async def _end_in_order(processes: dict[str, Process]) -> None:
+    server = {label: process for label, process in processes.items() if label == SERVER}
+    await _end({label: process for label, process in processes.items() if label != SERVER}, signal.SIGTERM)
+    await _end(server, signal.SIGTERM)
+
+
+async def _end(processes: dict[str, Process], signal_number: signal.Signals) -> None:
+    for process in processes.values():
+        with contextlib.suppress(ProcessLookupError):
+            process.send_signal(signal_number)
+    for process in processes.values():
+        await process.wait()
 
 
 class Hosts:
