@@ -300,7 +300,7 @@ def test_every_description_compiles() -> None:
         return None
 
     def operations(address: str, component_name: str) -> dict[str, tuple[bool, list[str]]]:
-        binding = compiled(address).wsdl.bindings[f"{{{wsdl.TARGET}}}{component_name}Binding"]
+        binding = compiled(address).wsdl.bindings[f"{{{wsdl.TARGETS}:{component_name}}}{component_name}Binding"]
         return {name: (operation.output is not None, [*operation.faults]) for name, operation in binding.all().items()}
 
     async def run() -> None:

@@ -1,8 +1,10 @@
-"""SOAP stacks of other makes take part, with certificates and without: zeep as a client, node-soap as a robot."""
+"""SOAP stacks of other makes take part, with certificates and without: zeep as a client, node-soap as a robot, gSOAP as both."""
 
 from __future__ import annotations
 
 import asyncio
+import subprocess
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,10 +21,12 @@ from somrs.trust.authority import Authority
 from somrs.trust.enrolment import enrol
 from somrs.trust.identity import Identity, Role
 from tests.support import warm
+from tests.support.foreign_programs import free_port, node_participant, running_participant
+from tests.support.gsoap_programs import gsoap_programs
 from tests.support.hang import HANG_TIME
-from tests.support.node_participant import free_port, running_participant
 from tests.support.paths import SCENARIO_1
 
+UNKNOWN, GOAL = "Jar77 isOn Platform001", "Jar002 isOn Platform001"
 SERVICE = {
     "Name": "TransferObject",
     "Effect": "?Object isOn ?Destination",
@@ -48,24 +52,33 @@ class Enrolled:
         self.session.cert, self.session.verify = (certificate, key), authority_file
         self.configuration |= {"certificate": certificate, "key": key, "authority": authority_file}
 
+    def files_of_gsoap(self) -> list[str]:
+        """The files of its certificate as gSOAP reads them: the key and the certificate in one, and those of the authority."""
+        if "certificate" not in self.configuration:
+            return []
+        key, certificate = (Path(str(self.configuration[kind])) for kind in ("key", "certificate"))
+        together = certificate.with_suffix(".both.pem")
+        together.write_text(key.read_text() + certificate.read_text())
+        return [str(together), str(self.configuration["authority"])]
+
     def client(self, address: str) -> Any:
         """A client of zeep for the component at the address."""
         transport = zeep.Transport(session=self.session, timeout=HANG_TIME, operation_timeout=HANG_TIME)  # type: ignore[no-untyped-call]
         return zeep.Client(f"{address}?wsdl", transport=transport).service  # type: ignore[no-untyped-call]
 
 
-def carry(system: System, device: str, folder: Path) -> list[str]:
-    """Have a thing carried by the robot of another make, asked for by the client of another make. What the robot has heard."""
+def carry_with_node_and_zeep(system: System, device: str, folder: Path, cache: Path) -> list[str]:
+    """Have a thing carried by a robot of node-soap, asked for by a client of zeep. What the robot has heard."""
     enrolled = Enrolled(system.data, folder, "NodeRobot", Role.DEVICE)
     description = folder / "participant.wsdl"
     description.write_text(enrolled.session.get(f"{device}?wsdl").text)
     own = {"port": free_port(), "registry": system.addresses.registry, "description": str(description), "service": SERVICE}
-    with running_participant(enrolled.configuration | own) as participant:
+    with running_participant(node_participant(enrolled.configuration | own)) as participant:
         assert "Withheld" not in participant.published()
         manager = Enrolled(system.data, folder, "Zeep", Role.CLIENT).client(system.addresses.task_manager)
         with pytest.raises(zeep.exceptions.Fault, match="Jar77"):
-            manager.Submit(Effect="Jar77 isOn Platform001")
-        task = manager.Submit(Effect="Jar002 isOn Platform001")
+            manager.Submit(Effect=UNKNOWN)
+        task = manager.Submit(Effect=GOAL)
         news = manager.WatchTask(Task=task, Wait=10)
         while news.View.Phase != "ended":
             news = manager.WatchTask(Task=task, After=news.Events[-1].Number if news.Events else 0, Wait=5)
@@ -73,8 +86,29 @@ def carry(system: System, device: str, folder: Path) -> list[str]:
         return participant.heard_until("End")
 
 
+def carry_with_gsoap(system: System, device: str, folder: Path, cache: Path) -> list[str]:
+    """Have a thing carried by a robot of gSOAP, asked for by a client of gSOAP. What the robot has heard."""
+    robot, client = (Enrolled(system.data, folder, f"Gsoap{kind}", role) for kind, role in (("Robot", Role.DEVICE), ("", Role.CLIENT)))
+    addresses = {"registry": system.addresses.registry, "task-manager": system.addresses.task_manager, "participant": device}
+    programs = gsoap_programs(cache, robot.session, addresses)
+    own = [programs.participant, "GsoapRobot", str(free_port()), system.addresses.registry, *robot.files_of_gsoap()]
+    with running_participant(own) as participant:
+        assert "Withheld" not in participant.published()
+        command = [programs.client, "Gsoap", system.addresses.task_manager, UNKNOWN, GOAL, *client.files_of_gsoap()]
+        *problem, outcome = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, timeout=HANG_TIME).stdout.splitlines()
+        assert "Jar77" in problem[0]
+        assert outcome == "accomplished"
+        return participant.heard_until("End")
+
+
+@pytest.mark.parametrize("carry", [carry_with_node_and_zeep, carry_with_gsoap], ids=["node-soap and zeep", "gSOAP"])
 @pytest.mark.parametrize("certificates", [True, False], ids=["certificates", "plain"])
-def test_a_robot_and_a_client_of_other_makes_take_part(tmp_path: Path, certificates: bool) -> None:
+def test_a_robot_and_a_client_of_other_makes_take_part(
+    tmp_path: Path, pytestconfig: pytest.Config, certificates: bool, carry: Callable[[System, str, Path, Path], list[str]]
+) -> None:
+    cache = pytestconfig.cache
+    assert cache is not None, "its plugin is on"
+
     async def run() -> None:
         system = System(
             [SCENARIO_1],
@@ -87,7 +121,7 @@ def test_a_robot_and_a_client_of_other_makes_take_part(tmp_path: Path, certifica
         )
         async with system, Client(system.addresses) as client:
             device = next(offer.address for offer in await client.services())
-            heard = await asyncio.to_thread(carry, system, device, tmp_path)
+            heard = await asyncio.to_thread(carry, system, device, tmp_path, cache.mkdir("gsoap"))
             assert heard == ["Arrange", "Accept", "Execute", "End"], "each message came once"
             if certificates:
                 with pytest.raises(requests.exceptions.ConnectionError):

@@ -1,7 +1,10 @@
 """The WSDL 1.1 description of each kind of component: SOAP 1.2 over HTTP, document/literal, with WS-Addressing.
 
 A component has one port type with all messages that it accepts. The first answer of a request is its output; the other answers are its
-faults. All other messages are one-way operations; a reply to them is a message of its own to the sender's ReplyTo.
+faults. All other messages are one-way operations; a reply to them is a message of its own to the sender's ReplyTo. That messages have
+WS-Addressing headers is said by a policy (WS-Addressing 1.0 Metadata, 3.1).
+
+Each kind of component has a target namespace of its own: from several descriptions in one namespace, some generators make one service.
 """
 
 from __future__ import annotations
@@ -19,8 +22,10 @@ from somrs.protocol.soap.xsd import XS, schema_of
 WSDL = "http://schemas.xmlsoap.org/wsdl/"
 _SOAP12 = "http://schemas.xmlsoap.org/wsdl/soap12/"
 _WSAW = "http://www.w3.org/2006/05/addressing/wsdl"
+_POLICY = "http://www.w3.org/ns/ws-policy"
 _WSAM = "http://www.w3.org/2007/05/addressing/metadata"
-TARGET = "urn:so-mrs:components:1.0"
+TARGETS = "urn:so-mrs:components:1.0"
+"""How target namespaces begin; the name of the component follows."""
 HTTP = "http://schemas.xmlsoap.org/soap/http"
 
 Kinds = tuple[type[Struct], ...]
@@ -76,10 +81,10 @@ def description(path: str, address: str) -> bytes | None:
         return None
     name, kinds = component
     prefixes = {short: uri for short, uri in _SCHEMAS.items() if any(namespace_of(kind) == uri for kind in _message_types(kinds))}
-    root = etree.Element(
-        f"{{{WSDL}}}definitions", nsmap={"wsdl": WSDL, "soap12": _SOAP12, "wsaw": _WSAW, "wsam": _WSAM, "xs": XS, "c": TARGET, **prefixes}
-    )
-    root.set("targetNamespace", TARGET)
+    target = f"{TARGETS}:{name}"
+    own_prefixes = {"wsdl": WSDL, "soap12": _SOAP12, "wsaw": _WSAW, "wsam": _WSAM, "wsp": _POLICY, "xs": XS, "c": target}
+    root = etree.Element(f"{{{WSDL}}}definitions", nsmap=own_prefixes | prefixes)
+    root.set("targetNamespace", target)
     root.set("name", name)
     _types(root, prefixes, address)
     short = {uri: prefix for prefix, uri in prefixes.items()}
@@ -126,8 +131,9 @@ def _message(operation: Element, tag: str, kind: type[Struct], **attributes: str
 
 def _binding(root: Element, name: str, kinds: Kinds) -> None:
     binding = _add(root, "binding", name=f"{name}Binding", type=f"c:{name}")
+    addressing = etree.SubElement(etree.SubElement(binding, f"{{{_POLICY}}}Policy"), f"{{{_WSAM}}}Addressing")
+    etree.SubElement(addressing, f"{{{_POLICY}}}Policy")
     etree.SubElement(binding, f"{{{_SOAP12}}}binding", {"style": "document", "transport": HTTP})
-    etree.SubElement(binding, f"{{{_WSAW}}}UsingAddressing", {f"{{{WSDL}}}required": "true"})
     for kind in kinds:
         operation = _add(binding, "operation", name=kind.__name__)
         etree.SubElement(operation, f"{{{_SOAP12}}}operation", {"soapAction": action(kind), "style": "document"})

@@ -164,8 +164,8 @@ DESCRIPTION = """\
 <?xml version='1.0' encoding='utf-8'?>
 <wsdl:definitions xmlns:wsdl="http://schemas.xmlsoap.org/wsdl/" xmlns:soap12="http://schemas.xmlsoap.org/wsdl/soap12/" \
 xmlns:wsaw="http://www.w3.org/2006/05/addressing/wsdl" xmlns:wsam="http://www.w3.org/2007/05/addressing/metadata" \
-xmlns:xs="http://www.w3.org/2001/XMLSchema" xmlns:c="urn:so-mrs:components:1.0" xmlns:frp="urn:so-mrs:frp:1.0" \
-xmlns:orders="urn:so-mrs:orders:1.0" targetNamespace="urn:so-mrs:components:1.0" name="Painter">
+xmlns:wsp="http://www.w3.org/ns/ws-policy" xmlns:xs="http://www.w3.org/2001/XMLSchema" xmlns:c="urn:so-mrs:components:1.0:Painter" \
+xmlns:frp="urn:so-mrs:frp:1.0" xmlns:orders="urn:so-mrs:orders:1.0" targetNamespace="urn:so-mrs:components:1.0:Painter" name="Painter">
   <wsdl:types>
     <xs:schema>
       <xs:import namespace="urn:so-mrs:frp:1.0" schemaLocation="http://h/painter?xsd=frp"/>
@@ -211,8 +211,12 @@ wsaw:Action="urn:so-mrs:orders:1.0:OrdersRejected"/>
     </wsdl:operation>
   </wsdl:portType>
   <wsdl:binding name="PainterBinding" type="c:Painter">
+    <wsp:Policy>
+      <wsam:Addressing>
+        <wsp:Policy/>
+      </wsam:Addressing>
+    </wsp:Policy>
     <soap12:binding style="document" transport="http://schemas.xmlsoap.org/soap/http"/>
-    <wsaw:UsingAddressing wsdl:required="true"/>
     <wsdl:operation name="SaveTemplate">
       <soap12:operation soapAction="urn:so-mrs:orders:1.0:SaveTemplate" style="document"/>
       <wsdl:input>

@@ -1,4 +1,4 @@
-"""A robot of another make, in a process of its own: made with npm's `soap` from the descriptions that the components serve."""
+"""Programs of other makes, in processes of their own, made from the descriptions that the components serve."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import shutil
 import socket
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -19,8 +19,8 @@ NOT_INSTALLED = "a robot made with node-soap, because npm's soap is not in node_
 OLD_NODE = "a robot made with node-soap, because npm's soap needs node 20 or newer"
 
 
-class NodeParticipant:
-    """`heard`: the names of the messages that it has received so far."""
+class ForeignParticipant:
+    """A robot that writes a line of JSON for what the Registry has answered it, and for each message that comes."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
@@ -50,16 +50,21 @@ def free_port() -> int:
 
 
 @contextmanager
-def running_participant(configuration: Mapping[str, object]) -> Iterator[NodeParticipant]:
-    """Run it, configured as `javascript/participant.js` says. Skips the test if it is not installed."""
+def running_participant(command: Sequence[str]) -> Iterator[ForeignParticipant]:
+    """Run a robot."""
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        yield ForeignParticipant(process)
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def node_participant(configuration: Mapping[str, object]) -> list[str]:
+    """The command of a robot made with node-soap, configured as `javascript/participant.js` says. Skips the test if it is not installed."""
     node = shutil.which("node")
     if node is None or not (ROOT / "node_modules" / "soap").exists():
         pytest.skip(NOT_INSTALLED)
     if int(subprocess.run([node, "--version"], capture_output=True, text=True, check=True).stdout.lstrip("v").split(".")[0]) < 20:
         pytest.skip(OLD_NODE)
-    process = subprocess.Popen([node, str(PROGRAM), json.dumps(configuration)], stdout=subprocess.PIPE, text=True)
-    try:
-        yield NodeParticipant(process)
-    finally:
-        process.kill()
-        process.communicate()
+    return [node, str(PROGRAM), json.dumps(configuration)]
