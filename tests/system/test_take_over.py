@@ -111,10 +111,10 @@ def status(system: TwoHosts) -> str:
     return result.stdout
 
 
-def do(system: TwoHosts, effect: str) -> str:
-    """What a user sees of a task that is stated at some computer which has no part of the site."""
-    (elsewhere := system.first.data.parent / "elsewhere").mkdir(exist_ok=True)
-    result = program("do", effect, cwd=elsewhere, SOMRS_BUS=system.servers)
+def elsewhere(system: TwoHosts, *arguments: str) -> str:
+    """What a user sees of a command at some computer which has no part of the site."""
+    (folder := system.first.data.parent / "elsewhere").mkdir(exist_ok=True)
+    result = program(*arguments, cwd=folder, SOMRS_BUS=system.servers)
     assert result.returncode == 0, result.stderr
     return result.stdout
 
@@ -165,10 +165,14 @@ def run(folder: Path, moment: Callable[[WatchedPorter], asyncio.Event], lost: Se
             for component in lost:
                 while system.second.is_standby(component):  # the task may have needed nothing of it since
                     await asyncio.sleep(0.02)
-            done = await asyncio.to_thread(do, system, "Jar002 isOn Cupboard002")
+            done = await asyncio.to_thread(elsewhere, system, "do", "Jar002 isOn Cupboard002")
             assert "accomplished" in done
             next_task, first_task = [view.task for view in await client.tasks()]
             assert first_task == task
+            shown = await asyncio.to_thread(elsewhere, system, "tasks", "--history")
+            assert shown.count("accomplished") == 2, shown
+            assert "TransferObject" in await asyncio.to_thread(elsewhere, system, "task", task)
+            assert len((await asyncio.to_thread(elsewhere, system, "export")).splitlines()) == 2
             # The host comes back, as a standby that has missed something.
             for component in lost:
                 await system.first.start(component)

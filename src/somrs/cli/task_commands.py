@@ -11,7 +11,7 @@ from rich.live import Live
 
 from somrs.cli import task_report
 from somrs.cli.procedures import handler
-from somrs.cli.running_site import site_addresses
+from somrs.cli.running_site import site_addresses, site_on_bus
 from somrs.client import terminal
 from somrs.client.client import PATIENCE, Client
 from somrs.client.message_chart import chart
@@ -91,7 +91,7 @@ async def tasks(data: Path, *, history: bool, limit: int, json: bool, query: Rea
     """Print the running tasks and, with `history`, the ended ones, the latest first. `query`: only ended tasks that match it."""
     silent: tuple[str, ...]
     if history:
-        async with open_task_history(data) as archive:
+        async with open_task_history(data, await site_on_bus()) as archive:
             running = await archive.client.tasks(running=True) if archive.client is not None and query is None else ()
             records = await archive.first(structs.replace(query or ReadRecords(), brief=True), limit)
             views, silent = [*running, *map(view, records)], tuple(archive.silent)
@@ -115,7 +115,7 @@ async def task(name: str, data: Path, *, messages: bool, picture: Path | None, j
     """Print the report on a task, or its messages; with `picture`, write the messages as a sequence chart."""
     if any(sign in name for sign in " \t\n=<>(?"):
         raise UsageError(f"`somrs task` shows the task with an id; to submit a goal: somrs do '{name}'")
-    async with open_task_history(data) as archive:
+    async with open_task_history(data, await site_on_bus()) as archive:
         report = await _read_report(name, archive)
         lines = await _lines(report, archive) if messages or picture is not None else []
     if picture is not None:
@@ -178,7 +178,7 @@ async def _select_running(name: str, client: Client) -> str:
 
 async def retry(name: str, data: Path, *, wait: bool, json: bool) -> int:
     """Submit an ended task once more. Returns the exit status, as `run_task` does."""
-    async with open_task_history(data) as archive:
+    async with open_task_history(data, await site_on_bus()) as archive:
         report = await _read_report(name, archive)
     return await run_task(repetition(report.view), data, wait=wait, json=json)
 

@@ -194,15 +194,19 @@ def export(
     data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Export the records of ended tasks. For other programs, the latest first; even if no system runs."""
+    from somrs.cli.running_site import site_on_bus
     from somrs.client.export import Format, Table
-    from somrs.client.export import export as run
+    from somrs.client.export import export as write
+
+    async def run(query: ReadRecords | None) -> None:
+        await write(out, data, chosen, chosen_table, query, site=await site_on_bus())
 
     csv = table is not None or (out is not None and out.suffix.lower() == ".csv")
     if format is FormatOption.jsonl and table is not None:
         fail(f"--table {table.value} is for CSV; JSON lines contain the whole of each task. Leave out --table, or choose CSV", 2)
     chosen = Format(format.value) if format is not None else Format.CSV if csv else Format.JSONL
     chosen_table = Table(table.value) if table is not None else Table.TASKS
-    awaited(run(out, data, chosen, chosen_table, guarded(lambda: _make_query(since, outcome, text, service))))
+    awaited(run(guarded(lambda: _make_query(since, outcome, text, service))))
 
 
 def _make_query(since: str | None, outcome: OutcomeOption | None, text: str | None, service: str | None) -> ReadRecords | None:

@@ -18,6 +18,7 @@ from msgspec import structs
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from somrs.client.addresses import Addresses
 from somrs.client.task_history import TaskHistory, open_task_history
 from somrs.errors import UsageError
 from somrs.protocol.messages.event_kinds import EventKind
@@ -79,12 +80,17 @@ def moment(text: str, now: float) -> float:
         ) from None
 
 
-async def export(output: Path | None, data: Path, format: Format, table: Table, query: ReadRecords | None = None) -> None:
-    """Write the ended tasks that match the query (all, if None) to a file or to standard output, the latest first."""
+async def export(
+    output: Path | None, data: Path, format: Format, table: Table, query: ReadRecords | None = None, *, site: Addresses | None = None
+) -> None:
+    """Write the ended tasks that match the query (all, if None) to a file or to standard output, the latest first.
+
+    They are those of a `site` that runs elsewhere, or else those in the data folder.
+    """
     page_query = structs.replace(query or ReadRecords(), limit=PAGE)
     if output is not None and not output.parent.is_dir():
         raise UsageError(f"{output}: there is no folder {output.parent}; create it first")
-    async with open_task_history(data) as archive:
+    async with open_task_history(data, site) as archive:
         if output is None:
             await write(archive, page_query, sys.stdout, format, table)
             return

@@ -63,8 +63,12 @@ class TaskHistory:
 
 
 @asynccontextmanager
-async def open_task_history(data: Path) -> AsyncIterator[TaskHistory]:
-    """The records of ended tasks in a data folder. Raises UsageError if there are none."""
+async def open_task_history(data: Path, site: Addresses | None = None) -> AsyncIterator[TaskHistory]:
+    """The records of ended tasks of a site that runs elsewhere, or those in a data folder. Raises UsageError if there are none."""
+    if site is not None:
+        async with Client(site) as client:
+            yield TaskHistory(client.records, client)
+        return
     files = archive.archive_files(data)
     if not (data / SYSTEM_FILE).exists() and not files:
         Addresses.read(data)
