@@ -6,7 +6,9 @@ import itertools
 import math
 import random
 
-from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault
+import pytest
+
+from somrs.devices.simulator.link.commands import Approach, CommandDone, CommandGivenUp, DriveTo, Fault
 from somrs.devices.simulator.motion.traffic import Capsule
 from somrs.devices.simulator.server.simulated_traffic import UseRoadmap
 from somrs.devices.simulator.world.kinds import WorldKind
@@ -14,7 +16,7 @@ from somrs.ontology.map import Map
 from somrs.ontology.objects import Object
 from somrs.space.lines import segment_distance
 from somrs.traffic.layout import Layout, lay_out
-from tests.support.simulator_room import Run, box, robot, room, shell
+from tests.support.simulator_room import Run, box, robot, room, shell, thing
 
 
 def drive_all(run: Run, goals: dict[str, tuple[float, float]], limit: float = 120.0) -> dict[str, CommandDone | CommandGivenUp]:
@@ -182,3 +184,27 @@ def test_robots_drive_on_around_what_was_built_while_a_roadmap_is_made(world: Wo
     use(None)  # it could not be made
     run.execute_all("Robot1", DriveTo(x=1.5, y=3))
     assert not run.collisions
+
+
+@pytest.mark.parametrize("breaks_at", [2.6, 2.9])
+def test_a_robot_that_breaks_beside_another_does_not_keep_it_from_going_on(breaks_at: float, world: WorldKind) -> None:
+    """It stands between two places, too near to the other for a place of its own, and what it carried lies before it."""
+    run = Run(room((1.5, 2.5, 0.0), (5.5, 3.6, math.pi), [thing("Jar009", "Jar", 7.5, 5.5, 0.0)]), world)
+    run.execute_all("Robot2", DriveTo(x=3.0, y=1.9))
+    run.start("Robot1", DriveTo(x=5.0, y=2.5))
+    run.run_until(lambda: run.simulation.state("Robot1").x > breaks_at)
+    run.simulation.fault("Robot1", Fault.DRIVE)
+    run.run_for(2)
+    broken = run.simulation.state("Robot1")
+    run.simulation.move("Jar009", broken.x + 0.55 * math.cos(broken.yaw), broken.y + 0.55 * math.sin(broken.yaw), 0.0)
+    run.run_for(1)
+    run.execute_all("Robot2", Approach(object="Jar009"))
+    assert not run.collisions
+
+
+def test_a_robot_comes_to_a_point_beside_one_that_stands_there(world: WorldKind) -> None:
+    """If two robots cannot come that near to each other, the one that stands there makes room."""
+    for distance in (0.53, 0.5505, 0.575):
+        run = Run(room((1.0, 2.5, 0.0), (4.0, 3.6, math.pi)), world)
+        run.execute_all("Robot2", DriveTo(x=1.0 + distance, y=2.5))
+        assert not run.collisions

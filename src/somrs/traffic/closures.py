@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from somrs.protocol.messages.traffic import Mobility
 from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import TrafficState, Trip
@@ -23,8 +22,13 @@ class Closures:
     @property
     def places(self) -> frozenset[int]:
         """The places that are held by robots that cannot move."""
-        fixed = (name for name, robot in self._state.robots.items() if robot.silent or robot.mobility is Mobility.IMMOBILE)
+        fixed = (name for name, robot in self._state.robots.items() if robot.is_fixed)
         return frozenset(place for name in fixed for place in self._schedule.held(name))
+
+    @property
+    def open_graph(self) -> Graph:
+        """The graph without the lanes to where robots that cannot move are in the way."""
+        return self._open_graph(closed) if (closed := self.places) else self._schedule.graph
 
     def blockers(self, name: str, trip: Trip, closed: frozenset[int]) -> tuple[str, ...] | None:
         """The robots that cannot move and stand in the shortest way, if all ways are closed; None if there is a way.

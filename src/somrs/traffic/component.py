@@ -93,10 +93,9 @@ class Traffic:
         record = self.state.robots.get(robot)
         return self._dispatcher.occupant(robot, record.trip) if record is not None and record.trip is not None else None
 
-    @property
-    def graph(self) -> Graph:
-        """The places and berths, and the lanes that are open."""
-        return self._berths.graph
+    def graph(self, *, past_fixed: bool = False) -> Graph:
+        """The places and berths, and the lanes that are open; `past_fixed`: without those that fixed robots are in the way of."""
+        return self._dispatcher.closures.open_graph if past_fixed else self._berths.graph
 
     def place(self, robot: str) -> int | None:
         """The number of the last place that the robot holds; None if it takes no part."""

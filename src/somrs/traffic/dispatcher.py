@@ -60,8 +60,8 @@ class Dispatcher:
 
     def __init__(self, state: TrafficState, schedule: Schedule, berths: Berths, passages: Passages) -> None:
         self.state, self._schedule, self._berths, self._passages = state, schedule, berths, passages
-        self._closures = Closures(state, schedule)
-        self._exits = Exits(schedule, berths)
+        self.closures = Closures(state, schedule)
+        self._exits = Exits(state, schedule, berths)
         self._concerned: dict[str, None] = {}
         """The robots whose places, trips or mobility may have changed since trips were ended last."""
         self._circumstances: tuple[Graph, frozenset[int]] | None = None
@@ -93,7 +93,7 @@ class Dispatcher:
 
     def end_trips(self) -> Effects:
         """End the trips of robots that have arrived, and of those that cannot arrive any more."""
-        circumstances = self._schedule.graph.public, self._closures.places
+        circumstances = self._schedule.graph.public, self.closures.places
         concerned = self._concerned if circumstances == self._circumstances else self.state.robots
         self._circumstances, self._concerned, closed = circumstances, {}, circumstances[1]
         for name in concerned:
@@ -104,7 +104,7 @@ class Dispatcher:
                 yield self._end_trip(name, TripResult.ARRIVED)
             elif record.mobility is Mobility.IMMOBILE:
                 yield self._end_trip(name, TripResult.IMMOBILE)
-            elif (blockers := self._closures.blockers(name, record.trip, closed)) is not None:
+            elif (blockers := self.closures.blockers(name, record.trip, closed)) is not None:
                 passages = self._closed_passages(name, record.trip.destination) if not blockers else ()
                 yield self._end_trip(name, TripResult.CLOSED, blockers, passages)
 
@@ -256,7 +256,7 @@ class Dispatcher:
             serial=state.serial,
             robots=robots,
             closed=state.all_closed,
-            blocked=tuple(sorted(self._closures.places)),
+            blocked=tuple(sorted(self.closures.places)),
             private=tuple(self._berths.private_places),
             steps=HORIZON,
             effort=effort,

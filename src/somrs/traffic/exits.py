@@ -1,20 +1,24 @@
-"""Where robots go that are not to stay where their way ends: out of zones, such as the cabins of lifts, while traffic is held; and on from
-waypoints at which robots are not to stop, when they have nothing to do."""
+"""Where robots go that are not to stay where their way ends: out of zones, such as the cabins of lifts, while traffic is held; and, when
+they have nothing to do, on from waypoints at which robots are not to stop, and away from robots that have got stuck between two places."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from heapq import heappop, heappush
 
+from somrs.protocol.messages.traffic import Mobility
+from somrs.space.lines import point_distance
 from somrs.traffic.berths import Berths
+from somrs.traffic.roadmap import GAP, least_distance, spacing_for
 from somrs.traffic.schedule import Schedule
+from somrs.traffic.state import Position, TrafficState
 
 
 class Exits:
     """Finds where robots leave the zones in which their granted ways end."""
 
-    def __init__(self, schedule: Schedule, berths: Berths) -> None:
-        self._schedule, self._berths = schedule, berths
+    def __init__(self, state: TrafficState, schedule: Schedule, berths: Berths) -> None:
+        self._state, self._schedule, self._berths = state, schedule, berths
 
     def nearest(self, robot: str) -> int | None:
         """The nearest place outside, on the same floor, and if possible one that no other robot holds.
@@ -26,9 +30,26 @@ class Exits:
     def rest(self, robot: str) -> int | None:
         """The nearest place on from where robots are not to stop, on the same floor, and if possible one that no other robot holds.
 
-        None if the way of the robot ends elsewhere, or if no way leads on.
+        They are not to stop at waypoints to pass, nor where they keep a robot that is stuck between two places from saying exactly where it
+        is: others come nearer to it then. None if the way of the robot ends elsewhere, or if no way leads on.
         """
-        return self._nearest(robot, self._is_passed) if self._berths.roadmap.passthrough else None
+        lanes = [*self._stuck_lanes(robot)]
+        if not lanes and not self._berths.roadmap.passthrough:
+            return None
+        return self._nearest(robot, lambda place: self._is_passed(place) or any(self._is_beside(place, *lane) for lane in lanes))
+
+    def _stuck_lanes(self, robot: str) -> Iterator[tuple[Position, Position]]:
+        """The lanes on which other robots are that cannot move, and say so."""
+        for name, record in self._state.robots.items():
+            if record.mobility is Mobility.IMMOBILE and not record.silent and name != robot and len(held := self._schedule.held(name)) > 1:
+                yield self._berths.position(held[0]), self._berths.position(held[1])
+
+    def _is_beside(self, number: int, start: Position, end: Position) -> bool:
+        """Whether a robot at a place may be too near to one that says it stands somewhere on a lane."""
+        position = self._berths.position(number)
+        least = least_distance(spacing_for(position.radius), spacing_for(start.radius)) + GAP
+        distance = point_distance((position.x, position.y), (start.x, start.y), (end.x, end.y))
+        return position.level == start.level == end.level and distance < least
 
     def _nearest(self, robot: str, is_left: Callable[[int], bool]) -> int | None:
         start = self._schedule.last(robot)

@@ -60,6 +60,11 @@ class RobotRecord(Struct, kw_only=True):
     requested: int = 0
     told: PassageNotice | None = None
 
+    @property
+    def is_fixed(self) -> bool:
+        """Whether it cannot move, or does not say that it can."""
+        return self.silent or self.mobility is Mobility.IMMOBILE
+
 
 class PassageNotice(Struct, frozen=True, array_like=True):
     """A robot was told that the passage before the next place of its way is open, or that it is closed. `progress`: how many places it had

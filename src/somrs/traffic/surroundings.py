@@ -10,8 +10,9 @@ import numpy as np
 from somrs.space.lines import point_distance
 from somrs.traffic.roadmap import ROUNDING, NumberedRoadmap, UsedBerth, least_distance
 
-GAP = 0.01
-"""The least distance between robots that stand at berths, in metres."""
+GAP = 0.04
+"""The least distance between robots at two berths, in metres. They keep half of it between them, as those of the simulator do, and each may
+stand a quarter of it away from its berth."""
 
 TOLERANCE = 1e-6
 """The error of computed distances, in metres."""

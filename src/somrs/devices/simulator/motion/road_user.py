@@ -57,6 +57,10 @@ class Office(Protocol):
     def driving_times(self, robot: str) -> NDArray[np.float64]:
         """By place: how long the way there takes a robot that takes part, in seconds; infinite where none leads now."""
 
+    def is_blocked(self, points: Points, level: float, radius: float, spacing: float) -> NDArray[np.bool_]:
+        """Whether robots that cannot move are too near to points (n, 2) on a floor for a robot of this radius, whose places have this
+        spacing, in metres."""
+
     @property
     def levels(self) -> Collection[float]:
         """The heights of the floors."""
@@ -119,9 +123,14 @@ class RoadUser:
         return True
 
     def stay(self, position: Point, sees: Sees) -> None:
-        """The robot cannot move any more: say where exactly it is, so that others come as near as they can."""
-        self.mobility, self._participant = Mobility.IMMOBILE, None
-        self.enter(position, sees)
+        """The robot cannot move any more: say where exactly it is, so that others come as near as they can.
+
+        While another one is too near for that, it keeps the places between which it is, and gives back the others.
+        """
+        self.mobility, participant, self._participant = Mobility.IMMOBILE, self._participant, None
+        if not self.enter(position, sees) and participant is not None:
+            self._participant, participant.way = participant, ()
+            self.report()
 
     def give_back(self, position: Point, sees: Sees) -> None:
         """A passage on the way to the next place is shut: give back what was granted. From a berth, there may be other ways."""
@@ -195,6 +204,9 @@ class RoadUser:
         """
         roadmap, times = self.office.roadmap, np.full(len(points), math.inf)
         numbers, places = roadmap.layer(self.level, self.kind).near(points)
+        if not len(places):
+            return times
+        blocked = self.office.is_blocked(points, self.level, self.kind.radius, roadmap.spacing(int(places[0])))
         place_times = self.office.driving_times(self.robot)[places]
         is_reached = np.isfinite(place_times)
         numbers, places, place_times = numbers[is_reached], places[is_reached], place_times[is_reached]
@@ -202,6 +214,7 @@ class RoadUser:
         clear = are_in_sight(place_points, points[numbers])
         last_metres = np.hypot(*(place_points - points[numbers]).T)
         np.minimum.at(times, numbers[clear], (place_times + last_metres / SPEED)[clear])
+        times[blocked] = math.inf
         return times
 
     def _remember(self, berth: Berth) -> None:

@@ -249,20 +249,23 @@ class SimulatedTraffic:
         """Say whether a robot can make room, unless it is silent."""
         if _is_silent(robot):
             return
-        is_riding = robot.road.next_level != robot.road.level and robot.road.is_on_its_way
-        if mobility is Mobility.IMMOBILE and robot.road.mobility is not mobility and robot.stands and not is_riding:
+        if mobility is Mobility.IMMOBILE and robot.road.mobility is not mobility and robot.stands and not _is_riding(robot):
             robot.road.level = _level(robot)
             robot.road.stay(robot.pose()[:2], partial(sees, robot))
         elif mobility is not Mobility.IMMOBILE:
             robot.road.set_mobility(mobility)
 
     def _join(self) -> None:
-        """Let robots enter that do not take part."""
+        """Let robots enter that do not take part, and those say where exactly they are that have got stuck between two places."""
         self._join_time = self._now
         for robot in self._robots.values():
-            if not robot.road.takes_part and not _is_silent(robot):
+            if _is_silent(robot):
+                continue
+            if not robot.road.takes_part:
                 robot.road.level = _level(robot)
                 robot.road.enter(robot.pose()[:2], partial(sees, robot))
+            elif robot.road.mobility is Mobility.IMMOBILE and robot.road.is_on_its_way and not _is_riding(robot):
+                robot.road.stay(robot.pose()[:2], partial(sees, robot))
 
     def _close(self) -> None:
         """Close what is blocked by things on the floor, doors, and robots that do not take part."""
@@ -293,6 +296,11 @@ class SimulatedTraffic:
 
 def _is_silent(robot: Robot) -> bool:
     return bool(robot.faults & {Fault.SILENT, Fault.LINK})
+
+
+def _is_riding(robot: Robot) -> bool:
+    """Whether a lift takes the robot to another floor."""
+    return robot.road.is_on_its_way and robot.road.next_level != robot.road.level
 
 
 def _level(robot: Robot) -> float:

@@ -10,7 +10,7 @@ from random import Random
 import numpy as np
 from numpy.typing import NDArray
 
-from somrs.devices.simulator.motion.road_user import RoadUser
+from somrs.devices.simulator.motion.road_user import Points, RoadUser
 from somrs.kernel.component import Answered, Ask, Input, Notified, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, reply
@@ -25,8 +25,9 @@ from somrs.traffic.notices import ClosedLane, CloseWays, HoldTraffic
 from somrs.traffic.obstructions import Obstructions
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.planning.graph import FAR
-from somrs.traffic.roadmap import RobotKind, numbered
+from somrs.traffic.roadmap import RobotKind, least_distance, numbered
 from somrs.traffic.state import PlanTraffic
+from somrs.traffic.surroundings import GAP
 
 ADDRESS = "traffic"
 """The address of traffic in which only simulated robots take part."""
@@ -129,7 +130,21 @@ class TrafficOffice:
     def driving_times(self, robot: str) -> NDArray[np.float64]:
         """By place: how long the way there takes a robot that takes part, in seconds; infinite where none leads now."""
         held = self.component.place(robot)
-        return np.full(len(self.roadmap.names), FAR) if held is None else np.array(self.component.graph.distances_from(held))
+        return (
+            np.full(len(self.roadmap.names), FAR) if held is None else np.array(self.component.graph(past_fixed=True).distances_from(held))
+        )
+
+    def is_blocked(self, points: Points, level: float, radius: float, spacing: float) -> NDArray[np.bool_]:
+        """Whether robots that cannot move are too near to points (n, 2) on a floor for a robot of this radius, whose places have this
+        spacing, in metres."""
+        blocked, state = np.zeros(len(points), dtype=bool), self.component.state
+        for name in (name for name, record in state.robots.items() if record.is_fixed):
+            for number, position in zip(state.held[name], self.component.positions(name), strict=True):
+                is_berth = number >= len(self.roadmap.names)
+                least = radius + position.radius + GAP if is_berth else least_distance(spacing, self.roadmap.spacing(number))
+                if abs(position.level - level) < SAME_FLOOR:
+                    blocked |= np.hypot(points[:, 0] - position.x, points[:, 1] - position.y) < least
+        return blocked
 
     @property
     def levels(self) -> Collection[float]:
@@ -139,10 +154,10 @@ class TrafficOffice:
     def landing(self, robot: str, level: float, goal: Point) -> str | None:
         """A place on the floor of a height, clear of the lift, to which the robot comes on its way to a point there; None if no way leads
         there."""
-        graph, places, held = self.component.graph, self.roadmap.roadmap.places, self.component.place(robot)
+        graph, places, held = self.component.graph(), self.roadmap.roadmap.places, self.component.place(robot)
         if held is None:
             return None
-        times, layer = self.driving_times(robot), self.roadmap.layer(level, self._users[robot].kind)
+        times, layer = graph.distances_from(held), self.roadmap.layer(level, self._users[robot].kind)
         numbers = [number for number in layer.numbers.tolist() if places[number].zone is None and times[number] < FAR]
         if not numbers:
             return None
