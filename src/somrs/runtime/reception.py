@@ -36,6 +36,10 @@ class NotTaken(RemoteError):
     """No component accepted the message: the sender has to send it again."""
 
 
+class Stopped(RemoteError):
+    """The reception has stopped while a message waited for its answer: the sender does not know what has become of it."""
+
+
 class Format(NamedTuple):
     """How a binding writes messages.
 
@@ -62,7 +66,7 @@ class Reception:
         self.is_stopping = False
 
     def stop(self) -> None:
-        """Give up what waits: it gets the status 503, or a Fault if the component has accepted the message."""
+        """Give up what waits: it gets the status 503, or the Fault `wsa:EndpointUnavailable` if the component has accepted the message."""
         self.is_stopping = True
         for task in self._open:
             task.cancel()
@@ -130,6 +134,8 @@ class Reception:
                 return self._fault(WireError(SENDER, str(error)), message)
             case NotTaken():
                 return unavailable(error)
+            case Stopped():
+                return self._fault(WireError(soap.UNAVAILABLE, str(error)), message)
             case RemoteError():
                 return self._fault(WireError(soap.RECEIVER, str(error)), message)
         # A defect here must not end the server, nor show the sender its stack trace.
@@ -140,7 +146,7 @@ class Reception:
         return f"there is no component at {path}; available: {', '.join(self._parts)}\n"
 
     async def unless_stopped(self, work: Awaitable[T]) -> T:
-        """Return the result of the work. Raises RemoteError when the reception stops first."""
+        """Return the result of the work. Raises Stopped when the reception stops first."""
         task = asyncio.current_task()
         assert task is not None, "messages are received in tasks"
         self._open.add(task)
@@ -150,7 +156,7 @@ class Reception:
             if not self.is_stopping:
                 raise
             task.uncancel()
-            raise RemoteError(_STOPPING) from None
+            raise Stopped(_STOPPING) from None
         finally:
             self._open.discard(task)
 
@@ -178,4 +184,5 @@ def _status(answer: Message) -> int:
 
 def _fault_status(code: str) -> int:
     """Return the HTTP status of a Fault (SOAP 1.2 part 2, table 20): 400 for an error of the sender, 500 for all others."""
-    return 500 if code.removeprefix("env:") in ("Receiver", "MustUnderstand", "VersionMismatch", "DataEncodingUnknown") else 400
+    of_receiver = ("Receiver", "MustUnderstand", "VersionMismatch", "DataEncodingUnknown", soap.UNAVAILABLE)
+    return 500 if code.removeprefix("env:") in of_receiver else 400

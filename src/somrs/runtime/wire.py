@@ -234,7 +234,8 @@ def _result(response: _Response, message: Message, decode: Decode) -> Message | 
 
 
 def _read(response: _Response, message: Message, decode: Decode) -> Message | None:
-    """Return the answer to the message, or None when it was accepted without one. Raises RemoteError when it was rejected.
+    """Return the answer to the message, or None when it was accepted without one. Raises RemoteError when it was rejected, and Unanswered
+    when the recipient cannot process it at this time.
 
     Peers of other makes accept a message with 200 or 204, with a page, or with an empty envelope, too. That is no answer to a request which
     waits for one here.
@@ -242,9 +243,13 @@ def _read(response: _Response, message: Message, decode: Decode) -> Message | No
     problem: RemoteError | None = None
     if response.status not in UNTAKEN and response.document and response.media_type == soap.MEDIA_TYPE:
         try:
-            return decode(response.document)
+            answer = decode(response.document)
         except WireError as error:
             problem = RemoteError(f"{message.header.recipient} sent an answer that cannot be read: {error}")
+        else:
+            if isinstance(answer.body, Fault) and answer.body.code == soap.UNAVAILABLE:
+                raise Unanswered(f"{message.header.recipient} does not answer now: {answer.body.text}")
+            return answer
     waits_here = type(message.body) in REQUESTS and message.header.reply_to == ANONYMOUS
     is_fault = problem is not None and b"Fault" in response.document
     if not is_fault and (response.status == 202 or (200 <= response.status < 300 and not waits_here)):

@@ -44,6 +44,8 @@ NO_ADDRESS = "wsa:MissingAddressInEPR"
 HEADER_REQUIRED = "wsa:MessageAddressingHeaderRequired"
 ACTION_NOT_SUPPORTED = "wsa:ActionNotSupported"
 ACTION_MISMATCH = "wsa:ActionMismatch"
+UNAVAILABLE = "wsa:EndpointUnavailable"
+"""The recipient cannot process the message now (WS-Addressing 1.0 SOAP Binding, 6.4.5): it is safe to send the same message again."""
 
 NAMESPACES: dict[str, tuple[type[Struct], ...]] = {
     FRP: tuple(kind for kind in union_of(FrpBody) if kind is not frp.Fault),
@@ -183,10 +185,10 @@ def _reason(body: Struct) -> str:
 def _write_fault(document: list[str], fault: frp.Fault, detail: list[str]) -> None:
     """Write a Fault (SOAP 1.2 part 1, 5.4).
 
-    A code of another namespace becomes a subcode of env:Sender, or of the code above it in WS-Addressing.
+    A code of another namespace becomes a subcode of env:Sender, of env:Receiver, or of the code above it in WS-Addressing.
     """
     prefix, name = _code(fault.code)
-    codes = [f"env:{name}"] if prefix == "env" else [SENDER, f"{prefix}:{name}"]
+    codes = [f"env:{name}"] if prefix == "env" else [RECEIVER if name == "EndpointUnavailable" else SENDER, f"{prefix}:{name}"]
     if codes[-1] in _BENEATH_INVALID_HEADER:
         codes.insert(1, INVALID_HEADER)
     document.append(f'<env:Fault xmlns:frp="{FRP}"><env:Code>')

@@ -70,6 +70,14 @@ def test_a_fault_outside_a_contract_has_no_detail() -> None:
     assert "Detail" not in encode(Message(header=HEADER, body=frp.Fault(code="Sender", text="no"))).decode()
 
 
+def test_that_a_recipient_cannot_answer_now_is_not_the_senders_fault() -> None:
+    """WS-Addressing 1.0 SOAP Binding, 6.4.5."""
+    body = frp.Fault(code="wsa:EndpointUnavailable", text="it stops")
+    document = encode(Message(header=HEADER, body=body))
+    assert b"<env:Value>env:Receiver</env:Value><env:Subcode><env:Value>wsa:EndpointUnavailable</env:Value>" in document
+    assert decode(document).body == body
+
+
 @pytest.mark.parametrize(
     ("body", "reason"),
     [
