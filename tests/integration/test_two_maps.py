@@ -37,6 +37,7 @@ from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.transaction.views import event_view, row, view
 from tests.support.answer_client import AnswerClient
 from tests.support.building import wide_building
+from tests.support.neighbour_messages import denied_between
 from tests.support.virtual_system import Robot, transfer_effect
 
 OBJECTS = """
@@ -125,6 +126,7 @@ class TwoOwners:
         state = owner.manager.state.tasks[task]
         assert self.world.run(3600, lambda: state.outcome is not None), state.events
         self.world.run(30)
+        assert denied_between(self.world.messages) == [], "with certificates, all that passes has to be among their rights"
         return view(state)
 
 

@@ -48,6 +48,32 @@ def init(
     print(f"made the authority of {site} in {authority.folder}")
 
 
+@trust_app.command()
+def authority(data: Data = DEFAULT_FOLDER) -> None:
+    """Print the certificate of the authority, by which a neighbour knows the programs of this site. It is no secret."""
+    print(guarded(lambda: _authority(data).public_certificate), end="")
+
+
+@trust_app.command()
+def neighbours(
+    file: Annotated[Path, typer.Argument(help="The file of the neighbours, with the `authority` of each.")],
+    host: Hosts = [],  # noqa: B006
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Have programs that are started one by one accept the certificates of these neighbours, and of no others."""
+
+    def trusted() -> list[str]:
+        from somrs.deployment.neighbours import read_trusted_neighbours
+
+        listed = read_trusted_neighbours(file)
+        _authority(data).trust_neighbours(listed, host)
+        return [neighbour.name for neighbour in listed]
+
+    names = guarded(trusted)
+    _record(data, "neighbours", names=names)
+    print(f"certificates of these neighbours count here: {_text(names) or 'none'}")
+
+
 @trust_app.command(name="list")
 def list_certificates(
     with_former: Annotated[bool, typer.Option("--all", help="Those that were revoked or have expired, too.")] = False,

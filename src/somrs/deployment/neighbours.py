@@ -1,4 +1,5 @@
-"""The file of a system's neighbours: the Registries and Repositories of other systems, and what passes between them."""
+"""The file of a system's neighbours: the Registries and Repositories of other systems, what passes between them, and by which authority
+programs of a neighbour are known."""
 
 from __future__ import annotations
 
@@ -15,6 +16,7 @@ from somrs.protocol.messages.neighbours import Neighbour as NeighbouringMap
 from somrs.registry.neighbours import Neighbour, check_neighbours
 from somrs.registry.selection import Selection
 from somrs.repository.names import is_name
+from somrs.trust.neighbours import TrustedNeighbour
 
 Passing = Literal["all", "nothing"] | Selection
 """What passes, as it is written."""
@@ -27,6 +29,7 @@ class _RegistryEntry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     takes: Passing
     gives: Passing
 
+    URLS: ClassVar[tuple[str, ...]] = ("registry",)
     ADVICE: ClassVar[str] = (
         "`registry` is its address, or a list of addresses, and "
         "`takes` and `gives` are all, nothing, or lists of `types`, `providers` and `areas`"
@@ -41,10 +44,26 @@ class _RepositoryEntry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     shows: Literal["all", "nothing"] | tuple[str, ...]
     changes: bool
 
+    URLS: ClassVar[tuple[str, ...]] = ("repository",)
     ADVICE: ClassVar[str] = "`repository` is its address, `shows` is all, nothing, or a list of places, and `changes` is true or false"
 
 
-_E = TypeVar("_E", _RegistryEntry, _RepositoryEntry)
+class _TrustEntry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the file says of a neighbour's certificates. `authority`: the file with that of its authority. `hosts`, `trust`: `hosts` and
+    `service` of `TrustedNeighbour`."""
+
+    authority: str
+    hosts: tuple[str, ...] = ()
+    trust: str = ""
+
+    URLS: ClassVar[tuple[str, ...]] = ("trust",)
+    ADVICE: ClassVar[str] = (
+        "`authority` is the file with the certificate of its authority, `hosts` is a list of names and addresses of its computers, and "
+        "`trust` is the URL of the service of its authority"
+    )
+
+
+_E = TypeVar("_E", _RegistryEntry, _RepositoryEntry, _TrustEntry)
 
 
 def read_neighbours(file: Path) -> tuple[Neighbour, ...]:
@@ -87,6 +106,38 @@ def read_neighbouring_maps(file: Path, map: str) -> tuple[NeighbouringMap, ...]:
     )
 
 
+def read_trusted_neighbours(file: Path) -> tuple[TrustedNeighbour, ...]:
+    """By what the programs of the neighbours in a file are known. Raises UsageError, also if it does not say that of each of them."""
+    registries, maps, trusted = _entries(file, _RegistryEntry), _entries(file, _RepositoryEntry), _entries(file, _TrustEntry)
+    return tuple(
+        _trusted(file, name, registries.get(name), maps.get(name), trusted.get(name))
+        for name in dict.fromkeys((*registries, *maps, *trusted))
+    )
+
+
+def _trusted(
+    file: Path, name: str, registry: _RegistryEntry | None, map: _RepositoryEntry | None, entry: _TrustEntry | None
+) -> TrustedNeighbour:
+    if entry is None:
+        raise UsageError(
+            f"{file}: {name} has no `authority`, by which its programs would be known here. Its owner prints the certificate with "
+            f"`somrs trust authority > {name.lower()}.pem`; put it beside this file, and add `authority: {name.lower()}.pem`. Or "
+            "start with --no-certificates, if all programs that reach the ports of this system are trusted"
+        )
+    registries, repository = _addresses(registry) if registry is not None else (), map.repository if map is not None else ""
+    for address in (*registries, repository, entry.trust):
+        if address and not address.startswith("https://"):
+            raise UsageError(f"{file}: {name}: with certificates, addresses begin with https://, and this is {address}")
+    certificate = file.parent / entry.authority
+    try:
+        authority = certificate.read_text("ascii")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"{file}: {name}: {certificate} cannot be read: {error}; `authority` is a certificate in PEM") from None
+    return TrustedNeighbour(
+        name=name, authority=authority, registries=registries, repository=repository, hosts=entry.hosts, service=entry.trust.rstrip("/")
+    )
+
+
 def _entries(file: Path, kind: type[_E]) -> dict[str, _E]:
     try:
         source = Source(str(file), file.read_text("utf-8"))
@@ -105,7 +156,7 @@ def _entry(source: Source, name: str, written: object, kind: type[_E]) -> _E | N
     place = f"{source.file}:{source.line((name,))}: {name}"
     if isinstance(written, dict):
         # The name decides about both; a neighbour may have a Registry only, or a Repository only.
-        known_keys = {*_RegistryEntry.__struct_fields__, *_RepositoryEntry.__struct_fields__}
+        known_keys = {field for each in (_RegistryEntry, _RepositoryEntry, _TrustEntry) for field in each.__struct_fields__}
         concerned = {key: value for key, value in written.items() if key in kind.__struct_fields__ or key not in known_keys}
         if not concerned and written:
             return None
@@ -114,18 +165,19 @@ def _entry(source: Source, name: str, written: object, kind: type[_E]) -> _E | N
         entry = msgspec.convert(written, kind)
     except msgspec.ValidationError as error:
         raise UsageError(f"{place}: {error}; {kind.ADVICE}") from None
-    field = kind.__struct_fields__[0]
+    [field] = kind.URLS
     for address in _addresses(entry) or ("",):
         parts = urlsplit(address)
-        if parts.scheme not in ("http", "https") or not parts.hostname:
+        is_left_out = not address and kind is _TrustEntry
+        if not is_left_out and (parts.scheme not in ("http", "https") or not parts.hostname):
             raise UsageError(f"{place}: `{field}` is a URL such as http://HOST:PORT/{field}, not {address!r}")
     if not name.strip():
         raise UsageError(f"{place}: a neighbour has a name")
     return entry
 
 
-def _addresses(entry: _RegistryEntry | _RepositoryEntry) -> tuple[str, ...]:
-    written: str | tuple[str, ...] = getattr(entry, entry.__struct_fields__[0])
+def _addresses(entry: _RegistryEntry | _RepositoryEntry | _TrustEntry) -> tuple[str, ...]:
+    written: str | tuple[str, ...] = getattr(entry, entry.URLS[0])
     return (written,) if isinstance(written, str) else written
 
 

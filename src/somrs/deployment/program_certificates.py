@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from somrs.client.addresses import Addresses
+from somrs.deployment.neighbours import read_trusted_neighbours
 from somrs.errors import UsageError
 from somrs.trust.credentials import VARIABLE, Credentials
 from somrs.trust.identity import Identity, Role
+from somrs.trust.neighbours import TrustedNeighbour
 
 if TYPE_CHECKING:
     from somrs.trust.authority import Authority
@@ -39,13 +41,20 @@ _ROLES = {
 
 
 def certificates_of_programs(
-    data: Path, host: str, site: str, choice: bool | None, *, secure: bool, is_shared: bool = False
+    data: Path,
+    host: str,
+    site: str,
+    choice: bool | None,
+    *,
+    secure: bool,
+    neighbours: Path | None = None,
+    is_shared: bool = False,
 ) -> ProgramCertificates | None:
     """The certificates of the programs of the system with this data folder, at this host; None if they have none.
 
     `choice`: whether they have, as was asked for; None: nothing was. Then they have, but in a system that is open to anybody, and in one
-    that has run without: devices of other makes may rely on that. `is_shared`: the system has neighbours, or a simulator with others.
-    Raises UsageError if it has certificates then.
+    that has run without: devices of other makes may rely on that. `neighbours`: the file of its neighbours. `is_shared`: it has a simulator
+    with others. Raises UsageError if it has certificates then, or if the file does not say by which authority a neighbour is known.
     """
     earlier_addresses = Addresses.of_last_run(data)
     has_run_without = earlier_addresses is not None and earlier_addresses.trust is None
@@ -53,12 +62,13 @@ def certificates_of_programs(
         return None
     if is_shared:
         raise UsageError(
-            "neighbours do not know the certificates of this system, nor does a simulator that it shares with others: start it with "
-            "--no-certificates, if all programs that reach its ports are trusted"
+            "a simulator that systems share does not know their certificates: start them with --no-certificates, if all programs that "
+            "reach their ports are trusted"
         )
     from somrs.trust.authority import Authority  # loads libraries that others do without
 
-    return ProgramCertificates(Authority.of_data(data), host, site)
+    trusted = read_trusted_neighbours(neighbours) if neighbours is not None else ()
+    return ProgramCertificates(Authority.of_data(data), host, site, trusted)
 
 
 def give_devices_a_certificate(names: Collection[str], addresses: Addresses, host: str) -> None:
@@ -74,10 +84,14 @@ def give_devices_a_certificate(names: Collection[str], addresses: Addresses, hos
 
 
 class ProgramCertificates:
-    """Gives the programs of a system at this host certificates of an authority, which is made for this site if there is none."""
+    """Gives the programs of a system at this host certificates of an authority, which is made for this site if there is none.
 
-    def __init__(self, authority: Authority, host: str, site: str) -> None:
+    `neighbours`: those whose certificates count at the system.
+    """
+
+    def __init__(self, authority: Authority, host: str, site: str, neighbours: tuple[TrustedNeighbour, ...] = ()) -> None:
         self._authority, self._site, self._hosts = authority, site, tuple(dict.fromkeys((host, "127.0.0.1", "localhost")))
+        self._host, self._neighbours = host, neighbours
         self._identities: dict[str, Identity] = {}
         self._renewed_at = time.monotonic()
 
@@ -86,9 +100,13 @@ class ProgramCertificates:
         return self._authority.folder
 
     def prepare(self) -> None:
-        """Make the authority, if there is none, and the certificate of clients."""
+        """Make the authority, if there is none, and the certificate of clients.
+
+        Raises UsageError for neighbours that cannot be told apart.
+        """
         self._issue(Identity(name=CLIENT, roles=frozenset({Role.CLIENT})))
         self._authority.list_holders()
+        self._authority.trust_neighbours(self._neighbours, (self._host,))
 
     def of_bus(self) -> Credentials:
         """With what the system itself uses its bus: it has all rights there."""

@@ -138,9 +138,15 @@ class System:
         self.problems: list[str] = []
         """What was left out at the start, and why, for people."""
         self._reservation: Reservation | None = None
-        choice, is_shared = certificates, neighbours is not None or world_address is not None
         self._chosen_certificates = partial(
-            certificates_of_programs, data, host, site_name(self.site), choice, secure=secure, is_shared=is_shared
+            certificates_of_programs,
+            data,
+            host,
+            site_name(self.site),
+            certificates,
+            secure=secure,
+            neighbours=neighbours,
+            is_shared=world_address is not None,
         )
         self._certificates: ProgramCertificates | None = None
         self._launcher = launcher or Launcher()

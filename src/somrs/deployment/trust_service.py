@@ -35,7 +35,8 @@ from somrs.runtime.trust_client import AUTHORITY_PATH, ENROL_PATH, NEWS_PATH, RE
 from somrs.storage.audit_log import Actor, AuditLog
 from somrs.storage.denial_counts import DenialCounts
 from somrs.trust.authority import Authority
-from somrs.trust.credentials import SERVICE_FILE, Credentials, peer_of
+from somrs.trust.connections import peer_of
+from somrs.trust.credentials import SERVICE_FILE, Credentials
 from somrs.trust.files import write_private
 from somrs.trust.holders import TrustNews
 from somrs.trust.identity import Identity, Role

@@ -15,7 +15,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from somrs.errors import UsageError, WireError
-from somrs.trust.credentials import VARIABLE, Credentials, Peer, peer_of
+from somrs.trust.connections import Peer, peer_certificate, peer_of
+from somrs.trust.credentials import VARIABLE, Credentials
 from somrs.trust.identity import Role
 
 SCHEME = "tls://"
@@ -43,7 +44,7 @@ class Proof:
             return cls()
         credentials.renew()
         try:
-            return cls(credentials, peer_of(writer.get_extra_info("peercert") or {}))
+            return cls(credentials, peer_of(peer_certificate(writer.transport) or {}))
         except (UsageError, KeyError):
             return cls(credentials)
 

@@ -19,6 +19,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.server import ServerState
 
 from somrs.limits import Limits, limits
+from somrs.trust.connections import peer_certificate
 
 DATE_TIME = 1.0
 """Seconds between two updates of the date in the headers of responses, and two looks at the clock of each connection."""
@@ -28,7 +29,7 @@ LINGER_TIME = 5
 
 
 PEER_CERTIFICATE = "peer_certificate"
-"""Where the state of a request has the certificate of its sender, as `ssl.SSLSocket.getpeercert` returns it; None without TLS."""
+"""Where the state of a request has the certificate of its sender, as `peer_certificate` returns it; None without TLS."""
 
 
 class BoundedConfig(uvicorn.Config):
@@ -94,7 +95,7 @@ class BoundedProtocol(HttpToolsProtocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        self._peer_certificate = transport.get_extra_info("peercert")
+        self._peer_certificate = peer_certificate(transport)
         if len(self.connections) <= self._bounds.connections:
             return
         siblings = (connection for connection in self.connections if isinstance(connection, BoundedProtocol) and connection is not self)

@@ -94,7 +94,7 @@ class Bus:
         self.parts: dict[str, Handler] = _Parts(self._listen, self._silence)
         data = credentials.data if credentials is not None else None
         audit_log = AuditLog(data) if data is not None else None
-        self._reception = Reception(MSGPACK, self.parts, Denials(audit_log, rights_on(address)))
+        self._reception = Reception(MSGPACK, self.parts, Denials(audit_log, rights_on(address, credentials)))
         self._client: Client | None = None
         self._requests: Requests | None = None
         self._processes = BusProcesses()
@@ -180,7 +180,7 @@ class Bus:
         return await self.post_to(self.address.subject_of(message.header.recipient), message, timeout)
 
     async def post_to(self, subject: str, message: Message, timeout: float, sender: str | None = None) -> Message | None:
-        """Send the message to who listens to the subject. `sender`: who has proven to a gateway to have sent it."""
+        """Send the message to who listens to the subject. `sender`: the token of who has proven to a gateway to have sent it."""
         [outcome] = await self._post(subject, [message], [write_document(message, encode)], timeout, sender)
         if isinstance(outcome, RemoteError):
             raise outcome
@@ -269,7 +269,7 @@ class Bus:
             if self._requests is None:
                 reply = await self.client.request(subject, payload, timeout=timeout)
             else:
-                target = self.address.with_sender(subject, token_of(sender) if sender is not None else self._token)
+                target = self.address.with_sender(subject, sender if sender is not None else self._token)
                 reply = await self._requests.request(subject, target, payload, timeout)
         except asyncio.CancelledError:
             if task in self._waiting:

@@ -71,12 +71,17 @@ def token_of(name: str) -> str:
     return quote(name, safe="").replace(".", "%2E")
 
 
-def sender_of(subject: str) -> str:
-    """The name of who has sent a message with this subject, as the servers of the bus have checked. Raises ValueError if it has none."""
+def sender_token(subject: str) -> str:
+    """The token of who has sent a message with this subject, as the servers of the bus have checked. Raises ValueError if it has none."""
     tokens = subject.split(".")
     if tokens[0] != PROVEN_ROOT or len(tokens) < 4:
         raise ValueError(f"{subject[:200]} does not say who has sent this")
-    return unquote(tokens[2])
+    return tokens[2]
+
+
+def name_of(token: str) -> str:
+    """The name that has become a token."""
+    return unquote(token)
 
 
 @lru_cache(maxsize=10_000)

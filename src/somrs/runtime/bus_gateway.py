@@ -7,6 +7,7 @@ from functools import partial
 
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.bus import Bus
+from somrs.runtime.bus_rights import token_of_sender
 from somrs.runtime.proofs import current_source
 from somrs.runtime.reception import Handler, NotTaken
 from somrs.runtime.wire import Unanswered
@@ -35,6 +36,6 @@ class BusParts(Mapping[str, Handler]):
     async def _pass_on(self, subject: str, message: Message) -> Message | None:
         proof = current_source.get().proof
         try:
-            return await self._bus.post_to(subject, message, self._answer_time, proof().name if proof is not None else None)
+            return await self._bus.post_to(subject, message, self._answer_time, token_of_sender(proof()) if proof is not None else None)
         except Unanswered as error:
             raise NotTaken(str(error)) from None

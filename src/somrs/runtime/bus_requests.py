@@ -13,7 +13,7 @@ from collections.abc import Callable
 from itertools import count
 from typing import TYPE_CHECKING
 
-from somrs.runtime.bus_address import BusAddress, sender_of
+from somrs.runtime.bus_address import BusAddress, name_of, sender_token
 from somrs.storage.nats_connection import INBOXES
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class Requests:
         subject, answer = self._open.get(reply, ("", None))
         if answer is None or answer.done():
             return
-        name = sender_of(message.subject)
+        name = name_of(sender_token(message.subject))
         if self._may_answer(name, subject):
             answer.set_result(message)
         else:

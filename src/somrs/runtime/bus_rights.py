@@ -12,12 +12,14 @@ from collections.abc import Callable
 from somrs.errors import UsageError
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.rights import check_right
-from somrs.runtime.bus_address import BEGINNINGS, PROVEN_ROOT, BusAddress, sender_of, token_of
+from somrs.runtime.bus_address import BEGINNINGS, PROVEN_ROOT, BusAddress, name_of, sender_token, token_of
+from somrs.runtime.neighbour_checks import check_neighbour
 from somrs.runtime.places import check_addresses, component_names, listening_patterns, may_listen
 from somrs.runtime.proofs import Proof
 from somrs.storage.nats_connection import INBOXES
 from somrs.trust.credentials import Credentials
-from somrs.trust.identity import Identity, Role
+from somrs.trust.identity import Identity, Role, role_named
+from somrs.trust.neighbours import OWN_SITE
 
 _SITES = "KV_somrs-sites"
 _WITH_JOURNALS = frozenset({Role.REPOSITORY, Role.REGISTRY, Role.TASK_MANAGER, Role.SCHEDULER})
@@ -25,6 +27,9 @@ _WITH_JOURNALS = frozenset({Role.REPOSITORY, Role.REGISTRY, Role.TASK_MANAGER, R
 
 _LISTING = frozenset({Role.GATEWAY, Role.REGISTRY, Role.TASK_MANAGER})
 """The roles that list addresses of their site."""
+
+_MARK = ":"
+"""Between the parts of the token of a neighbour's program. `token_of` leaves none in a name."""
 
 _READING = (
     "$JS.API.INFO",
@@ -70,12 +75,32 @@ def proof_of_subject(credentials: Credentials, subject: str) -> Proof:
 
     def prove() -> Identity:
         try:
-            name = sender_of(subject)
+            token = sender_token(subject)
+            return neighbour_of(token) if _MARK in token else credentials.identity_named(name_of(token), time.time())
         except ValueError as error:
             raise UsageError(str(error)) from None
-        return credentials.identity_named(name, time.time())
 
     return prove
+
+
+def token_of_sender(identity: Identity) -> str:
+    """The token with which a gateway passes on messages of an identity. That of a neighbour's says all that the gateway has proven of it:
+    others on the bus do not know who holds certificates there, and the servers let no other program use such a token."""
+    if identity.site == OWN_SITE:
+        return token_of(identity.name)
+    lists = (sorted(identity.roles), sorted(identity.speaks_for))
+    return _MARK.join((token_of(identity.site), token_of(identity.name), *("+".join(map(token_of, names)) for names in lists)))
+
+
+def neighbour_of(token: str) -> Identity:
+    """The identity of a neighbour's program with this token. Raises ValueError or UsageError if it is none."""
+    site, name, roles, names = token.split(_MARK)
+    return Identity(
+        name=name_of(name),
+        roles=frozenset(role_named(role) for role in roles.split("+")),
+        speaks_for=frozenset(name_of(spoken) for spoken in names.split("+") if spoken),
+        site=name_of(site),
+    )
 
 
 def may_answer(credentials: Credentials, bus: BusAddress, name: str, subject: str) -> bool:
@@ -90,13 +115,18 @@ def may_answer(credentials: Credentials, bus: BusAddress, name: str, subject: st
     return may_listen(identity, tokens)
 
 
-def rights_on(bus: BusAddress) -> Callable[[Message, Identity], None]:
-    """The check of a message on this bus: that its sender may send it, and that its addresses in this site are the sender's.
+def rights_on(bus: BusAddress, credentials: Credentials | None) -> Callable[[Message, Identity], None]:
+    """The check of a message on this bus, to who has these credentials: that its sender may send it, and that its addresses in this site
+    are the sender's.
 
     It raises WireError with the code `DENIED`.
     """
 
     def check(message: Message, identity: Identity) -> None:
+        if identity.site != OWN_SITE:
+            assert credentials is not None, "who has none, checks nobody"
+            check_neighbour(message, identity, credentials)
+            return
         check_right(message, identity)
         check_addresses(message, identity, bus.covers)
 

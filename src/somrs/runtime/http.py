@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import PlainTextResponse, Response
@@ -27,12 +27,14 @@ from somrs.protocol.soap.wsdl import description, schema
 from somrs.runtime import batches
 from somrs.runtime.batches import Outcome
 from somrs.runtime.bounded_http import PEER_CERTIFICATE, BoundedConfig, QuietServer
+from somrs.runtime.neighbour_checks import check_neighbour, check_site
 from somrs.runtime.places import check_addresses
 from somrs.runtime.proofs import Denials, Source, proof_of
 from somrs.runtime.reception import Format, Handler, Reception, unavailable
 from somrs.storage.audit_log import AuditLog
 from somrs.trust.credentials import Credentials
 from somrs.trust.identity import Identity
+from somrs.trust.neighbours import OWN_SITE
 
 SOAP = Format(soap.encode, soap.decode, soap.fault)
 
@@ -49,7 +51,8 @@ class Server:
     """Serves `parts`, the handlers by path, at one port. Runs in the present event loop.
 
     `public_url`: how others reach it, if that is not its own host and port. `bounds`: by default those of the environment. `credentials`:
-    with them, it speaks HTTPS only, with who has a certificate of the same authority, and checks the rights of the sender of each message.
+    with them, it speaks HTTPS only, with who has a certificate of the same authority or of a neighbour's, and checks the rights of the
+    sender of each message.
     """
 
     def __init__(
@@ -67,7 +70,7 @@ class Server:
         self._serving: asyncio.Task[None] | None = None
         self._server: QuietServer | None = None
         data = credentials.data if credentials is not None else None
-        self._reception = Reception(SOAP, self.parts, Denials(AuditLog(data) if data is not None else None, _check_message))
+        self._reception = Reception(SOAP, self.parts, Denials(AuditLog(data) if data is not None else None, _message_check(credentials)))
 
     @property
     def url(self) -> str:
@@ -92,7 +95,7 @@ class Server:
             timeout_keep_alive=KEPT_TIME + 15,
             proxy_headers=False,
             headers=[("Accept-Post", batches.ACCEPTED)],
-            ssl_context_factory=(lambda *_: credentials.server) if (credentials := self._credentials) is not None else None,
+            ssl_context_factory=(lambda *_: credentials.entrance) if (credentials := self._credentials) is not None else None,
         )
         self._server = QuietServer(config)
         self._serving = asyncio.create_task(self._server.serve(sockets=[server_socket]))
@@ -171,10 +174,22 @@ class Server:
         return PlainTextResponse(f"a SOAP 1.2 endpoint of SO-MRS; its description is at {path}?wsdl\n")
 
 
-def _check_message(message: Message, identity: Identity) -> None:
-    """Raises WireError with the code `DENIED` for a message that an identity may not send, or not with these addresses."""
-    check_right(message, identity)
-    check_addresses(message, identity, is_of_component)
+def _message_check(credentials: Credentials | None) -> Callable[[Message, Identity], None]:
+    """The check of a message to who has these credentials: that its sender may send it, and with these addresses.
+
+    It raises WireError with the code `DENIED`.
+    """
+
+    def check(message: Message, identity: Identity) -> None:
+        assert credentials is not None, "who has none, checks nobody"
+        if identity.site != OWN_SITE:
+            check_neighbour(message, identity, credentials)
+            return
+        check_right(message, identity)
+        check_addresses(message, identity, is_of_component)
+        check_site(message, credentials)
+
+    return check
 
 
 def _response(outcome: Outcome) -> Response:

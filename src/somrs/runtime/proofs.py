@@ -14,7 +14,8 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.rights import DENIED, check_right
 from somrs.storage.audit_log import Actor, AuditLog
 from somrs.storage.denial_counts import DenialCounts
-from somrs.trust.credentials import Credentials, Peer, peer_of
+from somrs.trust.connections import Peer, peer_of
+from somrs.trust.credentials import Credentials
 from somrs.trust.identity import Identity
 
 log = logging.getLogger(__name__)
@@ -44,9 +45,7 @@ def proof_of(credentials: Credentials, certificate: Mapping[str, Any] | None) ->
     def prove() -> Identity:
         if certificate is None:
             raise UsageError("this connection has no certificate; only messages with one are accepted here")
-        peer = _peer(_Hashable(certificate))
-        credentials.check(peer, time.time())
-        return peer.identity
+        return credentials.prove(_peer(_Hashable(certificate)), time.time())
 
     return prove
 
@@ -59,12 +58,12 @@ class Denials:
         self._audit_log, self._check_message = audit_log, check_message
         self._counts = DenialCounts()
 
-    def check(self, message: Message, proof: Proof, address: str = "") -> None:
-        """Raises WireError if the message is denied. `address`: from where it came."""
+    def check(self, message: Message, proof: Proof, address: str = "") -> Identity:
+        """Returns who has sent the message. Raises WireError if it is denied. `address`: from where it came."""
         name = ""
         try:
             identity = proof()
-            name = identity.name
+            name = identity.full_name
             self._check_message(message, identity)
         except UsageError as error:
             self._note(Actor(name=name, address=address), message, str(error))
@@ -72,6 +71,7 @@ class Denials:
         except WireError as error:
             self._note(Actor(name=name, address=address), message, error.text)
             raise
+        return identity
 
     def _note(self, actor: Actor, message: Message, text: str) -> None:
         kind = type(message.body).__name__

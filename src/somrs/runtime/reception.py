@@ -21,6 +21,7 @@ from somrs.protocol.soap.document import SENDER
 from somrs.runtime.batches import Outcome
 from somrs.runtime.proofs import NO_SOURCE, Denials, Source, current_source
 from somrs.runtime.reply_hosts import ReplyHosts
+from somrs.trust.neighbours import OWN_SITE
 
 log = logging.getLogger(__name__)
 
@@ -103,9 +104,8 @@ class Reception:
             message = self._format.decode(document)
             if type(message.body) in REQUESTS or isinstance(message.body, FrpBody):
                 check_ranges(message.body)
-            if source.proof is not None:
-                self._denials.check(message, source.proof, source.host or "")
-            if source.host is not None:
+            site = self._denials.check(message, source.proof, source.host or "").site if source.proof is not None else OWN_SITE
+            if source.host is not None and site == OWN_SITE:  # the addresses of a neighbour's are at its hosts, of which it has several
                 await self._reply_hosts.check(message, source.host)
         except Exception as error:  # noqa: BLE001  # `_refusal` logs a defect
             return self._refusal(error, message)

@@ -22,7 +22,8 @@ import msgspec
 from somrs.errors import RemoteError, UsageError
 from somrs.kernel.durability import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.runtime.wire import tls_error
-from somrs.trust.credentials import SERVICE_FILE, Credentials, advice, fingerprint
+from somrs.trust.connections import fingerprint
+from somrs.trust.credentials import SERVICE_FILE, Credentials, advice
 from somrs.trust.files import install, write_private
 from somrs.trust.holders import TrustNews
 

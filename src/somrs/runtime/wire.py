@@ -22,6 +22,7 @@ from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime import batches
 from somrs.runtime.batches import Outcome
 from somrs.runtime.http import CONTENT_TYPE, KEPT_TIME
+from somrs.runtime.neighbour_checks import check_answer
 from somrs.trust.credentials import Credentials, advice
 
 log = logging.getLogger(__name__)
@@ -110,7 +111,9 @@ class Wire:
         """
         if message.header.recipient == NONE_ADDRESS:
             return None
-        return _read(await self._send_alone(message, write_document(message, soap.encode), timeout), message, soap.decode)
+        return self._checked(
+            _read(await self._send_alone(message, write_document(message, soap.encode), timeout), message, soap.decode), message
+        )
 
     async def post_separately(self, messages: Sequence[Message], timeout: float) -> list[Message | None]:
         """Send the first message: the process may not accept batches."""
@@ -127,27 +130,47 @@ class Wire:
             return [error]
         sent_messages = messages[: len(documents)]
         if len(sent_messages) == 1:
-            return [_result(await self._send_alone(sent_messages[0], documents[0], timeout), sent_messages[0], soap.decode)]
+            response = await self._send_alone(sent_messages[0], documents[0], timeout)
+            return self._all_checked([_result(response, sent_messages[0], soap.decode)], sent_messages)
         response = await self._send(sent_messages[0].header.recipient, batches.MEDIA_TYPE, batches.batch(documents), timeout)
         if response.media_type == batches.MEDIA_TYPE:
             outcomes = batches.outcomes_of(response.document)
             if len(outcomes) == len(sent_messages):
-                return read_outcomes(outcomes, sent_messages, soap.decode)
+                return self._all_checked(read_outcomes(outcomes, sent_messages, soap.decode), sent_messages)
         refused = _unexpected(response, sent_messages[0])
         if isinstance(refused, Unanswered):
             raise refused
         return [refused] * len(sent_messages)
+
+    def _checked(self, answer: Message | None, request: Message) -> Message | None:
+        """An answer that who gave it has the right to. Raises RemoteError if it has not."""
+        if answer is not None and self._credentials is not None:
+            check_answer(answer, request, self._credentials)
+        return answer
+
+    def _all_checked(
+        self, outcomes: Sequence[Message | RemoteError | None], requests: Sequence[Message]
+    ) -> list[Message | RemoteError | None]:
+        """The outcomes of requests, with errors in place of answers that were not for their sender to give."""
+        checked: list[Message | RemoteError | None] = []
+        for outcome, request in zip(outcomes, requests, strict=True):
+            try:
+                checked.append(outcome if isinstance(outcome, RemoteError) else self._checked(outcome, request))
+            except RemoteError as error:
+                checked.append(error)
+        return checked
 
     async def _send_alone(self, message: Message, document: bytes, timeout: float) -> _Response:
         kind = f'{CONTENT_TYPE}; action="{soap.action(type(message.body))}"'
         return await self._send(message.header.recipient, kind, document, timeout)
 
     async def _send(self, address: str, content_type: str, document: bytes, timeout: float) -> _Response:
+        tls: ssl.SSLContext | bool = True
         if self._credentials is not None:
             self._credentials.renew()
+            tls = self._credentials.client_for(address)
         if self._session is None:
-            tls = self._credentials.client if self._credentials is not None else True
-            connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT_TIME, ssl=tls)
+            connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT_TIME)
             self._session = aiohttp.ClientSession(
                 connector=connector, cookie_jar=aiohttp.DummyCookieJar(), auto_decompress=False, skip_auto_headers=_OMITTED_HEADERS
             )
@@ -158,6 +181,7 @@ class Wire:
                 headers={"Content-Type": content_type},
                 timeout=aiohttp.ClientTimeout(total=timeout),
                 allow_redirects=False,
+                ssl=tls,
             ) as response:
                 content = await response.content.read(MOST_BYTES + 1)
                 while len(content) <= MOST_BYTES and (chunk := await response.content.read(MOST_BYTES + 1 - len(content))):

@@ -7,6 +7,7 @@
 | `holders.json` | the certificates that are not revoked, by which the name of a sender leads to its rights |
 | `revoked.txt` | the serial numbers of revoked certificates, which programs read again when it changes |
 | `revoked.pem` | the same as a list that the authority has signed (RFC 5280, 5), for programs of other makes |
+| `neighbours.json` | the neighbours whose certificates count here |
 | `programs/NAME.key`, `.pem` | keys and certificates of the site's own programs |
 
 All are for the user of the system alone. Changes of the register are made one after the other, under a lock.
@@ -18,7 +19,7 @@ import fcntl
 import hashlib
 import hmac
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -29,10 +30,12 @@ import msgspec
 from somrs.errors import UsageError
 from somrs.trust import certificates
 from somrs.trust.certificates import CERTIFICATE_DAYS, Issued
-from somrs.trust.credentials import FOLDER, fingerprint
+from somrs.trust.connections import fingerprint
+from somrs.trust.credentials import FOLDER
 from somrs.trust.files import install, write_private
 from somrs.trust.holders import HOLDERS_FILE, REVOKED_FILE, Holder, write_holders, write_revoked
 from somrs.trust.identity import Identity, Role, certificate_uri
+from somrs.trust.neighbours import NEIGHBOURS_FILE, Neighbours, TrustedNeighbour, write_trusted
 
 INVITATION_SECONDS = 3600.0
 """For how long an invitation can be used."""
@@ -95,6 +98,12 @@ class Authority:
         return self.folder / "authority.pem"
 
     @property
+    def public_certificate(self) -> str:
+        """The certificate of the authority, in PEM."""
+        self._check_exists()
+        return self.certificate_file.read_text()
+
+    @property
     def revocation_file(self) -> Path:
         return self.folder / "revoked.pem"
 
@@ -110,6 +119,20 @@ class Authority:
         self._write_revoked(Register(site=site), now)
         self._write_holders(Register(site=site))
         write_private(self.folder / "register.json", msgspec.json.format(msgspec.json.encode(Register(site=site))))
+
+    def trust_neighbours(self, neighbours: tuple[TrustedNeighbour, ...], own_hosts: Iterable[str]) -> None:
+        """Have certificates of these neighbours count at the site, which is at these hosts, and those of no others. Raises UsageError if
+        they cannot be told apart."""
+        self._check_exists()
+        Neighbours(neighbours, own_hosts)
+        owners = {fingerprint(self.certificate_file.read_text()): "this system"}
+        for neighbour in neighbours:
+            certificates.check_authority(neighbour.authority.encode(), f"the `authority` of {neighbour.name}")
+            if (owner := owners.setdefault(fingerprint(neighbour.authority), neighbour.name)) != neighbour.name:
+                raise UsageError(f"the `authority` of {neighbour.name} is that of {owner}: get the certificate of its own authority")
+        file = self.folder / NEIGHBOURS_FILE
+        if neighbours or file.exists():
+            write_private(file, write_trusted(neighbours))
 
     def read(self) -> Register:
         """What has been issued."""

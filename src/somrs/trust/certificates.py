@@ -170,6 +170,17 @@ def load(document: bytes, source: str) -> x509.Certificate:
         raise UsageError(f"{source} is no certificate in PEM: {error}") from None
 
 
+def check_authority(document: bytes, source: str) -> None:
+    """Raises UsageError, which names the source, unless a document has one certificate in PEM, which may sign others."""
+    certificate = load(document, source)
+    try:
+        may_sign = certificate.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
+    except x509.ExtensionNotFound:
+        may_sign = False
+    if not may_sign or document.count(b"BEGIN CERTIFICATE") != 1:
+        raise UsageError(f"{source} is to be the certificate of an authority, as `somrs trust authority` prints it")
+
+
 def key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
     return key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
 

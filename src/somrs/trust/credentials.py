@@ -6,19 +6,20 @@ revoked, or whose certificate expires, is refused on connections that are open, 
 
 from __future__ import annotations
 
-import hashlib
 import os
 import ssl
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+
+import msgspec
 
 from somrs.errors import UsageError
+from somrs.trust.connections import Peer, fingerprint
 from somrs.trust.files import next_key
 from somrs.trust.holders import HOLDERS_FILE, REVOKED_FILE, Holder, holder_named, read_holders
 from somrs.trust.identity import Identity, certificate_uri, identity_of_uris
+from somrs.trust.neighbours import NEIGHBOURS_FILE, OWN_SITE, Neighbours, read_trusted
 
 FOLDER = "trust"
 """The folder of the authority in the data folder."""
@@ -30,25 +31,9 @@ VARIABLE = "SOMRS_CREDENTIALS"
 """The environment variable with the certificate of a program, as a path of a file `NAME.pem`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Peer:
-    """The other end of a connection, as its certificate says. `begins`, `ends`: seconds since 1970."""
-
-    identity: Identity
-    serial: str
-    begins: float
-    ends: float
-
-
-def peer_of(certificate: Mapping[str, Any]) -> Peer:
-    """The peer with a certificate, as `ssl.SSLSocket.getpeercert` returns it. Raises UsageError if it has no identity."""
-    uris = [value for kind, value in certificate.get("subjectAltName", ()) if kind == "URI"]
-    return Peer(
-        identity=identity_of_uris(uris),
-        serial=f"{int(certificate['serialNumber'], 16):x}",
-        begins=float(ssl.cert_time_to_seconds(certificate["notBefore"])),
-        ends=float(ssl.cert_time_to_seconds(certificate["notAfter"])),
-    )
+REVOKED_NEIGHBOURS_FILE = "neighbours-revoked.json"
+"""The file beside the certificate of the authority with the serial numbers that neighbours have revoked, by the fingerprints of their
+authorities."""
 
 
 class Credentials:
@@ -56,6 +41,9 @@ class Credentials:
 
     `authority.pem`, and `revoked.txt` and `holders.json` if they are there, are in the same folder, or in the one above. Raises UsageError
     if a file is missing or cannot be used. `generation`: how often the own certificate has been replaced.
+
+    `server` and `client` are the TLS contexts for connections with programs of the own site; `entrance` is that of a server which programs
+    of neighbours may reach, too, and `client_for` gives that for an address of any site.
     """
 
     def __init__(self, certificate: Path) -> None:
@@ -69,9 +57,21 @@ class Credentials:
         self._holders: tuple[Holder, ...] = ()
         self._own_file = _WatchedFile(certificate)
         self._own_file.has_changed()
-        self.server = self._context(ssl.PROTOCOL_TLS_SERVER)
-        self.client = self._context(ssl.PROTOCOL_TLS_CLIENT)
-        self._name = ""
+        own_authority = _text_of(self.authority)
+        self._neighbours_file = _WatchedFile(self.folder / NEIGHBOURS_FILE)
+        self._neighbours = Neighbours()
+        self._revoked_of_neighbours = _WatchedFile(self.folder / REVOKED_NEIGHBOURS_FILE)
+        self._serials_of_neighbours: dict[str, frozenset[str]] = {}
+        self._own_site = {fingerprint(own_authority): OWN_SITE}
+        self._sites = self._own_site
+        """The sites, by the fingerprints of their authorities."""
+        self.server = self._context(ssl.PROTOCOL_TLS_SERVER, own_authority)
+        self.client = self._context(ssl.PROTOCOL_TLS_CLIENT, own_authority)
+        self.entrance = self._context(ssl.PROTOCOL_TLS_SERVER, own_authority)
+        self._clients: dict[str, ssl.SSLContext] = {}
+        """The contexts for the programs of neighbours."""
+        self._own_identity: Identity | None = None
+        _ = self.neighbours  # which `entrance` has to know before the first connection
 
     @classmethod
     def of_environment(cls) -> Credentials | None:
@@ -109,18 +109,41 @@ class Credentials:
         if not self._own_file.has_changed():
             return
         try:
-            for context in (self.server, self.client):
+            for context in (self.server, self.client, self.entrance, *self._clients.values()):
                 context.load_cert_chain(self.certificate, self.key)
             self.generation += 1
         except (ssl.SSLError, OSError):
             self._own_file.forget()  # only one of the two files has been replaced yet
 
     @property
+    def identity(self) -> Identity:
+        """Who has these."""
+        if self._own_identity is None:
+            self._own_identity = identity_of_uris(_uris(ssl.PEM_cert_to_DER_cert(self.certificate.read_text())))
+        return self._own_identity
+
+    @property
     def name(self) -> str:
         """The name of who has these."""
-        if not self._name:
-            self._name = identity_of_uris(_uris(ssl.PEM_cert_to_DER_cert(self.certificate.read_text()))).name
-        return self._name
+        return self.identity.name
+
+    @property
+    def neighbours(self) -> Neighbours:
+        """The neighbours whose certificates count here."""
+        if self._neighbours_file.has_changed():
+            neighbours = Neighbours(read_trusted(self._neighbours_file.path))
+            clients = {entry.name: self._context(ssl.PROTOCOL_TLS_CLIENT, entry.authority) for entry in neighbours.all}
+            for entry in neighbours.all:
+                # A context cannot forget an authority. `prove` refuses those that are not in the file any more.
+                self.entrance.load_verify_locations(cadata=entry.authority)
+            self._sites = {fingerprint(entry.authority): entry.name for entry in neighbours.all} | self._own_site
+            self._neighbours, self._clients = neighbours, clients
+        return self._neighbours
+
+    def client_for(self, address: str) -> ssl.SSLContext:
+        """The TLS context for a connection to an address, at which only programs of the site with that address are accepted."""
+        site = self.neighbours.site_of(address)
+        return self.client if site == OWN_SITE else self._clients[site]
 
     @property
     def holders(self) -> tuple[Holder, ...]:
@@ -146,19 +169,38 @@ class Credentials:
         return ""
 
     def check(self, peer: Peer, now: float) -> None:
-        """Raises UsageError, which says who, what and what to do next, if a certificate does not hold at this time."""
-        name = peer.identity.name
-        if peer.serial in self.revoked:
-            raise UsageError(f"the certificate of {name} ({peer.serial}) is revoked: enrol it again, with a new invitation")
-        if now >= peer.ends:
-            raise UsageError(f"the certificate of {name} has expired: enrol it again, with a new invitation")
+        """Raises UsageError, which says who, what and what to do next, if a certificate is not of this site or does not hold now."""
+        if self.prove(peer, now).site != OWN_SITE:
+            raise UsageError(f"{peer.identity.name} has a certificate of a neighbour, and this is for who has one of the own site")
 
-    def _context(self, protocol: int) -> ssl.SSLContext:
+    def prove(self, peer: Peer, now: float) -> Identity:
+        """The identity of a peer of this site or of a neighbour. Raises UsageError as `check`, if its certificate does not hold."""
+        name, neighbours = peer.identity.name, self.neighbours
+        site = self._sites.get(peer.authority)
+        if site is None:
+            raise UsageError(
+                f"the certificate of {name} is neither of the authority of this site nor of that of a neighbour: connect anew, with another"
+            )
+        advice = f"its owner has to enrol it again at {site}" if site else "enrol it again, with a new invitation"
+        if peer.serial in (self.revoked if site == OWN_SITE else self._revoked_by(peer.authority)):
+            raise UsageError(f"the certificate of {name} ({peer.serial}) is revoked: {advice}")
+        if now >= peer.ends:
+            raise UsageError(f"the certificate of {name} has expired: {advice}")
+        return replace(peer.identity, site=neighbours[site].name) if site else peer.identity
+
+    def _revoked_by(self, authority: str) -> frozenset[str]:
+        """The serial numbers that the authority of a neighbour has revoked, as far as this computer knows."""
+        if self._revoked_of_neighbours.has_changed():
+            content = self._revoked_of_neighbours.path.read_bytes()
+            self._serials_of_neighbours = msgspec.json.decode(content, type=dict[str, frozenset[str]])
+        return self._serials_of_neighbours.get(authority, frozenset())
+
+    def _context(self, protocol: int, authority: str) -> ssl.SSLContext:
         context = ssl.SSLContext(protocol)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         context.verify_mode = ssl.CERT_REQUIRED
         try:
-            context.load_verify_locations(self.authority)
+            context.load_verify_locations(cadata=authority)
             self._load(context)
         except (ssl.SSLError, OSError) as error:
             raise UsageError(
@@ -216,14 +258,16 @@ def _uris(certificate: bytes) -> list[str]:
     return uris
 
 
+def _text_of(authority: Path) -> str:
+    try:
+        return authority.read_text()
+    except OSError as error:
+        raise UsageError(f"{authority} cannot be read: {error.strerror}; `somrs trust enrol` makes it") from None
+
+
 def _beside(certificate: Path, name: str) -> Path:
     in_folder = certificate.parent / name
     return in_folder if in_folder.exists() else certificate.parent.parent / name
-
-
-def fingerprint(certificate: str) -> str:
-    """The first 128 bits of the SHA-256 of a certificate in PEM, in hexadecimal digits."""
-    return hashlib.sha256(ssl.PEM_cert_to_DER_cert(certificate)).hexdigest()[:32]
 
 
 ADVICE = {

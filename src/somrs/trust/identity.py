@@ -43,11 +43,20 @@ class Role(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """A proven identity. `speaks_for`: the names besides its own in which it may speak, such as the devices of a gateway."""
+    """A proven identity. `speaks_for`: the names besides its own in which it may speak, such as the devices of a gateway.
+
+    `site`: the neighbour whose authority has issued its certificate; empty for those of the own site.
+    """
 
     name: str
     roles: frozenset[Role]
     speaks_for: frozenset[str] = frozenset()
+    site: str = ""
+
+    @property
+    def full_name(self) -> str:
+        """The name, with the neighbour that it is of: `Barn:BarnRobot`."""
+        return f"{self.site}:{self.name}" if self.site else self.name
 
     def may_speak_for(self, name: str) -> bool:
         return name == self.name or name in self.speaks_for

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -35,11 +36,66 @@ def test_they_have_unless_the_system_is_open_or_has_run_without(
     assert (certificates is not None) is expected[has_run]
 
 
-def test_neighbours_are_not_let_down_in_silence(tmp_path: Path) -> None:
+def test_a_shared_simulator_is_not_let_down_in_silence(tmp_path: Path) -> None:
     for choice in (None, True):
-        with pytest.raises(UsageError, match=r"neighbours do not know the certificates of this system.*: start it with --no-certificates"):
+        with pytest.raises(UsageError, match=r"a simulator that systems share .*: start them with --no-certificates"):
             certificates_of_programs(tmp_path, "127.0.0.1", "site", choice, secure=True, is_shared=True)
     assert certificates_of_programs(tmp_path, "127.0.0.1", "site", False, secure=True, is_shared=True) is None
+
+
+BARN = "Barn: {registry: '%s/registry', takes: all, gives: all, repository: '%s/repository', shows: all, changes: true%s}\n"
+
+
+def neighbours_file(folder: Path, url: str = "https://barn.example", further: str = ", authority: barn.pem") -> Path:
+    """The file of a system whose neighbour is the barn, and the certificate of the barn's authority."""
+    barn = Authority.of_data(folder / "barn")
+    if not barn.exists:
+        barn.create("barn", datetime.now(UTC))
+    (folder / "barn.pem").write_text(barn.public_certificate)
+    file = folder / "neighbours.yaml"
+    file.write_text(BARN % (url, url, further))
+    return file
+
+
+def prepared(data: Path, file: Path | None, host: str = "127.0.0.1") -> Credentials:
+    """Those of clients of a system with these neighbours."""
+    programs = certificates_of_programs(data, host, "site", None, secure=True, neighbours=file)
+    assert programs is not None
+    programs.prepare()
+    return Credentials(programs.folder / "programs" / "client.pem")
+
+
+def test_neighbours_are_known_by_their_authorities_and_hosts(tmp_path: Path) -> None:
+    file = neighbours_file(tmp_path, further=", authority: barn.pem, hosts: [robots.barn.example], trust: 'https://trust.example:8610/'")
+    neighbours = prepared(tmp_path / "data", file).neighbours
+    [barn] = neighbours.all
+    assert (barn.name, barn.service) == ("Barn", "https://trust.example:8610")
+    hosts = {"barn.example": "Barn", "Robots.barn.example": "Barn", "trust.example": "Barn", "127.0.0.1": "", "barn.example.evil": ""}
+    assert {host: neighbours.site_of(f"https://{host}:9/devices/Robot1") for host in hosts} == hosts
+    # A system that is started without them has none.
+    assert prepared(tmp_path / "data", None).neighbours.all == ()
+
+
+@pytest.mark.parametrize(
+    ("url", "further", "problem"),
+    [
+        ("https://barn.example", "", r"Barn has no `authority`.*`somrs trust authority > barn.pem`.*--no-certificates"),
+        ("http://barn.example", ", authority: barn.pem", "addresses begin with https://, and this is http://barn.example/registry"),
+        ("https://127.0.0.1:8600", ", authority: barn.pem", "Barn is at 127.0.0.1, and so is this system.*with --host"),
+        ("https://barn.example", ", authority: nothing.pem", "nothing.pem cannot be read"),
+        ("https://barn.example", ", authority: neighbours.yaml", "the `authority` of Barn is no certificate in PEM"),
+        ("https://barn.example", ", authority: data/trust/authority.pem", "the `authority` of Barn is that of this system"),
+        ("https://barn.example", ", authority: data/trust/programs/client.pem", "is to be the certificate of an authority"),
+        ("https://barn.example", ", hosts: [a]", "Barn: .*`authority`"),
+        ("https://barn.example", ", authority: barn.pem, trust: trust.example", "`trust` is a URL"),
+    ],
+)
+def test_a_neighbour_that_could_not_be_told_is_said_at_once(tmp_path: Path, url: str, further: str, problem: str) -> None:
+    prepared(tmp_path / "data", None)
+    file = neighbours_file(tmp_path, url, further)
+    with pytest.raises(UsageError, match=problem):
+        prepared(tmp_path / "data", file)
+    assert certificates_of_programs(tmp_path, "127.0.0.1", "site", False, secure=True, neighbours=file) is None
 
 
 @pytest.mark.parametrize("kind", ["pem", "key"])

@@ -56,7 +56,7 @@ def _nobody(message: Message) -> Iterable[str]:
     return ()
 
 
-def _participant(message: Message) -> Iterable[str]:
+def participant_names(message: Message) -> Iterable[str]:
     """The device of the participant: `Robot1` of `Robot1.TransferObject#s1`."""
     service = (message.header.participant or "").rpartition("#")[0]
     return (service.rpartition(".")[0],)
@@ -87,7 +87,7 @@ _PEOPLE = _sent_by(Role.API, Role.CLIENT)
 """Programs that act for people."""
 _OF_TASK_MANAGERS, _OF_REPOSITORIES, _OF_REGISTRIES = _sent_by(_TASK_MANAGER), _sent_by(_REPOSITORY), _sent_by(_REGISTRY)
 _OF_SCHEDULERS, _OF_TRAFFIC = _sent_by(Role.SCHEDULER), _sent_by(Role.TRAFFIC)
-_OF_PARTICIPANT: Right = {_DEVICE: _participant}
+_OF_PARTICIPANT: Right = {_DEVICE: participant_names}
 _OF_PROVIDER: Right = {_DEVICE: _body_names("provider")}
 _OF_ROBOT: Right = {_DEVICE: _body_names("robot")}
 _OF_PASSAGE: Right = {_DEVICE: _body_names("passage")}
