@@ -90,8 +90,8 @@ def test_a_device_on_another_computer_enrols_itself_with_a_word(tmp_path: Path) 
         addresses.write(site.data)
         word = site.authority.invite(ROBOT, datetime.now(UTC))
         written = await enrol_at(f"{site.url}/", word, tmp_path / "robot")
-        names = ["Robot7.key", "Robot7.pem", "authority.pem", "holders.json", "revoked.txt", "service.txt", "system.json"]
-        assert [file.name for file in written] == names
+        of_authority = ["authority.pem", "holders.json", "neighbours-revoked.json", "neighbours.json", "revoked.txt", "service.txt"]
+        assert [file.name for file in written] == ["Robot7.key", "Robot7.pem", *of_authority, "system.json"]
         assert {file.stat().st_mode & 0o777 for file in written} == {0o600}
         assert Addresses.read(tmp_path / "robot") == msgspec.structs.replace(addresses, trust=None)
         credentials = Credentials(tmp_path / "robot" / "Robot7.pem")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from somrs.deployment.system import System
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
+from somrs.trust.authority import Authority
 from tests.support.hang import HANG_TIME
 from tests.support.two_sites import two_sites
 
@@ -47,5 +49,9 @@ def test_a_robot_and_a_jar_are_shared_by_systems_with_authorities_of_their_own(t
             async with Client(barn.addresses) as at_home:
                 assert (await at_home.map()).has_fact("isOn", ("Jar1", "BarnBench"))
             assert denials(barn) + denials(yard) == ""
+            # The barn finds out that its Repository's key was stolen.
+            Authority.of_data(barn.data).revoke("repository", datetime.now(UTC))
+            while "is revoked: its owner has to enrol it again at Barn" not in denials(yard):
+                await asyncio.sleep(0.2)
 
     asyncio.run(scenario())

@@ -1,9 +1,10 @@
 """The service of a site's authority (`somrs run trust`): there, programs on other computers enrol, renew their certificates, and read what
-is revoked.
+is revoked, here and at neighbours.
 
-To enrol, the word of an invitation is needed. Everything else is for who has a certificate that holds. Where a program is reached, its
-certificate says only if the invitation does, or if it is the computer from which the request came: otherwise a device could get a
-certificate for the address of another program, and answer in its place.
+To enrol, the word of an invitation is needed. What is revoked here, anybody may read, so that neighbours know. Everything else is for who
+has a certificate of the site that holds. Where a program is reached, its certificate says only if the invitation does, or if it is the
+computer from which the request came: otherwise a device could get a certificate for the address of another program, and answer in its
+place.
 """
 
 from __future__ import annotations
@@ -31,14 +32,24 @@ from somrs.errors import UsageError
 from somrs.ports import check_address, listen_at
 from somrs.runtime.bounded_http import PEER_CERTIFICATE, BoundedConfig, QuietServer
 from somrs.runtime.http import KEPT_TIME
-from somrs.runtime.trust_client import AUTHORITY_PATH, ENROL_PATH, NEWS_PATH, RENEW_PATH, Enrolled, EnrolRequest, RenewRequest
+from somrs.runtime.revocations import Revocations
+from somrs.runtime.trust_client import (
+    AUTHORITY_PATH,
+    ENROL_PATH,
+    NEWS_PATH,
+    RENEW_PATH,
+    REVOKED_PATH,
+    Enrolled,
+    EnrolRequest,
+    RenewRequest,
+)
 from somrs.storage.audit_log import Actor, AuditLog
 from somrs.storage.denial_counts import DenialCounts
 from somrs.trust.authority import Authority
 from somrs.trust.connections import peer_of
 from somrs.trust.credentials import SERVICE_FILE, Credentials
 from somrs.trust.files import write_private
-from somrs.trust.holders import TrustNews
+from somrs.trust.holders import TrustNews, write_revoked
 from somrs.trust.identity import Identity, Role
 
 log = logging.getLogger(__name__)
@@ -80,18 +91,19 @@ async def run_trust(data: Path, host: str, port: int, url: str | None = None) ->
             lifespan="off",
             ws="none",
             timeout_keep_alive=KEPT_TIME + 15,
-            ssl_context_factory=lambda *_: _with_strangers(own.credentials.server),
+            ssl_context_factory=lambda *_: _with_strangers(own.credentials.entrance),
         )
     )
     serving = asyncio.create_task(server.serve(sockets=[server_socket]))
     while not server.started and not serving.done():
         await asyncio.sleep(0.01)
     write_private(authority.folder / SERVICE_FILE, f"{url}\n".encode())
-    renewing = asyncio.create_task(own.renew())
+    renewing, following = asyncio.create_task(own.renew()), asyncio.create_task(Revocations(own.credentials).follow())
     try:
         await until_stopped("trust", url)
     finally:
         renewing.cancel()
+        following.cancel()
         service.stop()
         server.end()
         await serving
@@ -136,6 +148,7 @@ class TrustService:
         self.application = Starlette(
             routes=[
                 Route(AUTHORITY_PATH, self._send_authority),
+                Route(REVOKED_PATH, self._send_revoked),
                 Route(ENROL_PATH, self._explained(self._enrol), methods=["POST"]),
                 Route(RENEW_PATH, self._explained(self._renew), methods=["POST"]),
                 Route(NEWS_PATH, self._explained(self._send_news)),
@@ -167,6 +180,9 @@ class TrustService:
 
     async def _send_authority(self, request: Request) -> Response:
         return Response(self._authority.certificate_file.read_bytes(), media_type="application/x-pem-file")
+
+    async def _send_revoked(self, request: Request) -> Response:
+        return PlainTextResponse(write_revoked(self._credentials.revoked))
 
     async def _enrol(self, request: Request) -> Response:
         question = msgspec.json.decode(await request.body(), type=EnrolRequest)
@@ -202,8 +218,16 @@ class TrustService:
             system.pop("trust", None)  # a folder of this computer
         except (OSError, msgspec.DecodeError):
             system = None
-        document = msgspec.json.encode((revoked, holders, system), order="deterministic")
-        return TrustNews(version=hashlib.sha256(document).hexdigest()[:32], revoked=revoked, holders=holders, system=system)
+        neighbours, of_neighbours = self._credentials.neighbours.all, self._credentials.revoked_of_neighbours
+        document = msgspec.json.encode((revoked, holders, system, neighbours, of_neighbours), order="deterministic")
+        return TrustNews(
+            version=hashlib.sha256(document).hexdigest()[:32],
+            revoked=revoked,
+            holders=holders,
+            system=system,
+            neighbours=neighbours,
+            revoked_of_neighbours=of_neighbours,
+        )
 
     def _proven_serial(self, request: Request) -> str:
         """The serial number of the certificate of who asks. Raises UsageError if it has none that holds."""

@@ -36,6 +36,7 @@ MOST_BYTES = 16_000_000
 """The maximum size of an answer."""
 
 AUTHORITY_PATH, ENROL_PATH, RENEW_PATH, NEWS_PATH = "/authority.pem", "/enrol", "/renew", "/news"
+REVOKED_PATH = "/revoked"
 
 
 class EnrolRequest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

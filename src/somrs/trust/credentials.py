@@ -12,14 +12,12 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
-import msgspec
-
 from somrs.errors import UsageError
 from somrs.trust.connections import Peer, fingerprint
 from somrs.trust.files import next_key
 from somrs.trust.holders import HOLDERS_FILE, REVOKED_FILE, Holder, holder_named, read_holders
 from somrs.trust.identity import Identity, certificate_uri, identity_of_uris
-from somrs.trust.neighbours import NEIGHBOURS_FILE, OWN_SITE, Neighbours, read_trusted
+from somrs.trust.neighbours import NEIGHBOURS_FILE, OWN_SITE, REVOKED_NEIGHBOURS_FILE, Neighbours, read_revoked, read_trusted
 
 FOLDER = "trust"
 """The folder of the authority in the data folder."""
@@ -29,11 +27,6 @@ SERVICE_FILE = "service.txt"
 
 VARIABLE = "SOMRS_CREDENTIALS"
 """The environment variable with the certificate of a program, as a path of a file `NAME.pem`."""
-
-
-REVOKED_NEIGHBOURS_FILE = "neighbours-revoked.json"
-"""The file beside the certificate of the authority with the serial numbers that neighbours have revoked, by the fingerprints of their
-authorities."""
 
 
 class Credentials:
@@ -61,7 +54,7 @@ class Credentials:
         self._neighbours_file = _WatchedFile(self.folder / NEIGHBOURS_FILE)
         self._neighbours = Neighbours()
         self._revoked_of_neighbours = _WatchedFile(self.folder / REVOKED_NEIGHBOURS_FILE)
-        self._serials_of_neighbours: dict[str, frozenset[str]] = {}
+        self._serials_of_neighbours: dict[str, tuple[str, ...]] = {}
         self._own_site = {fingerprint(own_authority): OWN_SITE}
         self._sites = self._own_site
         """The sites, by the fingerprints of their authorities."""
@@ -182,18 +175,18 @@ class Credentials:
                 f"the certificate of {name} is neither of the authority of this site nor of that of a neighbour: connect anew, with another"
             )
         advice = f"its owner has to enrol it again at {site}" if site else "enrol it again, with a new invitation"
-        if peer.serial in (self.revoked if site == OWN_SITE else self._revoked_by(peer.authority)):
+        if peer.serial in (self.revoked if site == OWN_SITE else self.revoked_of_neighbours.get(peer.authority, ())):
             raise UsageError(f"the certificate of {name} ({peer.serial}) is revoked: {advice}")
         if now >= peer.ends:
             raise UsageError(f"the certificate of {name} has expired: {advice}")
         return replace(peer.identity, site=neighbours[site].name) if site else peer.identity
 
-    def _revoked_by(self, authority: str) -> frozenset[str]:
-        """The serial numbers that the authority of a neighbour has revoked, as far as this computer knows."""
+    @property
+    def revoked_of_neighbours(self) -> dict[str, tuple[str, ...]]:
+        """The serial numbers that the authorities of neighbours have revoked, as far as this computer knows, by their fingerprints."""
         if self._revoked_of_neighbours.has_changed():
-            content = self._revoked_of_neighbours.path.read_bytes()
-            self._serials_of_neighbours = msgspec.json.decode(content, type=dict[str, frozenset[str]])
-        return self._serials_of_neighbours.get(authority, frozenset())
+            self._serials_of_neighbours = read_revoked(self._revoked_of_neighbours.path)
+        return self._serials_of_neighbours
 
     def _context(self, protocol: int, authority: str) -> ssl.SSLContext:
         context = ssl.SSLContext(protocol)

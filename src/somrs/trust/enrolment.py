@@ -14,6 +14,7 @@ from somrs.trust.authority import Authority
 from somrs.trust.credentials import SERVICE_FILE
 from somrs.trust.files import install, write_private
 from somrs.trust.holders import HOLDERS_FILE, REVOKED_FILE
+from somrs.trust.neighbours import NEIGHBOURS_FILE, REVOKED_NEIGHBOURS_FILE
 
 
 def enrol(authority: Authority, word: str, hosts: tuple[str, ...], folder: Path, now: datetime, request: Path | None = None) -> list[Path]:
@@ -23,7 +24,7 @@ def enrol(authority: Authority, word: str, hosts: tuple[str, ...], folder: Path,
     certificate = authority.enrol(word, document, hosts, now)
     beside = {
         name: (authority.folder / name).read_bytes()
-        for name in ("authority.pem", REVOKED_FILE, HOLDERS_FILE, SERVICE_FILE)
+        for name in ("authority.pem", REVOKED_FILE, HOLDERS_FILE, SERVICE_FILE, NEIGHBOURS_FILE, REVOKED_NEIGHBOURS_FILE)
         if (authority.folder / name).exists()
     }
     key = key_and_request.key if key_and_request is not None else None

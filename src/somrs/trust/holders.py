@@ -12,6 +12,8 @@ import msgspec
 
 from somrs.errors import UsageError
 from somrs.trust.identity import Identity, Role
+from somrs.trust.neighbours import NEIGHBOURS_FILE, REVOKED_NEIGHBOURS_FILE, TrustedNeighbour, write_trusted
+from somrs.trust.neighbours import write_revoked as write_revoked_of_neighbours
 
 HOLDERS_FILE, REVOKED_FILE = "holders.json", "revoked.txt"
 
@@ -55,19 +57,27 @@ def holder_named(holders: Iterable[Holder], name: str, now: float) -> Holder:
 
 
 class TrustNews(msgspec.Struct, frozen=True, kw_only=True):
-    """What the service of the authority says to programs elsewhere: the serial numbers of what is revoked, who holds a certificate, and
-    the addresses of the system, if it runs. `version`: changes with any of it."""
+    """What the service of the authority says to programs elsewhere: the serial numbers of what is revoked, who holds a certificate, the
+    addresses of the system, if it runs, and the neighbours whose certificates count, with what they have revoked. `version`: changes with
+    any of it."""
 
     version: str
     revoked: tuple[str, ...]
     holders: tuple[Holder, ...]
     system: dict[str, object] | None = None
+    neighbours: tuple[TrustedNeighbour, ...] = ()
+    revoked_of_neighbours: dict[str, tuple[str, ...]] = {}
 
     @property
     def files(self) -> dict[str, bytes]:
         """The same as files beside a certificate, by their names."""
         system = {"system.json": msgspec.json.format(msgspec.json.encode(self.system))} if self.system is not None else {}
-        return {REVOKED_FILE: write_revoked(self.revoked), HOLDERS_FILE: write_holders(self.holders)} | system
+        return {
+            REVOKED_FILE: write_revoked(self.revoked),
+            HOLDERS_FILE: write_holders(self.holders),
+            NEIGHBOURS_FILE: write_trusted(self.neighbours),
+            REVOKED_NEIGHBOURS_FILE: write_revoked_of_neighbours(self.revoked_of_neighbours),
+        } | system
 
 
 def write_revoked(serials: Iterable[str]) -> bytes:

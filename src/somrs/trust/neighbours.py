@@ -6,7 +6,7 @@ signed it, whatever it says; an address is of the site whose host it has.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -15,6 +15,9 @@ import msgspec
 from somrs.errors import UsageError
 
 NEIGHBOURS_FILE = "neighbours.json"
+
+REVOKED_NEIGHBOURS_FILE = "neighbours-revoked.json"
+"""The file beside it with the serial numbers of what they have revoked, by the fingerprints of their authorities."""
 
 OWN_SITE = ""
 """The name of the own site, among those of neighbours."""
@@ -80,6 +83,19 @@ def read_trusted(file: Path) -> tuple[TrustedNeighbour, ...]:
         return ()
     except (msgspec.DecodeError, OSError) as error:
         raise UsageError(f"{file} cannot be read: {error}; `somrs trust neighbours FILE` writes it anew") from None
+
+
+def read_revoked(file: Path) -> dict[str, tuple[str, ...]]:
+    """What neighbours have revoked, as a file has it; nothing if it is missing or spoilt: their authorities are asked again."""
+    try:
+        return msgspec.json.decode(file.read_bytes(), type=dict[str, tuple[str, ...]])
+    except (msgspec.DecodeError, OSError):
+        return {}
+
+
+def write_revoked(serials: Mapping[str, tuple[str, ...]]) -> bytes:
+    """The content of that file."""
+    return msgspec.json.encode(serials)
 
 
 def write_trusted(neighbours: Iterable[TrustedNeighbour]) -> bytes:
