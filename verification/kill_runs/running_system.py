@@ -9,7 +9,6 @@ import shutil
 import signal
 import time
 import uuid
-from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
 
@@ -252,11 +251,10 @@ class RunningSystem:
             world["unanswered"] = repr(error)
         (folder / "world.json").write_bytes(msgspec.json.format(msgspec.json.encode(world)))
 
-    def save_logs(self, folder: Path, files: Iterable[str] = ("logs", "messages.jsonl")) -> None:
-        """Copy the logs of the run to the folder."""
-        for name in files:
-            source = self.data / name
-            if source.is_dir():
-                shutil.copytree(source, folder / name, dirs_exist_ok=True)
-            elif source.exists():
-                shutil.copy(source, folder / name)
+    def save_logs(self, folder: Path) -> None:
+        """Copy the logs and the messages of all hosts to the folder."""
+        for pattern in ("*.log", "messages.jsonl"):
+            for source in self.data.rglob(pattern):
+                target = folder / source.relative_to(self.data)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(source, target)
