@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 
 from somrs.client.client import Client
+from somrs.client.credentials import credentials_for
 from somrs.client.simulator_link import operator_link
 from somrs.deployment.launcher import Launcher
 from somrs.deployment.private_files import discard
@@ -29,13 +30,15 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.runtime.wire import Wire
+from somrs.runtime.wire import Wire, retry_unanswered
 from somrs.trust.credentials import FOLDER as TRUST
 from somrs.trust.credentials import Credentials
 from verification.kill_runs.bus import BusOfHosts
 from verification.kill_runs.draw import HOMES, Victim
 from verification.kill_runs.scenarios import DEVICES, PATROL, ROBOTS, THINGS
 
+PATIENCE = 60.0
+"""Seconds for which the client that judges a run asks again: a bus that has just lost a server may be long to store anything."""
 FREE_TIME = 30.0
 """Seconds after the repair within which a device has to be able to begin a contract at once."""
 ANSWERED = 10.0
@@ -85,7 +88,13 @@ class RunningSystem:
             await self._open.enter_async_context(self.system)
             if self._hosts is not None:
                 await self._hosts.replace_components_of(self.system, self._site)
-            self.client = await self._open.enter_async_context(Client(self.system.addresses))
+            client_wire = Wire(credentials_for(self.system.addresses))
+            self._open.push_async_callback(client_wire.close)
+
+            async def post(message: Message, timeout: float) -> Message | None:
+                return await retry_unanswered(lambda: client_wire.post(message, timeout), PATIENCE)
+
+            self.client = await self._open.enter_async_context(Client(self.system.addresses, post))
             self.operator = await self._open.enter_async_context(operator_link(self.system.addresses))
             # It speaks as the Task Manager does, to ask devices and to send them what is late.
             certificate = folder / TRUST / "programs" / "task-manager.pem"
