@@ -14,11 +14,12 @@ from somrs.deployment.launcher import Process
 from somrs.deployment.programs import Ready
 from somrs.deployment.watchdog import LoopWatch, read_activity, read_beat
 from somrs.errors import UsageError
+from somrs.runtime.wire import REMINDER
 
 log = logging.getLogger(__name__)
 
-PATIENCE = 90.0
-"""Seconds after which a warning says that a program is not ready yet. A cold first start on a slow machine takes long."""
+PATIENCE = REMINDER + 5.0
+"""Seconds after which a warning says that a program is not ready yet: by then, it has said in its log what it waits for."""
 
 STOP_TIME = 5.0
 """Seconds that a program has to end after SIGTERM before it is killed."""
@@ -58,19 +59,27 @@ class Program:
         reading = asyncio.ensure_future(self.process.stdout.readline())
         try:
             while not (await asyncio.wait([reading], timeout=PATIENCE))[0]:
-                log.warning("%s is not ready yet; its log is %s", self.name, self.log)
+                log.warning("%s is not ready yet%s; its log is %s", self.name, self._last_words(log_size), self.log)
         finally:
             reading.cancel()
         if not (ready_line := reading.result()):
             await self.process.wait()
-            with self.log.open("rb") as output:
-                output.seek(log_size)
-                error_text = output.read().decode(errors="replace").strip()
-            raise UsageError(error_text or f"{self.name} ended at once; see {self.log}")
+            raise UsageError(self._said_since(log_size) or f"{self.name} ended at once; see {self.log}")
         ready = msgspec.json.decode(ready_line, type=Ready)
         self.address = ready.address
         for problem in ready.problems:
             log.warning("%s; it is tried again", problem)
+
+    def _said_since(self, log_size: int) -> str:
+        """What it has written to its log since that had this size."""
+        with self.log.open("rb") as output:
+            output.seek(log_size)
+            return output.read().decode(errors="replace").strip()
+
+    def _last_words(self, log_size: int) -> str:
+        """What it waits for, if it has said so: the last line since its log had this size, after a colon."""
+        lines = self._said_since(log_size).splitlines()
+        return f": {lines[-1]}" if lines else ""
 
     async def end(self) -> None:
         """Wait for the end of the program, and kill it when that takes long."""

@@ -31,13 +31,21 @@ def test_a_program_that_takes_long_is_waited_for_and_that_is_said(
         waiting = asyncio.create_task(slow.ready())
         while len(caplog.messages) < 2:
             await asyncio.sleep(0)
+        with slow.log.open("a", encoding="utf-8") as log:
+            log.write("the bus cannot be reached\n")
+        while "bus" not in caplog.messages[-1]:
+            await asyncio.sleep(0)
         slow.process.stdout.feed_data(b'{"ready": "repository", "at": "http://127.0.0.1:8000"}\n')
         await waiting
         assert slow.address == "http://127.0.0.1:8000"
 
     monkeypatch.setattr(programs, "PATIENCE", 0.001)
     asyncio.run(run())
-    assert {*caplog.messages} == {f"repository is not ready yet; its log is {tmp_path / 'repository.log'}"}
+    place = f"its log is {tmp_path / 'repository.log'}"
+    assert [*dict.fromkeys(caplog.messages)] == [
+        f"repository is not ready yet; {place}",
+        f"repository is not ready yet: the bus cannot be reached; {place}",
+    ]
 
 
 @pytest.mark.parametrize(("output", "expected_text"), [("no disk\n", "no disk"), ("", "repository ended at once; see {log}")])
