@@ -369,11 +369,9 @@ def _answer_to(alteration: Alteration, outcome: Outcome, version: int) -> Update
 
 
 def _task_that_changes(alteration: Alteration) -> str | None:
-    """The task whose work the change is. What its devices only saw was so before."""
-    if not isinstance(alteration, UpdateMap) or alteration.reservation is None:
-        return None
-    observation = alteration.observation
-    return alteration.reservation.task if observation is None or observation.caused else None
+    """The task whose work the change is."""
+    reservation = alteration.reservation if isinstance(alteration, UpdateMap) else None
+    return reservation.task if reservation is not None and not reservation.only_seen else None
 
 
 def _ask(message: Message, task: Task) -> Ask:

@@ -85,7 +85,7 @@ def reservation_at(home: str, reservation: UnderReservation | None, contents: Co
     fence = shared.fences.get(home) if shared is not None else None
     if fence is None and contents.reservations.is_held(reservation.task, reservation.fence):
         return None
-    return UnderReservation(task=reservation.task, fence=fence or 0)
+    return structs.replace(reservation, fence=fence or 0)
 
 
 def refusals(alteration: Alteration, outcome: Outcome, sender: str, contents: Contents) -> Iterator[Violation]:

@@ -51,9 +51,9 @@ class TaskReservation(Struct, kw_only=True):
     lost: int = 0
     settled: int = 0
 
-    def under(self, task: str) -> UnderReservation | None:
+    def under(self, task: str, *, only_seen: bool = False) -> UnderReservation | None:
         """The reservation as reports of the task name it, even if it is lost; None if the task has never reserved."""
-        return UnderReservation(task=task, fence=self.fence) if self.serial or self.held else None
+        return UnderReservation(task=task, fence=self.fence, only_seen=only_seen) if self.serial or self.held else None
 
     def claim(self, task: str, goal: str, priority: int) -> Claim | None:
         """What the task has, for a Repository that may not know it; None if it has never reserved."""

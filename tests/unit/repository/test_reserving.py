@@ -10,7 +10,6 @@ from somrs.ontology.objects import ValueSet
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, RenameObject, SubscribeMap, Updated, UpdateMap
-from somrs.protocol.messages.observations import Observation
 from somrs.protocol.messages.reservations import (
     RESERVED,
     Claim,
@@ -121,19 +120,17 @@ def test_who_gets_its_objects_again_hears_what_others_have_changed_meanwhile() -
     assert desk.reserves("a", "Jar1", "Jar2", mode=UNDO) == [Reserved(task="a", fence=3, overtaken=("Jar1",), holders=held_by("b", "Jar1"))]
 
 
-@pytest.mark.parametrize("caused", [True, False])
-def test_what_another_has_only_seen_it_has_not_changed(caused: bool) -> None:
+@pytest.mark.parametrize("only_seen", [True, False])
+def test_what_another_has_only_seen_it_has_not_changed(only_seen: bool) -> None:
     """The device of the first task failed without a word; the second task looks, before it does something."""
     desk = ReservationDesk()
     desk.reserves("a", "Jar1")
     desk.releases("a", ended=False)
     desk.reserves("b", "Jar1", sender=B)
-    report = UpdateMap(
-        situation="Jar1 isOn Table2", reservation=UnderReservation(task="b", fence=2), observation=Observation(caused=caused)
-    )
+    report = UpdateMap(situation="Jar1 isOn Table2", reservation=UnderReservation(task="b", fence=2, only_seen=only_seen))
     assert isinstance(desk.says(report, B)[0], Updated)
     desk.releases("b", B)
-    assert desk.reserves("a", "Jar1", mode=UNDO) == [Reserved(task="a", fence=3, overtaken=("Jar1",) if caused else ())]
+    assert desk.reserves("a", "Jar1", mode=UNDO) == [Reserved(task="a", fence=3, overtaken=() if only_seen else ("Jar1",))]
 
 
 def test_what_another_had_in_doubt_and_found_as_it_was_is_not_changed() -> None:

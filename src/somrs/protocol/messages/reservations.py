@@ -135,7 +135,11 @@ class ClaimReservations(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class UnderReservation(Struct, frozen=True, kw_only=True):
-    """The reservation under which a task reports: a report is refused if the task has it no longer, and another task has the objects."""
+    """The reservation under which a task reports: a report is refused if the task has it no longer, and another task has the objects.
+
+    `only_seen`: the task has not worked on what it reports, so that it has changed nothing of it.
+    """
 
     task: str
     fence: int
+    only_seen: bool = False

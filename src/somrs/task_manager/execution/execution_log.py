@@ -179,6 +179,14 @@ class ExecutionLog(Struct, kw_only=True):
             if work.state in (State.COMPLETED, *INTERRUPTED) and not changed_objects.isdisjoint(work.concerned):
                 work.overtaken = True
 
+    def has_work_on(self, situation: str) -> bool:
+        """Whether work of the task may have changed what a reported situation speaks of."""
+        try:
+            objects = parse(situation)
+        except FormulaError:
+            return True
+        return any(work.service_type.kind is ServiceKind.PHYSICAL and work.is_described_by(objects) for work in self.works)
+
     def drop(self, work: Work) -> None:
         """Remove work that did not begin."""
         self.works = [entry for entry in self.works if entry is not work]

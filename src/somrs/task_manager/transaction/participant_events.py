@@ -203,19 +203,17 @@ class ParticipantEvents:
     def _put_on_map(self, member: Member, situation: str, observation: Observation | None, subject: ReportSubject, now: float) -> Effects:
         expected_version = member.lost_version
         caused = member.offer.service_type.kind is ServiceKind.PHYSICAL
-        if observation is not None or not caused:
-            observation = structs.replace(observation or Observation(), caused=caused)
         if observation is not None and observation.as_of is not None:
             # The clock of the participant's host may be slow; what it reports was not so before it was told to work.
             as_of = max(observation.as_of, member.last_order_time)
             member.last_news_time = max(member.last_news_time, min(as_of, now))
-            observation, expected_version = structs.replace(observation, as_of=as_of), None
+            observation, expected_version = structs.replace(observation, as_of=as_of, caused=caused), None
         update = UpdateMap(
             situation=situation,
             author=member.offer.service,
             expected_version=expected_version,
             observation=observation,
-            reservation=self._state.reservation.under(self._state.id),
+            reservation=self._state.reservation.under(self._state.id, only_seen=not caused and not self._state.log.has_work_on(situation)),
         )
         yield from self._state.reports.add_report(self._state.id, Report(update=update, subject=subject), self._scope.context, now)
 

@@ -270,3 +270,14 @@ def test_what_another_task_has_changed_since_is_not_undone_and_told() -> None:
     after.state = State.COMPLETED
     assert numbers(log.to_undo()) == numbers([after, of_another_thing])
     assert overtaken.in_words(NOW, laboratory()).endswith("was done: Jar001 isOn Shelf2, which another task has changed since")
+
+
+def test_what_a_task_reports_is_its_own_work_only_if_it_has_worked_on_it() -> None:
+    """A look of a task says what its own robot left, or what it found when it began."""
+    log = ExecutionLog()
+    begin(log, kind=ServiceKind.COGNITIVE)
+    assert not log.has_work_on(MOVED)
+    begin(log)
+    assert log.has_work_on("Jar001 isHeldBy Robot1")
+    assert not log.has_work_on("Jar002 isHeldBy Robot1")
+    assert log.has_work_on("Jar002 is"), "what it says cannot be read"

@@ -13,7 +13,6 @@ from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.protocol.messages.observations import Observation
 from somrs.protocol.messages.records import TaskRecord
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import Phase
@@ -112,7 +111,7 @@ def test_what_was_looked_at_is_what_the_step_begins_with() -> None:
         (events.ServiceReplaced(), *STEP),
         (events.ServicesAsked(services=(SECOND_SERVICE,)), *STEP),
     ]
-    assert harness.reports == [UpdateMap(situation=FOUND_ELSEWHERE, author=EYE, observation=Observation())]
+    assert harness.reports == [UpdateMap(situation=FOUND_ELSEWHERE, author=EYE)]
     first, second = harness.task.log.works
     assert (first.situation, first.state, second.label, second.goal) == (FOUND_ELSEWHERE, State.FAILED, "look2.step1", GoalKind.LOOK)
     (run,) = harness.task.goal
