@@ -19,7 +19,10 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.people import client_address
 from somrs.protocol.soap import soap
 from somrs.runtime.batches import MEDIA_TYPE, batch, outcomes_of
+from somrs.runtime.bus import MSGPACK, decode, encode
 from somrs.runtime.http import CONTENT_TYPE, Server
+from somrs.runtime.proofs import NO_SOURCE
+from somrs.runtime.reception import Reception
 from somrs.runtime.reply_hosts import VARIABLE, ReplyHosts
 
 ELSEWHERE = (
@@ -138,3 +141,18 @@ def test_this_computer_has_several_addresses() -> None:
         await ReplyHosts().check(Message(header=header(f"http://{own}:1/x"), body=knowledge.ReadMap()), "127.0.0.1")
 
     asyncio.run(run())
+
+
+@pytest.mark.parametrize("field", ["sender", "recipient", "reply_to"])
+def test_an_address_that_cannot_be_read_is_refused_on_a_bus_too(field: str, caplog: pytest.LogCaptureFixture) -> None:
+    async def run() -> None:
+        plain = Header(sender=ANONYMOUS, recipient="https://127.0.0.1:1/repository", message_id="urn:uuid:1")
+        broken = structs.replace(plain, **{field: "https://[127.0.0.1:1/repository"})
+        document = encode(Message(header=broken, body=knowledge.ReadMap()))
+        [(status, body)] = await Reception(MSGPACK, {}).outcomes([document], NO_SOURCE)
+        answer = decode(body)
+        assert isinstance(answer.body, frp.Fault)
+        assert (status, "https://[127.0.0.1:1/repository is no address" in answer.body.text) == (400, True)
+
+    asyncio.run(run())
+    assert caplog.text == ""

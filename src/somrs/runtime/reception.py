@@ -20,7 +20,7 @@ from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import SENDER
 from somrs.runtime.batches import Outcome
 from somrs.runtime.proofs import NO_SOURCE, Denials, Source, current_source
-from somrs.runtime.reply_hosts import ReplyHosts
+from somrs.runtime.reply_hosts import ReplyHosts, check_readable
 from somrs.trust.neighbours import OWN_SITE
 
 log = logging.getLogger(__name__)
@@ -104,6 +104,7 @@ class Reception:
             message = self._format.decode(document)
             if type(message.body) in REQUESTS or isinstance(message.body, FrpBody):
                 check_ranges(message.body)
+            check_readable(message)
             site = self._denials.check(message, source.proof, source.host or "").site if source.proof is not None else OWN_SITE
             if source.host is not None and site == OWN_SITE:  # the addresses of a neighbour's are at its hosts, of which it has several
                 await self._reply_hosts.check(message, source.host)

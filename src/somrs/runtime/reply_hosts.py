@@ -51,6 +51,15 @@ class ReplyHosts:
             self._checked[host, peer] = None
 
 
+def check_readable(message: Message) -> None:
+    """Check that the addresses in a message can be read as URLs. Raises UsageError."""
+    for _, address in (("To", message.header.recipient), *addresses_in(message)):
+        try:
+            urlsplit(address)
+        except ValueError:
+            raise UsageError(f"{address[:200]} is no address") from None
+
+
 def addresses_in(message: Message) -> Iterator[tuple[str, str]]:
     """The addresses to which the message may have somebody send, each with the name of the field."""
     yield "From", message.header.sender
