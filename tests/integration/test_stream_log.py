@@ -186,7 +186,7 @@ def test_a_damaged_copy_is_said_and_the_next_one_is_waited_for(tmp_path: Path, c
 
     async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
         await first.store_copy(tmp_path / "stored", CopyInfo(number=5, address="http://127.0.0.1:1/registry"))
-        await first.call(first._js.purge_stream("OBJ_somrs-journals", subject="$O.somrs-journals.C.>"))
+        await first.call(first._js.purge_stream("somrs-copy-yard-registry", subject="somrs-copy.yard.registry.chunks.>"))
         fetching = asyncio.create_task(second.fetch_copy(tmp_path / "fetched"))
         while "the copy of yard.registry on the bus is damaged" not in caplog.text:
             await asyncio.sleep(0.02)
@@ -199,7 +199,7 @@ def test_a_damaged_copy_is_said_and_the_next_one_is_waited_for(tmp_path: Path, c
 
 async def chunk_subjects(log: StreamLog) -> set[str]:
     """What is stored of copies of files."""
-    state = (await log.call(log._js.stream_info("OBJ_somrs-journals", subjects_filter="$O.somrs-journals.C.>"))).state
+    state = (await log.call(log._js.stream_info("somrs-copy-yard-registry", subjects_filter="somrs-copy.yard.registry.chunks.>"))).state
     return set(state.subjects or {})
 
 

@@ -23,10 +23,11 @@ from somrs.runtime.node import ANSWER_TIME
 from somrs.runtime.trust_client import following
 from somrs.storage.nats_connection import made_with_copies, patiently
 from somrs.storage.running_component import RunningComponent, status_subject
-from somrs.storage.stream_log import discard_journals
+from somrs.storage.stores import REQUESTS, SITES_REQUEST, answer_of_servers, discard_stores, have_made
 from somrs.trust.credentials import Credentials
 
 if TYPE_CHECKING:
+    from nats.js import JetStreamContext
     from nats.js.kv import KeyValue
 
 FIRST_ANSWER_TIME, ANSWERS_TIME = 30.0, 1.0
@@ -59,7 +60,7 @@ async def run_gateway(bus: BusAddress, host: str, port: int) -> None:
     await connection.start()
     try:
         sites = await _sites(connection)
-        listed = await _listed(sites, bus.site)
+        listed = await _listed(connection, sites)
         if listed is not None:
             await _check_same_site(bus, listed)
         server = Server(host, port, BusParts(connection, ANSWER_TIME), public_url=bus.gateway, credentials=credentials)
@@ -119,20 +120,19 @@ async def find_site(servers: str, name: str | None = None, credentials: Credenti
     connection = Bus(BusAddress(servers=servers, site="any", gateway="http://127.0.0.1"), credentials)
     await connection.start()
     try:
-        sites = await _sites(connection)
-        names = await _names(sites)
+        sites = await _all_addresses(connection)
         end = asyncio.get_running_loop().time() + _LAG
-        while (name or next(iter(names), None)) not in names and asyncio.get_running_loop().time() < end:
+        while (name or next(iter(sites), None)) not in sites and asyncio.get_running_loop().time() < end:
             await asyncio.sleep(0.2)
-            names = await _names(sites)
-        if name is None and len(names) == 1:
-            [name] = names
-        if name is None or name not in names:
-            site_list = f"the sites there are {', '.join(names)}; name one with --name" if names else "no gateway has been started there"
-            raise UsageError(f"{servers}: {f'there is no site {name}' if name else 'no site is named'}; {site_list}")
-        addresses = _addresses(await patiently(partial(sites.get, name)))
+            sites = await _all_addresses(connection)
     finally:
         await connection.close()
+    if name is None and len(sites) == 1:
+        [name] = sites
+    if name is None or name not in sites:
+        site_list = f"the sites there are {', '.join(sites)}; name one with --name" if sites else "no gateway has been started there"
+        raise UsageError(f"{servers}: {f'there is no site {name}' if name else 'no site is named'}; {site_list}")
+    addresses = sites[name]
     assert addresses.bus is not None, "written by its gateway"
     # This process may reach the servers by other names than the gateway does.
     return msgspec.structs.replace(addresses, bus=msgspec.structs.replace(addresses.bus, servers=servers))
@@ -183,7 +183,7 @@ async def discard_site(servers: str, name: str, credentials: Credentials | None 
     await connection.start()
     try:
         await _sites(connection)  # waits until the servers can be asked
-        await discard_journals(connection.client, name)
+        await discard_stores(connection.client, name)
     finally:
         await connection.close()
 
@@ -223,7 +223,7 @@ async def list_number(bus: BusAddress, *, task_manager: int = 1, registry: int =
     await connection.start()
     try:
         sites = await _sites(connection)
-        while bus.site in await _names(sites):
+        while bus.site in await listed_sites(connection.client.jetstream()):
             entry = await patiently(lambda: sites.get(bus.site))  # once: the revision has to be that of these addresses
             listed = _addresses(entry)
             complete = _with_numbers(listed, bus.gateway, task_manager, registry)
@@ -241,39 +241,69 @@ def _with_numbers(listed: Addresses, gateway: str, task_manager: int, registry: 
     )
 
 
-async def _listed(sites: KeyValue, site: str) -> Addresses | None:
-    """The addresses of a site; None if it is not listed."""
-    return _addresses(await patiently(lambda: sites.get(site))) if site in await _names(sites) else None
+async def _listed(connection: Bus, sites: KeyValue) -> Addresses | None:
+    """The addresses of the site; None if it is not listed."""
+    site = connection.address.site
+    return _addresses(await patiently(lambda: sites.get(site))) if site in await listed_sites(connection.client.jetstream()) else None
 
 
 def _addresses(entry: KeyValue.Entry) -> Addresses:
     return msgspec.json.decode(entry.value or b"", type=Addresses)
 
 
-async def _names(sites: KeyValue) -> list[str]:
-    """The names of the sites. Waits while the servers cannot say, as they do after the loss of one of them."""
-    from nats.js.errors import NoKeysError
+async def _all_addresses(connection: Bus) -> dict[str, Addresses]:
+    """The addresses of all sites on the bus, by their names. Raises UsageError for a bus that does not say them."""
+    if not connection.has_certificate:
+        await _sites(connection)  # waits until the servers can be asked
+        return await listed_addresses(connection.client.jetstream())
+    try:
+        async with asyncio.timeout(_STORE_TIME):
+            return msgspec.json.decode(await answer_of_servers(connection.client, SITES_REQUEST), type=dict[str, Addresses])
+    except TimeoutError:
+        raise UsageError(f"{connection.address.servers}: this bus has no sites; start its servers with `somrs run bus`") from None
 
-    async def names() -> list[str]:
-        try:
-            return sorted(await sites.keys())
-        except NoKeysError:
-            return []
 
-    return await patiently(names)
+async def listed_addresses(store: JetStreamContext) -> dict[str, Addresses]:
+    """The addresses of all sites that are listed, by their names."""
+    from nats.js.errors import NotFoundError
+
+    try:
+        names = await listed_sites(store)
+    except NotFoundError:
+        return {}
+    sites = await patiently(lambda: store.key_value(SITES))
+    return {name: _addresses(await patiently(partial(sites.get, name))) for name in names}
+
+
+async def listed_sites(store: JetStreamContext) -> list[str]:
+    """The names of the sites. Waits while the servers cannot say, as they do after the loss of one of them.
+
+    Raises nats.js.errors.NotFoundError if no site has been listed.
+    """
+    subjects = f"$KV.{SITES}."
+    stream = await patiently(lambda: store.stream_info(f"KV_{SITES}", subjects_filter=f"{subjects}>"))
+    return sorted(subject.removeprefix(subjects) for subject in stream.state.subjects or {})
 
 
 async def _sites(connection: Bus) -> KeyValue:
     """The bucket of sites, made if there is none. Raises UsageError for a bus without JetStream."""
-    from nats.js.api import KeyValueConfig
     from nats.js.errors import NotFoundError
 
     store = connection.client.jetstream()
     try:
         async with asyncio.timeout(_STORE_TIME):
-            with contextlib.suppress(NotFoundError):  # who only reads may not make it
+            with contextlib.suppress(NotFoundError):  # who only reads may not have it made
                 return await patiently(lambda: store.key_value(SITES))
-            return await made_with_copies(lambda copies: store.create_key_value(KeyValueConfig(bucket=SITES, replicas=copies)))
+            subject, by_servers = f"{REQUESTS}.{connection.address.site}", connection.has_certificate
+            await have_made(connection.client, subject, partial(make_sites, store), by_servers=by_servers)
+            return await patiently(lambda: store.key_value(SITES))
     except TimeoutError:
         advice = "start its servers with JetStream, and more than half of them"
         raise UsageError(f"{connection.address.servers}: this bus stores nothing; {advice}") from None
+
+
+async def make_sites(store: JetStreamContext) -> None:
+    """Make the bucket of sites if there is none."""
+    from nats.js.api import KeyValueConfig
+
+    await made_with_copies(lambda copies: store.create_key_value(KeyValueConfig(bucket=SITES, replicas=copies)))

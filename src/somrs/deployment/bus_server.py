@@ -16,6 +16,7 @@ from asyncio.subprocess import Process
 from collections.abc import Sequence
 from pathlib import Path
 
+from somrs.deployment.bus_stores import BusStores
 from somrs.deployment.programs import until_stopped
 from somrs.errors import RemoteError, UsageError
 from somrs.limits import limits
@@ -35,6 +36,9 @@ ALL_ADDRESSES = ("0.0.0.0", "::")  # to recognise them
 
 LOOK_PAUSE = 0.2
 """Seconds between two looks whether the certificates of the site have changed."""
+
+MOST_SITES = 8
+"""How many sites a bus with certificates permits to store something. It is made for one."""
 
 PING_PAUSE, MOST_PINGS = "10s", 2
 """The time between two pings of a program or another server, and how many it may leave unanswered before its subscriptions end: it may be
@@ -86,9 +90,16 @@ async def _serve(process: Process, configuration: _Configuration, folder: Path, 
         raise UsageError(_end_text(folder, ending.result()))
     await bus.close()
     stopping = asyncio.create_task(until_stopped("bus", bus.address.servers))
-    updating = asyncio.create_task(_follow_certificates(configuration, process))
-    await asyncio.wait([stopping, ending], return_when=asyncio.FIRST_COMPLETED)
-    updating.cancel()
+    updating = asyncio.create_task(_follow(configuration, process))
+    stores = BusStores(configuration.note_site)
+    making = asyncio.create_task(stores.start(url, configuration.credentials)) if configuration.credentials is not None else None
+    try:
+        await asyncio.wait([stopping, ending], return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        updating.cancel()
+        if making is not None:
+            making.cancel()
+        await stores.close()
     if ending.done():
         stopping.cancel()
         raise RemoteError(_end_text(folder, ending.result()))
@@ -101,30 +112,42 @@ class _Configuration:
     def __init__(self, folder: Path, settings: dict[str, object], credentials: Credentials | None) -> None:
         self.file, self._settings, self.credentials = folder / "server.conf", settings, credentials
         self._holders: tuple[Holder, ...] = ()
+        self._sites: frozenset[str] = frozenset()
+        self._has_new_site = False
         self._generation, self._next_end = 0, 0.0
 
+    def note_site(self, site: str) -> None:
+        """Note that the bus has this site, for the next time that it is written."""
+        if site in self._sites:
+            return
+        if len(self._sites) == MOST_SITES:
+            log.warning("the bus has %d sites already: the components of %s cannot store anything", MOST_SITES, site[:200])
+            return
+        self._sites, self._has_new_site = self._sites | {site}, True
+
     def is_outdated(self, now: float) -> bool:
-        """Whether other certificates hold than when it was written, or its own has been renewed."""
+        """Whether other certificates hold than when it was written, its own has been renewed, or there is a new site."""
         if self.credentials is None:
             return False
         self.credentials.renew()
-        has_news = self.credentials.holders is not self._holders or self.credentials.generation != self._generation
+        has_news = self._has_new_site or self.credentials.holders is not self._holders or self.credentials.generation != self._generation
         return has_news or now >= self._next_end
 
     def write(self) -> None:
         settings, credentials = self._settings, self.credentials
         if credentials is not None:
-            self._holders, self._generation = credentials.holders, credentials.generation
+            self._holders, self._generation, self._has_new_site = credentials.holders, credentials.generation, False
             holding = [holder for holder in self._holders if holder.ends > time.time()]
             self._next_end = min((holder.ends for holder in holding), default=float("inf"))
             # The URI has the serial number: who is revoked and enrolled again cannot use the earlier certificate.
-            users = [{"user": certificate_uri(holder.serial), "permissions": permissions(holder.identity)} for holder in holding]
+            sites = sorted(self._sites)
+            users = [{"user": certificate_uri(holder.serial), "permissions": permissions(holder.identity, sites)} for holder in holding]
             settings = settings | {"tls": _tls(credentials) | {"handshake_first": True}, "authorization": {"users": users}}
         self.file.write_text(json.dumps(settings, indent=2))
 
 
-async def _follow_certificates(configuration: _Configuration, process: Process) -> None:
-    """Have the server permit what the certificates that hold permit, until cancelled. It ends the connections of others."""
+async def _follow(configuration: _Configuration, process: Process) -> None:
+    """Have the server permit what the certificates that hold permit at its sites, until cancelled. It ends the connections of others."""
     while True:
         await asyncio.sleep(LOOK_PAUSE)
         try:

@@ -113,6 +113,11 @@ class Bus:
         return urlsplit(self.address.gateway).port or 80
 
     @property
+    def has_certificate(self) -> bool:
+        """Whether this process proves who it is."""
+        return self._credentials is not None
+
+    @property
     def client(self) -> Client:
         """The connection. Raises Unanswered when `start` was not called."""
         if self._client is None:

@@ -7,7 +7,7 @@ every message has the token of its sender in its subject follows from it, so rec
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from somrs.errors import UsageError
 from somrs.protocol.messages.envelope import Message
@@ -17,6 +17,7 @@ from somrs.runtime.neighbour_checks import check_neighbour
 from somrs.runtime.places import check_addresses, component_names, listening_patterns, may_listen
 from somrs.runtime.proofs import Proof
 from somrs.storage.nats_connection import INBOXES
+from somrs.storage.stores import COPIES, JOURNALS, REQUESTS, SITES_REQUEST, Stores
 from somrs.trust.credentials import Credentials
 from somrs.trust.identity import Identity, Role, role_named
 from somrs.trust.neighbours import OWN_SITE
@@ -31,39 +32,40 @@ _LISTING = frozenset({Role.GATEWAY, Role.REGISTRY, Role.TASK_MANAGER})
 _MARK = ":"
 """Between the parts of the token of a neighbour's program. `token_of` leaves none in a name."""
 
-_READING = (
-    "$JS.API.INFO",
-    *(f"$JS.API.{request}.{_SITES}" for request in ("STREAM.INFO", "STREAM.MSG.GET", "DIRECT.GET", "CONSUMER.CREATE")),
-    *(f"$JS.API.{request}.{_SITES}.>" for request in ("DIRECT.GET", "CONSUMER.CREATE", "CONSUMER.INFO", "CONSUMER.DELETE")),
-    "$JS.FC.>",
-)
-"""What everybody may ask of JetStream: to read which sites there are."""
+_READING = tuple(f"$JS.API.STREAM.{request}.{_SITES}" for request in ("INFO", "MSG.GET"))
+"""What who lists addresses may ask of JetStream: which sites there are.
 
-_STORING = (
-    *(f"$JS.API.STREAM.{request}.*" for request in ("CREATE", "INFO", "MSG.GET", "PURGE")),
-    "$JS.API.DIRECT.GET.>",
-    "$JS.API.CONSUMER.>",
-    "$O.somrs-journals.>",
-)
-"""What components with a journal may: what is stored is theirs together, but only one of them can write to each journal."""
+JetStream answers on any subject that a request names, also on one of somebody else. So nobody has rights there who stores nothing; others
+ask the servers of the bus. And nobody has DIRECT.GET or consumers, which would send there what is stored as it is.
+"""
+
+_LEADING = tuple(f"$JS.API.STREAM.{request}.KV_somrs-leaders" for request in ("INFO", "MSG.GET"))
+"""What components with a journal may ask of JetStream besides their own streams: who leads."""
 
 
-def permissions(identity: Identity) -> dict[str, object]:
-    """The permissions of an identity, as in the configuration of a NATS server."""
+def _storing(stores: Stores) -> list[str]:
+    """What a component may ask of JetStream about its own streams. The servers make them."""
+    return [f"$JS.API.STREAM.{request}.{stream}" for stream in (stores.journal, stores.copies) for request in ("INFO", "MSG.GET", "PURGE")]
+
+
+def permissions(identity: Identity, sites: Iterable[str] = ()) -> dict[str, object]:
+    """The permissions of an identity, as in the configuration of a NATS server. `sites`: those of the bus, whose names are in the names of
+    streams; NATS has no patterns within a token."""
     if Role.BUS in identity.roles:
         return {"publish": ">", "subscribe": ">"}
     me, patterns = token_of(identity.name), listening_patterns(identity)
-    publish = [f"{PROVEN_ROOT}.*.{'*' if Role.GATEWAY in identity.roles else me}.>", "somrs-status.*", *_READING]
+    publish = [f"{PROVEN_ROOT}.*.{'*' if Role.GATEWAY in identity.roles else me}.>", "somrs-status.*", SITES_REQUEST]
     publish += [f"{BEGINNINGS}.*.{pattern}" for pattern in patterns]
     subscribe = [f"{INBOXES}{me}.>", f"{BEGINNINGS}.*.>", *(f"{PROVEN_ROOT}.*.*.{kind}.{me}.>" for kind in ("answers", "processes"))]
     subscribe += [f"{PROVEN_ROOT}.*.*.{pattern}" for pattern in patterns]
     if identity.roles & _LISTING:
-        publish += [f"$JS.API.STREAM.CREATE.{_SITES}", "$KV.somrs-sites.*"]
+        publish += [f"{REQUESTS}.*", "$KV.somrs-sites.*", *_READING]
     for role in identity.roles & _WITH_JOURNALS:
-        publish += _STORING
+        publish += _LEADING
         for component in component_names(identity, role):
-            publish += [f"{root}.*.{component}" for root in ("somrs-journal", "$KV.somrs-leaders", "somrs-resignation")]
-            subscribe += [f"{root}.*.{component}" for root in ("somrs-journal", "somrs-resignation")]
+            publish += [f"{root}.*.{component}" for root in (REQUESTS, JOURNALS, "$KV.somrs-leaders", "somrs-resignation")]
+            publish += [f"{COPIES}.*.{component}.>", *(right for site in sites for right in _storing(Stores(site, component)))]
+            subscribe += [f"{root}.*.{component}" for root in (JOURNALS, "somrs-resignation")]
         subscribe.append("somrs-status.*")
     permitted: dict[str, object] = {"publish": list(dict.fromkeys(publish)), "subscribe": list(dict.fromkeys(subscribe))}
     # Who asks how a component is gets the answer at its own inbox.

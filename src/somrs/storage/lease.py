@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -23,11 +24,11 @@ LEASES = "somrs-leaders"
 """The bucket of the leases."""
 
 
-async def leases(js: JetStreamContext) -> KeyValue:
-    """The bucket of the leases, made if there is none."""
+async def make_leases(js: JetStreamContext) -> None:
+    """Make the bucket of the leases if there is none."""
     from nats.js.api import KeyValueConfig
 
-    return await made_with_copies(lambda copies: js.create_key_value(KeyValueConfig(bucket=LEASES, ttl=LEASE_TIME, replicas=copies)))
+    await made_with_copies(lambda copies: js.create_key_value(KeyValueConfig(bucket=LEASES, ttl=LEASE_TIME, replicas=copies)))
 
 
 class Lease:
@@ -72,7 +73,7 @@ class Lease:
         except KeyNotFoundError:
             self._revision = await self._bucket.create(self._key, self._value)
         else:
-            if entry.value != self._value:
+            if entry.value != self._value and _is_holder(entry.value):
                 return False
             self._revision = await self._bucket.update(self._key, self._value, last=entry.revision)
         return True
@@ -115,3 +116,8 @@ class Lease:
         with contextlib.suppress(APIError, errors.Error, OSError):  # it ends by itself
             await self._bucket.delete(self._key, last=self._revision)
         return True
+
+
+def _is_holder(value: bytes | None) -> bool:
+    """Whether this names a process. Otherwise it is an answer of JetStream, which somebody has had sent here."""
+    return value is not None and re.fullmatch(rb"[\w-]+", value) is not None

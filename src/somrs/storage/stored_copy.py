@@ -1,4 +1,4 @@
-"""The copy of a component's file in the object store of NATS JetStream, from which a new standby begins.
+"""The copy of a component's file in a stream of NATS JetStream, from which a new standby begins.
 
 Only the one that leads the component stores copies: each names the copy that it replaces, and is refused if there is another one. What a
 writer that was killed or replaced has left half stored is removed with the next copy.
@@ -20,7 +20,8 @@ from typing import IO, TYPE_CHECKING
 import msgspec
 
 from somrs.errors import UsageError
-from somrs.storage.nats_connection import LONGEST_PAUSE, made_with_copies, patiently
+from somrs.storage.nats_connection import LONGEST_PAUSE, patiently
+from somrs.storage.stores import Stores
 
 if TYPE_CHECKING:
     from nats.js import JetStreamContext
@@ -28,10 +29,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-COPIES = "somrs-journals"
-"""The bucket of the copies of files."""
-
-_STREAM = f"OBJ_{COPIES}"
 _CHUNK_SIZE = 128 * 1024
 """Bytes of the file in one message."""
 
@@ -74,20 +71,13 @@ class CopyInfo(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StoredCopy:
-    """The copy of the component with this key. All methods wait until the servers answer, however long."""
+    """The copy of a component. All methods wait until the servers answer, however long."""
 
-    def __init__(self, js: JetStreamContext, key: str) -> None:
-        self._js, self._key = js, key
-        self._subject = f"$O.{COPIES}.M.{base64.urlsafe_b64encode(key.encode()).decode()}"
-        self._chunks = f"$O.{COPIES}.C.{key}"
+    def __init__(self, js: JetStreamContext, stores: Stores) -> None:
+        self._js, self._key, self._stream = js, stores.key, stores.copies
+        self._subject, self._chunks = f"{stores.copies_subject}.info", f"{stores.copies_subject}.chunks"
         self._replaces: int | None = None
         """The place of the copy that this process knows as the latest one."""
-
-    @classmethod
-    async def opened(cls, js: JetStreamContext, key: str) -> StoredCopy:
-        """The copy with this key. Makes the bucket if there is none."""
-        await made_with_copies(lambda copies: js.create_object_store(COPIES, replicas=copies))
-        return cls(js, key)
 
     async def begin_writing(self) -> None:
         """This process leads from here on, and replaces the copy that is there now."""
@@ -118,17 +108,17 @@ class StoredCopy:
     async def _put(self, file: Path, info: CopyInfo, leads: Callable[[], Awaitable[bool]]) -> None:
         from nats.js.api import ObjectInfo, ObjectMetaOptions
 
-        id, digest, size, count = f"{self._key}.{uuid.uuid4().hex}", hashlib.sha256(), 0, 0
+        id, digest, size, count = uuid.uuid4().hex, hashlib.sha256(), 0, 0
         with file.open("rb") as content:
             while chunk := await asyncio.to_thread(content.read, _CHUNK_SIZE):
-                await self._js.publish(f"$O.{COPIES}.C.{id}", chunk)
+                await self._js.publish(f"{self._chunks}.{id}", chunk)
                 digest.update(chunk)
                 size, count = size + len(chunk), count + 1
         stored_info = ObjectInfo(
             name=self._key,
             headers=info.headers(),
             options=ObjectMetaOptions(max_chunk_size=_CHUNK_SIZE),
-            bucket=COPIES,
+            bucket=self._stream,
             nuid=id,
             size=size,
             chunks=count,
@@ -162,10 +152,10 @@ class StoredCopy:
     async def _remove_others(self) -> None:
         """Remove all chunks but those of the latest copy."""
         _, info = await self._latest()
-        stream = await patiently(lambda: self._js.stream_info(_STREAM, subjects_filter=f"{self._chunks}.>"))
+        stream = await patiently(lambda: self._js.stream_info(self._stream, subjects_filter=f"{self._chunks}.>"))
         for subject in stream.state.subjects or {}:
-            if info is None or subject != f"$O.{COPIES}.C.{info.nuid}":
-                await patiently(partial(self._js.purge_stream, _STREAM, subject=subject))
+            if info is None or subject != f"{self._chunks}.{info.nuid}":
+                await patiently(partial(self._js.purge_stream, self._stream, subject=subject))
 
     async def info(self) -> CopyInfo | None:
         """What the stored file is; None if there is none."""
@@ -194,10 +184,10 @@ class StoredCopy:
         from nats.js.errors import NotFoundError
 
         digest, place = hashlib.sha256(), 0
-        subject = f"$O.{COPIES}.C.{info.nuid}"
+        subject = f"{self._chunks}.{info.nuid}"
         for _ in range(info.chunks or 0):
             try:
-                message = await patiently(partial(self._js.get_msg, _STREAM, seq=place + 1, subject=subject, next=True))
+                message = await patiently(partial(self._js.get_msg, self._stream, seq=place + 1, subject=subject, next=True))
             except NotFoundError:
                 return False
             assert message.seq is not None, "a message of a stream has a place in it"
@@ -221,7 +211,7 @@ class StoredCopy:
         from nats.js.errors import NotFoundError
 
         try:
-            message = await patiently(lambda: self._js.get_last_msg(_STREAM, self._subject))
+            message = await patiently(lambda: self._js.get_last_msg(self._stream, self._subject))
         except NotFoundError:
             return 0, None
         info = ObjectInfo.from_response(json.loads(message.data or b"{}"))

@@ -1,4 +1,4 @@
-"""The journal of a component on the bus: its entries in a stream of NATS JetStream, and copies of its file in the object store.
+"""The journal of a component on the bus: its entries in a stream of NATS JetStream, and copies of its file in another one.
 
 A component on the bus has one leader, which handles its inputs, and standbys, which follow the stream. The leader writes entries to the
 stream before they are in its file and before any effect is visible. Each write names the last entry that the leader knows, and is refused
@@ -21,16 +21,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import msgspec
 
 from somrs.errors import UsageError
-from somrs.storage.lease import LEASES, Lease, leases
-from somrs.storage.nats_connection import FIRST_PAUSE, INBOXES, LONGEST_PAUSE, connect, end, made_with_copies, patiently
+from somrs.storage.lease import LEASES, Lease
+from somrs.storage.nats_connection import FIRST_PAUSE, INBOXES, LONGEST_PAUSE, connect, end, patiently
 from somrs.storage.running_component import RunningComponent, status_subject
-from somrs.storage.stored_copy import COPIES, CopyInfo, Replaced, StoredCopy
+from somrs.storage.stored_copy import CopyInfo, Replaced, StoredCopy
+from somrs.storage.stores import REQUESTS, Stores, have_made, make_stores
 from somrs.trust.credentials import Credentials
 
 if TYPE_CHECKING:
     from nats.aio.client import Client
     from nats.aio.msg import Msg
     from nats.js import JetStreamContext
+    from nats.js.api import RawStreamMsg
 
 log = logging.getLogger(__name__)
 
@@ -74,8 +76,8 @@ class StreamLog:
     def __init__(self, servers: str, site: str, component: str, identity: str, credentials: Credentials | None = None) -> None:
         self._servers, self._identity = servers, identity
         self._credentials = credentials if credentials is not None else Credentials.of_environment()
-        self._key = f"{site}.{component}"
-        self._subject, self._stream = f"somrs-journal.{self._key}", f"somrs-journal-{site}-{component}"
+        self._stores = Stores(site, component)
+        self._key, self._subject, self._stream = self._stores.key, self._stores.journal_subject, self._stores.journal
         self._resignation = f"somrs-resignation.{self._key}"
         self.last = self.number = 0
         self.on_lost: Callable[[], object] = lambda: None
@@ -102,7 +104,7 @@ class StreamLog:
     # Connection
 
     async def open(self) -> None:
-        """Connect, and make the stream and the buckets if they are not there. However long the bus cannot be reached."""
+        """Connect, and have made what the component needs there. However long the bus cannot be reached."""
         await self.call(self._open())
         self._writer = await connect(self._servers, self._credentials)
         self._writing: JetStreamContext = self._writer.jetstream(timeout=_WRITE_TIME)
@@ -110,19 +112,18 @@ class StreamLog:
     async def _open(self) -> None:
         self._client = client = await connect(self._servers, self._credentials)
         self._js: JetStreamContext = client.jetstream(timeout=_WRITE_TIME)
-        await self._make_stream()
+        await self._have_stores()
         self._made_at = (await patiently(lambda: self._js.stream_info(self._stream))).created
-        self._copy = await StoredCopy.opened(self._js, self._key)
-        self.lease = Lease(await leases(self._js), self._key, self._identity, lambda: self.on_lost())
+        self._copy = StoredCopy(self._js, self._stores)
+        self.lease = Lease(await patiently(lambda: self._js.key_value(LEASES)), self._key, self._identity, lambda: self.on_lost())
         self._followed = await client.subscribe(self._subject, cb=self._on_news)
         await client.subscribe(self._resignation, cb=self._on_news)
         await client.subscribe(status_subject(self._key.partition(".")[0]), cb=self._on_question)
 
-    async def _make_stream(self) -> None:
-        from nats.js.api import StreamConfig
-
-        stream = StreamConfig(name=self._stream, subjects=[self._subject])
-        await made_with_copies(lambda copies: self._js.add_stream(stream, num_replicas=copies))
+    async def _have_stores(self) -> None:
+        assert self._client is not None, "it is open"
+        subject, by_servers = f"{REQUESTS}.{self._key}", self._credentials is not None
+        await have_made(self._client, subject, lambda: make_stores(self._js, self._stores), by_servers=by_servers)
 
     async def _on_question(self, question: Msg) -> None:
         answer = RunningComponent(
@@ -182,9 +183,12 @@ class StreamLog:
                 raise UsageError(f"an input of {self._key} has {len(document)} bytes; {advice}") from None
             except APIError as error:
                 if error.err_code == _WRONG_SEQUENCE:
-                    if await self._is_own(self.last + 1, document):
+                    writer = await self._writer_of(self.last + 1, document)
+                    if writer is not None:
                         self.last += 1
-                        break
+                        if writer:
+                            break
+                        continue
                     if not await self._begins_at_new_stream():
                         raise Replaced(f"another process continues {self._key}: it has written to its journal on the bus") from None
                     continue
@@ -192,7 +196,7 @@ class StreamLog:
             except (errors.Error, OSError):  # an acknowledgement that is lost is found by the next attempt
                 if self.lease.is_held and await self._is_gone():
                     self._note_problem(f"the journal of {self._key} on the bus was deleted")
-                    await self.call(self._make_stream())
+                    await self.call(self._have_stores())
                     continue
                 self._note_problem(f"the bus does not answer {self._key}")
             else:
@@ -235,15 +239,16 @@ class StreamLog:
         """Let writes try only once from here on: a process that ends must not wait until the bus is back."""
         self._is_ending = True
 
-    async def _is_own(self, sequence: int, document: bytes) -> bool:
-        """Whether this process has written the document at this place."""
+    async def _writer_of(self, sequence: int, document: bytes) -> str | None:
+        """Who has written at this place: this process, if it is the document; the empty text, if it is no entry; None otherwise."""
         from nats.js.errors import NotFoundError
 
         try:
             message = await patiently(lambda: self._writing.get_msg(self._stream, sequence))
         except NotFoundError:
-            return False
-        return message.data == document and (message.headers or {}).get(WRITER) == self._identity
+            return None
+        writer = (message.headers or {}).get(WRITER, "")
+        return writer if not writer or (message.data == document and writer == self._identity) else None
 
     async def bounds(self) -> tuple[int, int]:
         """The places of the first and the last batch in the stream; the last is before the first if it is empty."""
@@ -263,17 +268,32 @@ class StreamLog:
         return await self.call(read())
 
     async def batch(self, sequence: int) -> Batch | None:
-        """The batch at a place; None if there is none."""
+        """The batch at a place; None if there is none. What nobody has written as a batch is one without entries."""
+        message = await self._message(sequence)
+        if message is None:
+            return None
+        headers, place = message.headers or {}, sequence
+        while WRITER not in headers:
+            place -= 1
+            earlier = await self._message(place) if place > 0 else None
+            if earlier is None:
+                copy = await self.copy_info()
+                return Batch(sequence, copy.number if copy is not None else 0, 0, b"")
+            headers = earlier.headers or {}
+        number = int(headers.get(NUMBER, 0))
+        if place < sequence:
+            return Batch(sequence, number, 0, b"")
+        return Batch(sequence, number, int(headers.get(VERSION, 0)), message.data or b"", _BEGINS_ANEW in headers)
+
+    async def _message(self, sequence: int) -> RawStreamMsg | None:
+        """What the stream has at a place; None if there is nothing."""
         from nats.js.errors import NotFoundError
 
-        async def read() -> Batch | None:
+        async def read() -> RawStreamMsg | None:
             try:
-                message = await patiently(lambda: self._js.get_msg(self._stream, sequence))
+                return await patiently(lambda: self._js.get_msg(self._stream, sequence))
             except NotFoundError:
                 return None
-            headers = message.headers or {}
-            number, version = int(headers.get(NUMBER, 0)), int(headers.get(VERSION, 0))
-            return Batch(sequence, number, version, message.data or b"", _BEGINS_ANEW in headers)
 
         return await self.call(read())
 
@@ -371,23 +391,3 @@ class StreamLog:
                     await self._client.publish(self._resignation)
 
         await self.call(give_up())
-
-
-async def discard_journals(client: Client, site: str) -> None:
-    """Delete everything that the bus keeps of a site's components."""
-    from nats.js.errors import BucketNotFoundError, NoKeysError, NotFoundError
-
-    js = client.jetstream()
-    for stream in await js.streams_info():
-        if any(subject.startswith(f"somrs-journal.{site}.") for subject in stream.config.subjects or ()):
-            await js.delete_stream(str(stream.config.name))
-    with contextlib.suppress(BucketNotFoundError, NotFoundError):
-        objects = await js.object_store(COPIES)
-        for copy in await objects.list():
-            if copy.name.startswith(f"{site}.") and not copy.deleted:
-                await objects.delete(copy.name)
-    with contextlib.suppress(BucketNotFoundError, NoKeysError):
-        bucket = await js.key_value(LEASES)
-        for key in await bucket.keys():
-            if key.startswith(f"{site}."):
-                await bucket.purge(key)
