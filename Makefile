@@ -104,7 +104,7 @@ kill-runs: setup
 
 # What the servers of a running system promise to refuse, and what befalls its machine; SEED=17 draws the same messages once more.
 attack: setup
-	@$(BIN)/python -m verification.attack --fuzz $(or $(N),2000) $(if $(SEED),--seed $(SEED)) --only "$(ONLY)"
+	@$(BIN)/python -m verification.attack --fuzz $(or $(N),20000) $(if $(SEED),--seed $(SEED)) --only "$(ONLY)"
 
 # A system of the last release is killed amid tasks and started again with today's code; SEED=17 plays one run once more.
 upgrade-runs: setup

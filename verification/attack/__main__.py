@@ -1,6 +1,6 @@
 """Attacks a running system, and counts the promises that it keeps.
 
-    python -m verification.attack [--fuzz 2000] [--seed 1] [--only NAME] [--out out/attack]
+    python -m verification.attack [--fuzz 20000] [--seed 1] [--only NAME] [--out out/attack]
 
 The last line is `N passed, N failed`. `--seed` repeats the drawn messages of a run.
 """
@@ -20,6 +20,8 @@ from rich.console import Console
 
 from somrs.errors import SomrsError
 from verification.attack import addresses, adversity, browsers, documents, floods, strangers
+from verification.attack.bus_fuzz import BusFuzz
+from verification.attack.bus_target import BusTarget, attacked_bus
 from verification.attack.fuzz import Fuzz
 from verification.attack.target import Defect, Skipped, Target, attacked_system
 
@@ -70,9 +72,12 @@ class Series:
         self._console, self._only = console, only
         self.passed = self.failed = 0
 
-    async def attempt(self, name: str, attack: Callable[[], Awaitable[None]], target: Target | None = None) -> None:
+    def includes(self, name: str) -> bool:
+        return self._only in name
+
+    async def attempt(self, name: str, attack: Callable[[], Awaitable[None]], target: Target | BusTarget | None = None) -> None:
         """Carry out an attack, and look whether the target is well afterwards."""
-        if self._only not in name:
+        if not self.includes(name):
             return
         try:
             await attack()
@@ -98,12 +103,32 @@ async def attack(out_folder: Path, count: int, seed: int, only: str) -> Series:
         await target.check()
         for attempt in ATTACKS:
             await series.attempt(_name(attempt), partial(attempt, target), target)
-        for first in range(0, count, BATCH):
+        for first in range(0, count // 2, BATCH):
             name = f"drawn messages {first} to {first + BATCH - 1} of seed {seed}"
             await series.attempt(name, partial(_draw, Fuzz(target, seed + first)), target)
+    for certificates, kind in ((True, "with certificates"), (False, "without certificates")):
+        await _attack_bus(series, out_folder / f"bus {kind}", certificates, count // 4, seed)
     for adverse in ADVERSITIES:
         await series.attempt(_name(adverse), partial(adverse, out_folder / adverse.__name__))
     return series
+
+
+async def _attack_bus(series: Series, folder: Path, certificates: bool, count: int, seed: int) -> None:
+    """Attack a system on a bus with drawn messages."""
+    kind = folder.name
+    names = {first: f"drawn messages {first} to {first + BATCH - 1} of seed {seed} on a {kind}" for first in range(0, count, BATCH)}
+    if not any(map(series.includes, names.values())):
+        return
+    async with attacked_bus(folder, certificates=certificates) as target:
+        await target.check()
+        for first, name in names.items():
+            await series.attempt(name, partial(_draw_on_bus, BusFuzz(target, seed + first)), target)
+        print(f"memory of the system on a {kind}, in MB: {target.memory()}")
+
+
+async def _draw_on_bus(fuzz: BusFuzz) -> None:
+    for _ in range(BATCH):
+        await fuzz.draw()
 
 
 def _name(attempt: Callable[..., object]) -> str:
@@ -118,7 +143,9 @@ async def _draw(fuzz: Fuzz) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m verification.attack")
-    parser.add_argument("--fuzz", type=int, default=2000, help="the number of drawn messages")
+    parser.add_argument(
+        "--fuzz", type=int, default=20000, help="the number of drawn messages: half over HTTP, a quarter on each kind of bus"
+    )
     parser.add_argument("--seed", type=int, default=random.randrange(10**6), help="what is drawn")
     parser.add_argument("--only", default="", help="only the attacks whose names contain this")
     parser.add_argument("--out", type=Path, default=Path("out/attack"))
