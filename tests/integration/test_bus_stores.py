@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from nats.aio.client import Client
+from nats.aio.msg import Msg
 from nats.js.api import StreamConfig
 
 from somrs.deployment.bus import addresses_on, list_site
@@ -149,6 +150,29 @@ def test_answers_of_jetstream_in_the_place_of_entries_replace_nobody(tmp_path: P
             assert not await standby.acquire()
             for stream in (log, leader, standby):
                 await stream.close()
+            await client.close()
+
+    asyncio.run(asyncio.wait_for(play(), HANG_TIME))
+
+
+def test_who_answers_itself_speaks_for_nobody(tmp_path: Path) -> None:
+    """A program may ask components how they are, and be one that answers; the question says where."""
+
+    async def play() -> None:
+        async with secure_bus(tmp_path) as bus:
+            registry, problems, answered = bus.enrolled("registry", Role.REGISTRY), list[str](), asyncio.Event()
+            await bus.known(registry)
+            client = await bus.connected(registry, problems)
+
+            async def answer(question: Msg) -> None:
+                await question.respond(b"forged")
+                answered.set()
+
+            await client.subscribe("somrs-status.yard", cb=answer)
+            await client.publish("somrs-status.yard", b"", reply="somrs-from.yard.gateway.repository")
+            await answered.wait()
+            while not any('"somrs-from.yard.gateway.repository"' in problem for problem in problems):
+                await client.flush()
             await client.close()
 
     asyncio.run(asyncio.wait_for(play(), HANG_TIME))

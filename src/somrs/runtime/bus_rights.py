@@ -66,10 +66,11 @@ def permissions(identity: Identity, sites: Iterable[str] = ()) -> dict[str, obje
             publish += [f"{root}.*.{component}" for root in (REQUESTS, JOURNALS, "$KV.somrs-leaders", "somrs-resignation")]
             publish += [f"{COPIES}.*.{component}.>", *(right for site in sites for right in _storing(Stores(site, component)))]
             subscribe += [f"{root}.*.{component}" for root in (JOURNALS, "somrs-resignation")]
+        # Who asks how a component is gets the answer at its inbox, whose name nobody else knows. With `allow_responses`, NATS would permit
+        # answers on any subject that a question names, and a program may ask itself.
+        publish.append(f"{INBOXES}>")
         subscribe.append("somrs-status.*")
-    permitted: dict[str, object] = {"publish": list(dict.fromkeys(publish)), "subscribe": list(dict.fromkeys(subscribe))}
-    # Who asks how a component is gets the answer at its own inbox.
-    return permitted | ({"allow_responses": True} if identity.roles & _WITH_JOURNALS else {})
+    return {"publish": list(dict.fromkeys(publish)), "subscribe": list(dict.fromkeys(subscribe))}
 
 
 def proof_of_subject(credentials: Credentials, subject: str) -> Proof:
