@@ -128,7 +128,7 @@ def test_answers_of_jetstream_in_the_place_of_entries_replace_nobody(tmp_path: P
         async with secure_bus(tmp_path) as bus:
             await list_site(addresses_on(bus.address), bus.enrolled("gateway", Role.GATEWAY))
             registry, manager = bus.enrolled("registry", Role.REGISTRY), bus.enrolled("task-manager", Role.TASK_MANAGER)
-            own, victim = Stores("yard", "registry"), Stores("yard", "task-manager")
+            registry_stores, manager_stores = Stores("yard", "registry"), Stores("yard", "task-manager")
             leader, standby = (StreamLog(bus.address.servers, "yard", "task-manager", name, manager) for name in ("first", "second"))
             log = StreamLog(bus.address.servers, "yard", "registry", "registry", registry)
             for stream in (log, leader, standby):
@@ -137,8 +137,8 @@ def test_answers_of_jetstream_in_the_place_of_entries_replace_nobody(tmp_path: P
             assert await leader.begin_writing(0)
             await leader.append(1, 1, b"one")
             client = await bus.connected(registry, [])
-            for subject in (victim.journal_subject, f"$KV.somrs-leaders.{victim.key}"):
-                await client.publish(f"$JS.API.STREAM.INFO.{own.journal}", b"", reply=subject)
+            for subject in (manager_stores.journal_subject, f"$KV.somrs-leaders.{manager_stores.key}"):
+                await client.publish(f"$JS.API.STREAM.INFO.{registry_stores.journal}", b"", reply=subject)
             while (await leader.bounds())[1] < 3:
                 await asyncio.sleep(0.02)
             assert await standby.last_number() == 1

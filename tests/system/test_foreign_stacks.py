@@ -91,11 +91,13 @@ def carry_with_gsoap(system: System, device: str, folder: Path, cache: Path) -> 
     robot, client = (Enrolled(system.data, folder, f"Gsoap{kind}", role) for kind, role in (("Robot", Role.DEVICE), ("", Role.CLIENT)))
     addresses = {"registry": system.addresses.registry, "task-manager": system.addresses.task_manager, "participant": device}
     programs = gsoap_programs(cache, robot.session, addresses)
-    own = [programs.participant, "GsoapRobot", str(free_port()), system.addresses.registry, *robot.files_of_gsoap()]
-    with running_participant(own) as participant:
+    robot_command = [programs.participant, "GsoapRobot", str(free_port()), system.addresses.registry, *robot.files_of_gsoap()]
+    with running_participant(robot_command) as participant:
         assert "Withheld" not in participant.published()
-        command = [programs.client, "Gsoap", system.addresses.task_manager, UNKNOWN, GOAL, *client.files_of_gsoap()]
-        *problem, outcome = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, timeout=HANG_TIME).stdout.splitlines()
+        client_command = [programs.client, "Gsoap", system.addresses.task_manager, UNKNOWN, GOAL, *client.files_of_gsoap()]
+        *problem, outcome = subprocess.run(
+            client_command, check=True, stdout=subprocess.PIPE, text=True, timeout=HANG_TIME
+        ).stdout.splitlines()
         assert "Jar77" in problem[0]
         assert outcome == "accomplished"
         return participant.heard_until("End")

@@ -92,13 +92,13 @@ async def _serve(process: Process, configuration: _Configuration, folder: Path, 
     stopping = asyncio.create_task(until_stopped("bus", bus.address.servers))
     updating = asyncio.create_task(_follow(configuration, process))
     stores = BusStores(configuration.note_site)
-    making = asyncio.create_task(stores.start(url, configuration.credentials)) if configuration.credentials is not None else None
+    stores_task = asyncio.create_task(stores.start(url, configuration.credentials)) if configuration.credentials is not None else None
     try:
         await asyncio.wait([stopping, ending], return_when=asyncio.FIRST_COMPLETED)
     finally:
         updating.cancel()
-        if making is not None:
-            making.cancel()
+        if stores_task is not None:
+            stores_task.cancel()
         await stores.close()
     if ending.done():
         stopping.cancel()

@@ -64,7 +64,7 @@ def permissions(identity: Identity, sites: Iterable[str] = ()) -> dict[str, obje
         publish += _LEADING
         for component in component_names(identity, role):
             publish += [f"{root}.*.{component}" for root in (REQUESTS, JOURNALS, "$KV.somrs-leaders", "somrs-resignation")]
-            publish += [f"{COPIES}.*.{component}.>", *(right for site in sites for right in _storing(Stores(site, component)))]
+            publish += [f"{COPIES}.*.{component}.>", *(subject for site in sites for subject in _storing(Stores(site, component)))]
             subscribe += [f"{root}.*.{component}" for root in (JOURNALS, "somrs-resignation")]
         # Who asks how a component is gets the answer at its inbox, whose name nobody else knows. With `allow_responses`, NATS would permit
         # answers on any subject that a question names, and a program may ask itself.

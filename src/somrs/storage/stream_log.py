@@ -275,11 +275,11 @@ class StreamLog:
         headers, place = message.headers or {}, sequence
         while WRITER not in headers:
             place -= 1
-            earlier = await self._message(place) if place > 0 else None
-            if earlier is None:
+            message_ahead = await self._message(place) if place > 0 else None
+            if message_ahead is None:
                 copy = await self.copy_info()
                 return Batch(sequence, copy.number if copy is not None else 0, 0, b"")
-            headers = earlier.headers or {}
+            headers = message_ahead.headers or {}
         number = int(headers.get(NUMBER, 0))
         if place < sequence:
             return Batch(sequence, number, 0, b"")
