@@ -155,6 +155,8 @@ def own(address: str) -> str:
         (Role.REPOSITORY, BARN, "repository", Role.REPOSITORY, READ, f"https://{BARN}:1/repository", "", "has another address for Barn"),
         (Role.REPOSITORY, BARN, "repository", Role.REPOSITORY, READ, f"https://{BARN}:1/else", "", "has another address for Barn"),
         (Role.REGISTRY, BARN, "registry", Role.REGISTRY, directory.Discover(), f"{REGISTRY}-2", "", "has another address for Barn"),
+        (Role.REPOSITORY, BARN, "simulator", Role.TRAFFIC, READ, f"https://{BARN}:1/simulator", "", "add `simulates: true` to Barn there"),
+        (Role.REPOSITORY, BARN, "simulator", Role.TRAFFIC, READ, f"https://{BARN}:1/else", "", "has another address for Barn"),
         # What is not for a neighbour to send.
         (Role.TASK_MANAGER, BARN, "client", Role.CLIENT, Submit(effect="A isOn B"), ROBOT, "", "Barn:client (client) may not send Submit"),
         (Role.TASK_MANAGER, BARN, "BarnRobot", Role.DEVICE, Submit(effect="A isOn B"), ROBOT, "", "it passes not at all"),
@@ -189,6 +191,18 @@ def test_a_neighbour_s_device_is_no_own_one_and_none_of_another_neighbour(tmp_pa
         assert "may not name https://127.0.0.1" in text
 
     run(tmp_path, Role.TASK_MANAGER, scenario)
+
+
+def test_a_neighbour_s_simulator_reads_the_map_if_its_owner_says_so(tmp_path: Path) -> None:
+    async def scenario(place: Place) -> None:
+        place.trust(structs.replace(place.neighbour("Barn", BARN), simulates=True))
+        simulator, repository = place.enrolled(BARN, "simulator", Role.TRAFFIC), place.enrolled(BARN, "repository", Role.REPOSITORY)
+        address = f"https://{BARN}:1/simulator"
+        assert await place.send(simulator, READ, address) == ""
+        assert "has another address for Barn" in await place.send(repository, READ, address)
+        assert "may not send UpdateMap" in await place.send(simulator, knowledge.UpdateMap(), address)
+
+    run(tmp_path, Role.REPOSITORY, scenario)
 
 
 def test_offers_of_a_neighbour_are_at_its_hosts(tmp_path: Path) -> None:

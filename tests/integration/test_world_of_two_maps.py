@@ -13,7 +13,7 @@ from somrs.ontology.objects import ValueSet
 from somrs.protocol.messages.knowledge import Updated, UpdateMap
 from somrs.runtime.virtual_time import World
 from tests.integration.test_two_maps import Owner, TwoOwners
-from tests.support.shared_yard import SITES
+from tests.support.two_sites import SITES
 
 ON_RAMP = "Jar1 isOn Yard:Ramp AND Jar1.PositionX = 8.5 AND Jar1.PositionY = 3 AND Jar1.PositionZ = 0.3"
 

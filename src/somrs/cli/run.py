@@ -164,11 +164,13 @@ def simulator(
 ) -> None:
     """The simulator, with the world of the Repository's map, or with that of several maps."""
     from somrs.client.addresses import Addresses
+    from somrs.deployment.program_certificates import give_simulator_a_certificate
     from somrs.deployment.programs import run_program, run_simulator, run_simulator_of_files, speed_of
 
     if site:
         guarded(lambda: run_program(run_simulator_of_files(site, host, port, speed_of(speed), world)))
         return
+    guarded(lambda: give_simulator_a_certificate(repository, data, host))
     addresses = (
         Addresses(repository=repository[0], registry="", task_manager="") if repository else guarded(lambda: addresses_of(data, bus, name))
     )

@@ -49,17 +49,18 @@ class _RepositoryEntry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class _TrustEntry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the file says of a neighbour's certificates. `authority`: the file with that of its authority. `hosts`, `trust`: `hosts` and
-    `service` of `TrustedNeighbour`."""
+    """What the file says of a neighbour's certificates. `authority`: the file with that of its authority. `hosts`, `trust`, `simulates`:
+    `hosts`, `service` and `simulates` of `TrustedNeighbour`."""
 
     authority: str
     hosts: tuple[str, ...] = ()
     trust: str = ""
+    simulates: bool = False
 
     URLS: ClassVar[tuple[str, ...]] = ("trust",)
     ADVICE: ClassVar[str] = (
         "`authority` is the file with the certificate of its authority, `hosts` is a list of names and addresses of its computers, and "
-        "`trust` is the URL of the service of its authority"
+        "`trust` is the URL of the service of its authority, and `simulates` is true or false"
     )
 
 
@@ -134,7 +135,13 @@ def _trusted(
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"{file}: {name}: {certificate} cannot be read: {error}; `authority` is a certificate in PEM") from None
     return TrustedNeighbour(
-        name=name, authority=authority, registries=registries, repository=repository, hosts=entry.hosts, service=entry.trust.rstrip("/")
+        name=name,
+        authority=authority,
+        registries=registries,
+        repository=repository,
+        hosts=entry.hosts,
+        service=entry.trust.rstrip("/"),
+        simulates=entry.simulates,
     )
 
 

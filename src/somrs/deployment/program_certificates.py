@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 from somrs.client.addresses import Addresses
 from somrs.deployment.neighbours import read_trusted_neighbours
-from somrs.errors import UsageError
-from somrs.trust.credentials import VARIABLE, Credentials
+from somrs.trust.credentials import FOLDER, VARIABLE, Credentials
 from somrs.trust.identity import Identity, Role
 from somrs.trust.neighbours import TrustedNeighbour
 
@@ -48,23 +47,17 @@ def certificates_of_programs(
     *,
     secure: bool,
     neighbours: Path | None = None,
-    is_shared: bool = False,
 ) -> ProgramCertificates | None:
     """The certificates of the programs of the system with this data folder, at this host; None if they have none.
 
     `choice`: whether they have, as was asked for; None: nothing was. Then they have, but in a system that is open to anybody, and in one
-    that has run without: devices of other makes may rely on that. `neighbours`: the file of its neighbours. `is_shared`: it has a simulator
-    with others. Raises UsageError if it has certificates then, or if the file does not say by which authority a neighbour is known.
+    that has run without: devices of other makes may rely on that. `neighbours`: the file of its neighbours.
+    Raises UsageError if the file does not say by which authority a neighbour is known.
     """
     earlier_addresses = Addresses.of_last_run(data)
     has_run_without = earlier_addresses is not None and earlier_addresses.trust is None
     if not (choice if choice is not None else secure and not has_run_without):
         return None
-    if is_shared:
-        raise UsageError(
-            "a simulator that systems share does not know their certificates: start them with --no-certificates, if all programs that "
-            "reach their ports are trusted"
-        )
     from somrs.trust.authority import Authority  # loads libraries that others do without
 
     trusted = read_trusted_neighbours(neighbours) if neighbours is not None else ()
@@ -81,6 +74,18 @@ def give_devices_a_certificate(names: Collection[str], addresses: Addresses, hos
 
     name, *further = names
     os.environ[VARIABLE] = str(ProgramCertificates(Authority(folder), host, "").of_devices(name, further))
+
+
+def give_simulator_a_certificate(repositories: Sequence[str], data: Path, host: str) -> None:
+    """Have this process use a certificate for a simulator of several maps, if their Repositories have some, this process has none, and it
+    may read the data folder of one of the systems. Raises UsageError if that certificate cannot be made."""
+    folder = data / FOLDER
+    is_secure = any(address.startswith("https:") for address in repositories)
+    if not is_secure or VARIABLE in os.environ or not os.access(folder / "authority.key", os.R_OK):
+        return
+    from somrs.trust.authority import Authority  # as above
+
+    os.environ[VARIABLE] = str(ProgramCertificates(Authority(folder), host, "").of_simulator())
 
 
 class ProgramCertificates:
@@ -115,6 +120,10 @@ class ProgramCertificates:
     def of_devices(self, name: str, further: Iterable[str]) -> Path:
         """The file of the certificate of a process of devices that is not one of the system's own programs."""
         return self._issue(Identity(name=name, roles=frozenset({Role.DEVICE}), speaks_for=frozenset(further)))
+
+    def of_simulator(self) -> Path:
+        """The file of the certificate of a simulator that is not one of the system's own programs."""
+        return self._issue(Identity(name="simulator", roles=frozenset({Role.TRAFFIC})))
 
     def environment(self, name: str, arguments: Sequence[str]) -> dict[str, str]:
         """What a program needs to prove who it is. A process of devices speaks for each of them: `NAME=DRIVER` of its arguments."""

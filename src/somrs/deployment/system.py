@@ -30,6 +30,7 @@ from somrs.deployment.program_certificates import ProgramCertificates, certifica
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, has_windows
 from somrs.deployment.task_managers import task_manager_count
 from somrs.deployment.watchdog import BEAT_VARIABLE
+from somrs.devices.link_security import SCHEME
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError, UsageError
 from somrs.limits import limits
@@ -146,7 +147,6 @@ class System:
             certificates,
             secure=secure,
             neighbours=neighbours,
-            is_shared=world_address is not None,
         )
         self._certificates: ProgramCertificates | None = None
         self._launcher = launcher or Launcher()
@@ -208,7 +208,9 @@ class System:
         driven = self._selected(await asyncio.to_thread(self._device_programs.select, devices(map, ontology)))
         bodiless = is_symbolic(driven)
         driven = self._selected(of_one_world(driven, symbolic=bodiless))
-        world_address = self._world_address or ports.world
+        world_address = ports.world
+        if self._world_address is not None:
+            world_address = f"{SCHEME if self._certificates is not None else ''}{self._world_address}"
         if self._world_address is not None and not bodiless and map.name:
             world_address = f"{world_address}/{map.name}"  # it may have several maps
         has_world = bodiless or self.simulates

@@ -15,9 +15,11 @@ from functools import lru_cache
 from pathlib import Path
 
 from somrs.errors import UsageError, WireError
+from somrs.ontology.qualified_names import home_of, plain_name
 from somrs.trust.connections import Peer, peer_certificate, peer_of
 from somrs.trust.credentials import VARIABLE, Credentials
 from somrs.trust.identity import Role
+from somrs.trust.neighbours import OWN_SITE
 
 SCHEME = "tls://"
 
@@ -48,21 +50,37 @@ class Proof:
         except (UsageError, KeyError):
             return cls(credentials)
 
-    def check(self, roles: frozenset[Role] = ANY_ROLE, name: str | None = None) -> None:
-        """Raises WireError unless the client has one of these roles, may speak for this name, if one is given, and is not revoked."""
+    def check(self, roles: frozenset[Role] = ANY_ROLE, name: str | None = None, *, looks_only: bool = False) -> None:
+        """Raises WireError unless the client has one of these roles, may speak for this name, if one is given, and is not revoked.
+
+        The name is that of a robot in a world of several maps, `Barn:BarnRobot`, or of one. It is for the site of its map; who only looks
+        at such a world may be of any of its sites, and everything else is for the site of the server. `looks_only`: the client does.
+        """
         if self.credentials is None:
             return
         if self.peer is None:
             raise WireError("not-allowed", "a certificate of the site is needed here")
-        identity = self.peer.identity
         try:
-            self.credentials.check(self.peer, time.time())
+            identity = self.credentials.prove(self.peer, time.time())
         except UsageError as error:
             raise WireError("not-allowed", str(error)) from None
         if not roles & identity.roles:
-            raise WireError("not-allowed", f"{identity.name} may not do this: that is for the roles {', '.join(sorted(roles))}")
-        if name is not None and not identity.may_speak_for(name):
-            raise WireError("not-allowed", f"{identity.name} may not speak for {name}: a certificate that names it is needed")
+            raise WireError("not-allowed", f"{identity.full_name} may not do this: that is for the roles {', '.join(sorted(roles))}")
+        site = self._site_of(name) if name is not None else OWN_SITE
+        if identity.site != site and not looks_only:
+            text = (
+                f"this is for the site {site}"
+                if site
+                else "this is for the site of the simulator, and a neighbour's device controls its robot"
+            )
+            raise WireError("not-allowed", f"{identity.full_name} may not do this: {text}")
+        if name is not None and not identity.may_speak_for(plain_name(name)):
+            raise WireError("not-allowed", f"{identity.full_name} may not speak for {name}: a certificate that names it is needed")
+
+    def _site_of(self, name: str) -> str:
+        """The site that a robot belongs to: a neighbour that has the name of its map, or else the own one."""
+        assert self.credentials is not None, "without them, nobody is asked"
+        return home_of(name) if home_of(name) in self.credentials.neighbours else OWN_SITE
 
 
 OPEN = Proof()
@@ -74,12 +92,15 @@ async def start_listening(
     sock: socket.socket,
     limit: int,
     credentials: Credentials | None,
+    *,
+    is_shared: bool = False,
 ) -> asyncio.Server:
     """Serve connections at a socket, with lines of at most `limit` bytes. With credentials, only those of clients with a certificate of the
-    same site."""
+    same site; if it is shared, or of a neighbour."""
     if credentials is None:
         return await asyncio.start_server(serve, sock=sock, limit=limit)
-    return await asyncio.start_server(serve, sock=sock, limit=limit, ssl=credentials.server, ssl_handshake_timeout=HANDSHAKE_TIME)
+    tls = credentials.entrance if is_shared else credentials.server
+    return await asyncio.start_server(serve, sock=sock, limit=limit, ssl=tls, ssl_handshake_timeout=HANDSHAKE_TIME)
 
 
 def link_credentials(address: str, credentials: Credentials | None = None) -> Credentials | None:

@@ -28,8 +28,14 @@ def check_neighbour(message: Message, identity: Identity, credentials: Credentia
     """Raises WireError with the code `DENIED` if a program of a neighbour may not send a message to who has these credentials."""
     check_neighbour_right(message, identity, credentials.identity.roles)
     neighbour = credentials.neighbours[identity.site]
-    if is_of_components(type(message.body)) and message.header.sender not in (neighbour.repository, *neighbour.registries):
-        raise _denied(identity, "From", message.header.sender, f"the file with the neighbours has another address for {identity.site}")
+    sender = message.header.sender
+    if is_of_components(type(message.body)) and sender not in (neighbour.repository, *neighbour.registries):
+        if Role.TRAFFIC not in identity.roles or not is_of_component(sender):
+            raise _denied(identity, "From", sender, f"the file with the neighbours has another address for {identity.site}")
+        if not neighbour.simulates:
+            raise _denied(
+                identity, "From", sender, f"add `simulates: true` to {identity.site} there, if its simulator may read the whole map"
+            )
     for field, address in (*addresses_in(message), *_offered(message)):
         if address == ANONYMOUS and field == "ReplyTo":
             continue

@@ -27,7 +27,7 @@ class TrustedNeighbour(msgspec.Struct, frozen=True, kw_only=True):
     """A neighbour. `authority`: the certificate of its authority, in PEM. `registries`, `repository`: the addresses of these components.
 
     `hosts`: names and IP addresses of the computers of its other programs. `service`: the URL of the service of its authority; empty if it
-    is not asked what it has revoked.
+    is not asked what it has revoked. `simulates`: its simulator has the own map, too, and may read all of it.
     """
 
     name: str
@@ -36,6 +36,7 @@ class TrustedNeighbour(msgspec.Struct, frozen=True, kw_only=True):
     repository: str = ""
     hosts: tuple[str, ...] = ()
     service: str = ""
+    simulates: bool = False
 
     @property
     def all_hosts(self) -> frozenset[str]:
@@ -58,6 +59,9 @@ class Neighbours:
                         f"the neighbour {neighbour.name} is at {host}, and so is {earlier or 'this system'}: with certificates, addresses "
                         "are told apart by their hosts, so give each system a name or an IP address of its own, with --host"
                     )
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._by_name
 
     def __getitem__(self, name: str) -> TrustedNeighbour:
         return self._by_name[name]

@@ -36,13 +36,6 @@ def test_they_have_unless_the_system_is_open_or_has_run_without(
     assert (certificates is not None) is expected[has_run]
 
 
-def test_a_shared_simulator_is_not_let_down_in_silence(tmp_path: Path) -> None:
-    for choice in (None, True):
-        with pytest.raises(UsageError, match=r"a simulator that systems share .*: start them with --no-certificates"):
-            certificates_of_programs(tmp_path, "127.0.0.1", "site", choice, secure=True, is_shared=True)
-    assert certificates_of_programs(tmp_path, "127.0.0.1", "site", False, secure=True, is_shared=True) is None
-
-
 BARN = "Barn: {registry: '%s/registry', takes: all, gives: all, repository: '%s/repository', shows: all, changes: true%s}\n"
 
 

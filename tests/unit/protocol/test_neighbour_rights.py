@@ -37,6 +37,10 @@ BETWEEN: dict[tuple[Role, Role], set[type[Any]]] = {
         *(reservations.ReservationFree, reservations.ReservationLost),
         *(neighbours.Adopt, neighbours.Adopted, neighbours.AdoptionRefused),
     },
+    (Role.TRAFFIC, Role.REPOSITORY): {knowledge.ReadOntology, knowledge.ReadMap, knowledge.SubscribeMap, frp.Fault},
+    (Role.REPOSITORY, Role.TRAFFIC): {
+        *(knowledge.OntologyPage, knowledge.MapPage, knowledge.MapSubscribed, knowledge.MapChanged, knowledge.OntologyChanged, frp.Fault),
+    },
 }
 """All that passes between neighbours."""
 

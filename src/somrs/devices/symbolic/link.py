@@ -57,7 +57,7 @@ async def _line(host: str, port: int, payload: bytes, credentials: Credentials |
 async def _connect(host: str, port: int, credentials: Credentials | None) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
     while True:
         try:
-            tls = credentials.client if credentials is not None else None
+            tls = credentials.client_for(f"{SCHEME}{host}") if credentials is not None else None
             return await asyncio.open_connection(host, port, limit=LONGEST, ssl=tls)
         except OSError:
             await asyncio.sleep(PAUSE)

@@ -26,6 +26,8 @@ class Passage(NamedTuple):
 
 _DEVICE, _TASK_MANAGER, _REPOSITORY, _REGISTRY = Role.DEVICE, Role.TASK_MANAGER, Role.REPOSITORY, Role.REGISTRY
 _ORDERS, _REPORTS = Passage(_TASK_MANAGER, _DEVICE), Passage(_DEVICE, _TASK_MANAGER)
+_VIEWS, _NEWS = Passage(Role.TRAFFIC, _REPOSITORY), Passage(_REPOSITORY, Role.TRAFFIC)
+"""Between a simulator of several maps, which is that of traffic, and the Repositories of these maps."""
 _MAPS, _OFFERS = Passage(_REPOSITORY, _REPOSITORY), Passage(_REGISTRY, _REGISTRY)
 
 
@@ -39,14 +41,15 @@ NEIGHBOUR_RIGHTS: dict[type[Any], tuple[Passage, ...]] = {
     **_all(_REPORTS, frp.Terms, frp.Refuse, frp.Progress, frp.Completed, frp.Failed, frp.Stopped, frp.Compensated, frp.Stranded),
     **_all(_REPORTS, frp.Status),
     frp.Query: (_ORDERS, _REPORTS),
-    frp.Fault: (_ORDERS, _REPORTS, _MAPS, _OFFERS),
+    frp.Fault: (_ORDERS, _REPORTS, _MAPS, _OFFERS, _VIEWS, _NEWS),
     # Registries: each follows what the other one gives.
     **_all(_OFFERS, directory.Discover, directory.SubscribeServices, directory.Discovered, directory.ServicesSubscribed),
     **_all(_OFFERS, directory.ServicesJoined, directory.ServicesLeft),
     # Repositories: each follows what the other one shows, and changes, reserves, gives and takes objects.
-    **_all(_MAPS, knowledge.ReadOntology, knowledge.ReadMap, knowledge.SubscribeMap, knowledge.UpdateMap),
-    **_all(_MAPS, knowledge.OntologyPage, knowledge.MapPage, knowledge.MapSubscribed, knowledge.Updated, knowledge.Rejected),
-    **_all(_MAPS, knowledge.MapChanged, knowledge.OntologyChanged),
+    **dict.fromkeys((knowledge.ReadOntology, knowledge.ReadMap, knowledge.SubscribeMap), (_MAPS, _VIEWS)),
+    **dict.fromkeys((knowledge.OntologyPage, knowledge.MapPage, knowledge.MapSubscribed), (_MAPS, _NEWS)),
+    **dict.fromkeys((knowledge.MapChanged, knowledge.OntologyChanged), (_MAPS, _NEWS)),
+    **_all(_MAPS, knowledge.UpdateMap, knowledge.Updated, knowledge.Rejected),
     **_all(_MAPS, reservations.Reserve, reservations.Release, reservations.Reserved, reservations.ReservationDenied),
     **_all(_MAPS, reservations.ReservationFree, reservations.ReservationLost),
     **_all(_MAPS, neighbours.Adopt, neighbours.Adopted, neighbours.AdoptionRefused),

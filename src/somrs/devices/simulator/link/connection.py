@@ -10,6 +10,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
+from somrs.devices.link_security import SCHEME
 from somrs.devices.simulator.link.commands import ObjectState, RobotState
 from somrs.devices.simulator.link.lines import (
     Answer,
@@ -179,7 +180,7 @@ class Link:
     async def _converse(self) -> bool:
         """Connect and process lines until the connection ends. Return whether the server accepted it."""
         async with asyncio.timeout(PATIENCE):
-            tls = self._credentials.client if self._credentials is not None else None
+            tls = self._credentials.client_for(f"{SCHEME}{self._host}") if self._credentials is not None else None
             reader, self._writer = await asyncio.open_connection(self._host, self._port, limit=LONGEST, ssl=tls)
             self._writer.write(encode_line(self._hello))
             first = read_by_client(await reader.readuntil(b"\n"))

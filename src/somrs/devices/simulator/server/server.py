@@ -106,7 +106,9 @@ class Server:
 
     async def start(self) -> None:
         """Listen, start the simulated time, and set `port` to the actual port."""
-        self._listener = await start_listening(self._serve, listen_at(self.host, self.port), LONGEST, self._credentials)
+        self._listener = await start_listening(
+            self._serve, listen_at(self.host, self.port), LONGEST, self._credentials, is_shared=self._is_shared
+        )
         self.port = self._listener.sockets[0].getsockname()[1]
         self._running = asyncio.create_task(self._run())
 
@@ -245,13 +247,16 @@ class Server:
             raise ConnectionClosing("hello-first", error.text) from None
         if not isinstance(hello, Hello):
             raise ConnectionClosing("hello-first", "the first line of a connection must be a hello")
-        try:
-            connection.proof.check(ANY_ROLE if hello.robot is None else DEVICES, hello.robot)
-        except WireError as error:
-            raise ConnectionClosing(error.code, error.text) from None
         if self._is_shared and hello.map is not None:
             connection.names = LinkNames(hello.map)
         hello = self._in_names_of_world(connection, hello)
+        try:
+            if hello.robot is None:
+                connection.proof.check(looks_only=self._is_shared)
+            else:
+                connection.proof.check(DEVICES, hello.robot)
+        except WireError as error:
+            raise ConnectionClosing(error.code, error.text) from None
         if hello.robot is not None:
             self._connections.take_control(connection, hello.robot)
         connection.rate = hello.rate
@@ -279,7 +284,7 @@ class Server:
         robot = connection.robot
         if robot is None:
             raise WireError("not-allowed", "an operator's connection cannot command robots; connect as the robot's controller")
-        connection.proof.check(DEVICES)
+        connection.proof.check(DEVICES, robot)
 
         def ended(result: CommandDone | CommandGivenUp) -> None:
             if self._connections.is_mute(robot):
@@ -311,7 +316,7 @@ class Server:
     # Questions
 
     def _ask(self, connection: Connection, id: int, question: Question) -> None:
-        connection.proof.check(_ROLES.get(type(question), ANY_ROLE))
+        connection.proof.check(_ROLES.get(type(question), ANY_ROLE), looks_only=self._is_shared and type(question) not in _ROLES)
         question = self._in_names_of_world(connection, question)
         if connection.robot is not None and not (isinstance(question, Ways) and question.robot == connection.robot):
             raise WireError("not-allowed", f"the connection of a robot may send only `ways` of {connection.robot}; connect as an operator")
