@@ -246,8 +246,10 @@ def test_what_an_interrupted_copy_has_left_is_removed(tmp_path: Path, next_copy:
         assert await first.begin_writing(0)
         info = CopyInfo(number=1, address="http://127.0.0.1:1/registry")
         await first.store_copy(tmp_path / "stored", info)
+        stored_size = (tmp_path / "stored").stat().st_size
         storing = asyncio.create_task(first.store_copy(tmp_path / "stored", info))
-        while len(await chunk_subjects(second)) < 2:
+        # Until the server has written some of it to its disk, which is later than it counts it.
+        while sum(file.stat().st_size for file in tmp_path.rglob("*.blk")) < stored_size + 1_000_000:
             await asyncio.sleep(0.001)
         server.kill()
         await first.close()
