@@ -13,7 +13,7 @@ from msgspec import structs
 from nats.aio.msg import Msg
 
 from somrs.deployment.bus import addresses_on, find_site, list_site, run_gateway
-from somrs.protocol.messages import directory, frp
+from somrs.protocol.messages import directory, frp, knowledge
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.rights import DENIED
@@ -28,6 +28,7 @@ from somrs.trust.authority import Authority
 from somrs.trust.certificates import CERTIFICATE_DAYS
 from somrs.trust.credentials import VARIABLE, Credentials
 from somrs.trust.identity import Identity, Role
+from somrs.trust.neighbours import TrustedNeighbour
 from tests.support.hang import HANG_TIME
 from tests.support.secure_bus import SecureBus, free_port, running, secure_bus
 
@@ -302,6 +303,55 @@ def test_the_gateway_passes_messages_on_in_the_name_of_who_has_sent_them(
         assert len(place.taken_messages) == 1
         await robot.close()
         await stranger.close()
+        serving.cancel()
+
+    on_place(tmp_path, scenario)
+
+
+def test_the_gateway_passes_messages_of_a_neighbour_on_and_recipients_check_them_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    barn_authority = Authority.of_data(tmp_path / "barn")
+    barn_authority.create("barn", datetime.now(UTC))
+    repository_of_barn = "https://127.0.0.2:8500/repository"
+
+    def of_barn(name: str, role: Role) -> Wire:
+        identity = Identity(name=name, roles=frozenset({role}))
+        return Wire(Credentials(barn_authority.issue_program(identity, ("127.0.0.2",), datetime.now(UTC))[0]))
+
+    async def scenario(place: Place) -> None:
+        barn = TrustedNeighbour(name="Barn", authority=barn_authority.public_certificate, repository=repository_of_barn)
+        place.bus.authority.trust_neighbours((barn,), ("127.0.0.1",))
+        yard = TrustedNeighbour(name="Yard", authority=place.bus.authority.public_certificate, hosts=("127.0.0.1",))
+        barn_authority.trust_neighbours((yard,), ("127.0.0.2",))
+        monkeypatch.setenv(VARIABLE, str(place.bus.enrolled("gateway", Role.GATEWAY).certificate))
+        serving = asyncio.create_task(run_gateway(place.bus.address, "127.0.0.1", place.bus.gateway_port))
+        while "gateway" not in capsys.readouterr().out:
+            await asyncio.sleep(0.02)
+        monkeypatch.delenv(VARIABLE)
+        repository, device = of_barn("repository", Role.REPOSITORY), of_barn("Robot1", Role.DEVICE)
+        header = structs.replace(place.message(COMPLETED).header, sender=repository_of_barn, reply_to=repository_of_barn)
+        assert await repository.post(Message(header=header, body=knowledge.ReadMap())) is None
+        assert [message.body for message in place.taken_messages] == [knowledge.ReadMap()]
+        of_robot = structs.replace(header, sender="https://127.0.0.2:1/devices/Robot1", reply_to="https://127.0.0.2:1/devices/Robot1")
+        for wire, message, text in (
+            (device, Message(header=of_robot, body=knowledge.Define()), "Barn:Robot1 (device) may not send Define"),
+            # The gateway takes this for some Task Manager; the Repository is none.
+            (device, Message(header=of_robot, body=COMPLETED), "Barn:Robot1 (device) may not send Completed"),
+            (repository, place.message(knowledge.ReadMap(), "/repository"), "the file with the neighbours has another address for Barn"),
+        ):
+            answer = await wire.post(message)
+            assert answer is not None
+            assert isinstance(answer.body, frp.Fault)
+            assert (answer.body.code, text in answer.body.text) == (DENIED, True), answer.body.text
+        assert len(place.taken_messages) == 1
+        # It is a neighbour no more.
+        place.bus.authority.trust_neighbours((), ("127.0.0.1",))
+        answer = await repository.post(Message(header=header, body=knowledge.ReadMap()))
+        assert answer is not None
+        assert isinstance(answer.body, frp.Fault)
+        for wire in (repository, device):
+            await wire.close()
         serving.cancel()
 
     on_place(tmp_path, scenario)

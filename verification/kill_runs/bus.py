@@ -11,23 +11,26 @@ from pathlib import Path
 
 from somrs.demo.hosts import Host, Hosts
 from somrs.deployment.system import System
+from somrs.trust.authority import Authority
 
 COMPONENTS = ("repository", "registry", "task-manager", "scheduler")
 HOSTS = ("first", "second", "third")
+SITE = "yard"
+"""The site's name on its bus."""
 
 
 class BusOfHosts(Hosts):
-    """The three hosts. An asynchronous context manager."""
+    """The three hosts. An asynchronous context manager. `authority`: that of the site."""
 
-    def __init__(self, folder: Path) -> None:
-        super().__init__(folder, HOSTS)
+    def __init__(self, folder: Path, authority: Authority) -> None:
+        super().__init__(folder, HOSTS, {SITE: authority})
         self._lost_host: Host | None = None
         self._take_out_task: asyncio.Task[None] | None = None
 
     async def _start_components(self, host: Host, site: Path) -> None:
         for component in COMPONENTS:
             site_option = ["--site", str(site)] if component == "repository" else []
-            await host.start(component, component, "--bus", self.servers, *site_option)
+            await host.start(component, component, "--bus", self.servers[SITE], *site_option, site=SITE)
 
     async def replace_components_of(self, system: System, site: Path) -> None:
         """Have two hosts follow the components of a system, and take over from them: they are killed, and not started again."""
@@ -71,6 +74,6 @@ class BusOfHosts(Hosts):
             await self._take_out_task
             self._take_out_task = None
         if self._lost_host is not None:
-            await self.start_server(self._lost_host)
+            await self.start_servers(self._lost_host)
             await self._start_components(self._lost_host, site)
             self._lost_host = None

@@ -17,6 +17,7 @@ import msgspec
 from somrs.client.client import Client
 from somrs.client.credentials import credentials_for
 from somrs.client.simulator_link import operator_link
+from somrs.demo.hosts import made_authority
 from somrs.deployment.launcher import Launcher
 from somrs.deployment.private_files import discard
 from somrs.deployment.system import System
@@ -33,7 +34,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.runtime.wire import Wire, retry_unanswered
 from somrs.trust.credentials import FOLDER as TRUST
 from somrs.trust.credentials import Credentials
-from verification.kill_runs.bus import BusOfHosts
+from verification.kill_runs.bus import SITE, BusOfHosts
 from verification.kill_runs.draw import HOMES, Victim
 from verification.kill_runs.scenarios import DEVICES, PATROL, ROBOTS, THINGS
 
@@ -71,10 +72,11 @@ class RunningSystem:
     async def __aenter__(self) -> RunningSystem:
         discard(self.data)
         try:
-            if self._is_on_bus:
-                self._hosts = await self._open.enter_async_context(BusOfHosts(self.data / "hosts"))
-            bus, name = (self._hosts.servers, "yard") if self._hosts is not None else (None, None)
             folder = self.data / "rest" if self._is_on_bus else self.data
+            if self._is_on_bus:
+                hosts = BusOfHosts(self.data / "hosts", made_authority(folder, SITE))
+                self._hosts = await self._open.enter_async_context(hosts)
+            bus, name = (self._hosts.servers[SITE], SITE) if self._hosts is not None else (None, None)
             self.system = System(
                 [self._site],
                 folder,
@@ -83,7 +85,6 @@ class RunningSystem:
                 devices_per_process=1,
                 bus=bus,
                 name=name,
-                certificates=not self._is_on_bus,  # that bus has none
             )
             await self._open.enter_async_context(self.system)
             if self._hosts is not None:
@@ -98,7 +99,7 @@ class RunningSystem:
             self.operator = await self._open.enter_async_context(operator_link(self.system.addresses))
             # It speaks as the Task Manager does, to ask devices and to send them what is late.
             certificate = folder / TRUST / "programs" / "task-manager.pem"
-            self._wire = Wire(Credentials(certificate) if not self._is_on_bus else None)
+            self._wire = Wire(Credentials(certificate))
             self._open.push_async_callback(self._wire.close)
         except BaseException:  # also an interrupt: no process may be left
             await self._open.aclose()

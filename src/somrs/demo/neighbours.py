@@ -1,9 +1,9 @@
 """Scenario 5: a mill and a bakery share a yard, and a host that runs the whole bakery is lost for good.
 
 Each organisation has a map, a Registry and Task Managers of its own: the mill one, the bakery two. What each lets the other see and use
-is in `neighbours_of`. Their components are on a bus of three hosts. The first host runs the mill, the second the bakery, and each
-follows the other's components as standby. The third has a server of the bus only. When robots of both carry things, the second host is
-killed with its server, and is not started again: the first one goes on for the bakery.
+is in `neighbours_of`. Each has an authority and a bus of its own, with servers on three hosts. The first host runs the mill, the
+second the bakery, and each follows the other's components as standby. The third has servers only. When robots of both carry things, the
+second host is killed with its servers, and is not started again: the first one goes on for the bakery.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from somrs.demo.organisations import (
     TASK_MANAGERS,
     Organisations,
     component_labels,
+    make_authorities,
     name_in_chart,
     task_manager_labels,
 )
@@ -127,7 +128,7 @@ class _ScenarioPlayer:
         self.record.lost = tuple(second.leads)
         await second.kill()
         lost_at = time.time()
-        self._mark(second.name, "is lost for good, with its server of the bus")
+        self._mark(second.name, "is lost for good, with its servers of both buses")
         for label in [label for label in self._reigning if label in self.record.lost]:
             self._end_reign(label, "lost")
         await self._taken_over(lost_at)
@@ -229,11 +230,11 @@ async def play(folder: Path, console: Console, launcher: Launcher | None = None)
         (folder / f"{name.lower()}.yaml").write_bytes(source.read_bytes())
     async with AsyncExitStack() as stack:
         with console.status("starting three hosts, and a mill and a bakery on them ..."):
-            hosts = await stack.enter_async_context(Hosts(folder / "run", HOSTS))
+            hosts = await stack.enter_async_context(Hosts(folder / "run", HOSTS, make_authorities(folder)))
             organisations = Organisations(folder, hosts, launcher)
             await stack.enter_async_context(organisations.running())
             clients = {name: await stack.enter_async_context(Client(system.addresses)) for name, system in organisations.systems.items()}
-            operator = await stack.enter_async_context(OperatorLink.at(organisations.simulator))
+            operator = await stack.enter_async_context(organisations.operator)
             await _see_each_other(clients)
         goals = [f"{name}: {goal}" for name, goals in _FIRST.items() for goal in goals]
         console.print(f"[bold]Scenario 5[/]: {'; '.join(goals)}; later {BAKERY}: {_LAST}")
