@@ -66,7 +66,7 @@ async def run_gateway(bus: BusAddress, host: str, port: int) -> None:
         server = Server(host, port, BusParts(connection, ANSWER_TIME), public_url=bus.gateway, credentials=credentials)
         await server.start()
         if listed is None or listed.bus != bus:
-            await sites.put(bus.site, msgspec.json.encode(await _running_addresses(bus, credentials)))
+            await _put(sites, await _running_addresses(bus, credentials))
         async with following(credentials):
             await until_stopped("gateway", bus.gateway)
         await server.stop()
@@ -199,7 +199,7 @@ async def list_site(addresses: Addresses, credentials: Credentials | None = None
     connection = Bus(addresses.bus, credentials)
     await connection.start()
     try:
-        await (await _sites(connection)).put(addresses.bus.site, msgspec.json.encode(addresses))
+        await _put(await _sites(connection), addresses)
     finally:
         await connection.close()
 
@@ -292,14 +292,20 @@ async def _sites(connection: Bus) -> KeyValue:
     store = connection.client.jetstream()
     try:
         async with asyncio.timeout(_STORE_TIME):
-            with contextlib.suppress(NotFoundError):  # who only reads may not have it made
-                return await patiently(lambda: store.key_value(SITES))
             subject, by_servers = f"{REQUESTS}.{connection.address.site}", connection.has_certificate
-            await have_made(connection.client, subject, partial(make_sites, store), by_servers=by_servers)
-            return await patiently(lambda: store.key_value(SITES))
+            while True:  # of several servers, the one that is asked may not know yet what another one has made
+                with contextlib.suppress(NotFoundError):  # who only reads may not have it made
+                    return await patiently(lambda: store.key_value(SITES))
+                await have_made(connection.client, subject, partial(make_sites, store), by_servers=by_servers)
     except TimeoutError:
         advice = "start its servers with JetStream, and more than half of them"
         raise UsageError(f"{connection.address.servers}: this bus stores nothing; {advice}") from None
+
+
+async def _put(sites: KeyValue, addresses: Addresses) -> None:
+    """List a site. Servers may lose the answer when they read their configuration, as they do for a new site."""
+    assert addresses.bus is not None, "it is on a bus"
+    await patiently(partial(sites.put, addresses.bus.site, msgspec.json.encode(addresses)))
 
 
 async def make_sites(store: JetStreamContext) -> None:
