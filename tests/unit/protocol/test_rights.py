@@ -84,6 +84,9 @@ def test_a_device_gives_no_orders(kind: type[Any]) -> None:
         (directory.Publish(provider="Robot1", offers=(), lease=5.0), None, sender(Role.DEVICE), None),
         (knowledge.UpdateMap(author="Robot2"), None, sender(Role.DEVICE), "Robot2"),
         (knowledge.UpdateMap(author="Robot2"), None, sender(Role.DEVICE, Role.TASK_MANAGER), None),
+        # What a service has left when no coordinator waits for it, the device reports itself, in the name of the service.
+        (knowledge.UpdateMap(author="Robot1.Work"), None, sender(Role.DEVICE), None),
+        (knowledge.UpdateMap(author="Robot2.Work"), None, sender(Role.DEVICE), "Robot2"),
         (traffic.LeaveTraffic(robot="Robot2"), None, sender(Role.DEVICE), "Robot2"),
     ],
 )

@@ -66,6 +66,13 @@ def _body_names(*fields: str) -> Names:
     return lambda message: [getattr(message.body, field) for field in fields]
 
 
+def _author(message: Message) -> Iterable[str]:
+    """The device that is the author, or whose service it is: `Robot1` of `Robot1.TransferObject`."""
+    body = message.body
+    assert isinstance(body, knowledge.Define | knowledge.UpdateMap), "the table has this for these"
+    return (body.author.partition(".")[0],)
+
+
 def _client(message: Message) -> Iterable[str]:
     """The client that the task is of."""
     return (person_name(message.header.sender),)
@@ -91,7 +98,7 @@ _OF_PARTICIPANT: Right = {_DEVICE: participant_names}
 _OF_PROVIDER: Right = {_DEVICE: _body_names("provider")}
 _OF_ROBOT: Right = {_DEVICE: _body_names("robot")}
 _OF_PASSAGE: Right = {_DEVICE: _body_names("passage")}
-_OF_AUTHOR: Right = {_DEVICE: _body_names("author")}
+_OF_AUTHOR: Right = {_DEVICE: _author}
 _TASKS = _PEOPLE | _OF_SCHEDULERS
 _RESERVING = _OF_TASK_MANAGERS | _OF_REPOSITORIES
 _CHANGING = _PEOPLE | _OF_REPOSITORIES
