@@ -140,13 +140,7 @@ class System:
         """What was left out at the start, and why, for people."""
         self._reservation: Reservation | None = None
         self._chosen_certificates = partial(
-            certificates_of_programs,
-            data,
-            host,
-            site_name(self.site),
-            certificates,
-            secure=secure,
-            neighbours=neighbours,
+            certificates_of_programs, data, host, site_name(self.site), certificates, secure=secure, neighbours=neighbours
         )
         self._certificates: ProgramCertificates | None = None
         self._launcher = launcher or Launcher()
