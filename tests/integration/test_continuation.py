@@ -72,7 +72,8 @@ class Process:
     def stand_still(self) -> None:
         """Renew the lease no more, as a process that stands still, until another one leads."""
         assert self._stream is not None
-        self._stream.lease.renews, self._stands_still = False, True
+        self._stream._loop.call_soon_threadsafe(self._stream.lease.ended.set)
+        self._stands_still = True
 
     async def end(self) -> None:
         self._end_event.set()

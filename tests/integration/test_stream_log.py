@@ -75,6 +75,25 @@ def test_one_leads_until_another_has_read_all_that_it_has_written(tmp_path: Path
     with_logs(tmp_path, scenario)
 
 
+def test_who_resigns_while_its_lease_is_renewed_hands_over_at_once(tmp_path: Path) -> None:
+    async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
+        assert await first.acquire()
+        update, is_renewed = first.lease._bucket.update, threading.Event()
+
+        async def slow_update(*arguments: Any, **options: Any) -> int:
+            revision = await update(*arguments, **options)
+            is_renewed.set()
+            await asyncio.sleep(0.2)  # the answer is on its way
+            return revision
+
+        first.lease._bucket.update = slow_update  # type: ignore[method-assign]
+        await asyncio.to_thread(is_renewed.wait)
+        await first.resign()
+        assert await second.acquire()
+
+    with_logs(tmp_path, scenario)
+
+
 def test_a_lease_ends_with_its_process_and_is_its_own_again_after_a_restart(tmp_path: Path) -> None:
     async def scenario(server: NatsServer, first: StreamLog, second: StreamLog) -> None:
         assert await first.acquire()

@@ -42,8 +42,8 @@ class Lease:
         self._revision: int | None = None
         """The revision of the key while it is this process's."""
         self._renewing: asyncio.Task[None] | None = None
-        self.renews = True
-        """Whether it is renewed. A cancelled task may miss it: `asyncio.wait_for` of Python 3.11 prefers a result that is there."""
+        self.ended = asyncio.Event()
+        """It is renewed no more."""
 
     @property
     def is_held(self) -> bool:
@@ -82,9 +82,11 @@ class Lease:
         from nats import errors
         from nats.js.errors import APIError
 
-        while self.renews:
-            await asyncio.sleep(RENEWAL)
-            if not self.renews:
+        while True:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(RENEWAL):
+                    await self.ended.wait()
+            if self.ended.is_set():
                 return
             with contextlib.suppress(APIError, errors.Error, OSError):  # the bus is away: the next attempt may find it
                 if not await self._renew_once():
@@ -107,9 +109,8 @@ class Lease:
         from nats import errors
         from nats.js.errors import APIError
 
-        self.renews = False
-        if self._renewing is not None:
-            self._renewing.cancel()
+        self.ended.set()
+        if self._renewing is not None:  # not cancelled: a renewal that is under way is done, and has another revision
             await asyncio.wait([self._renewing])
         if self._revision is None:
             return False
