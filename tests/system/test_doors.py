@@ -14,8 +14,9 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
+from tests.support.accomplishing import accomplish
 from tests.support.paths import ROOT
-from tests.system.test_system import accomplish, running
+from tests.system.test_system import running
 
 pytestmark = pytest.mark.long
 

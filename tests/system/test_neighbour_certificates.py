@@ -11,22 +11,12 @@ import pytest
 from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.protocol.messages.frp import Outcome
-from somrs.protocol.messages.submission import Submit
-from somrs.protocol.messages.task_views import TaskView
 from somrs.trust.authority import Authority
+from tests.support.accomplishing import accomplish
 from tests.support.hang import HANG_TIME
 from tests.support.two_sites import two_sites
 
 pytestmark = pytest.mark.long
-
-
-async def accomplish(client: Client, effect: str) -> TaskView:
-    view: TaskView | None = None
-    task = await client.submit(Submit(effect=effect))
-    async for news in client.news(task):
-        view = news.view
-    assert view is not None
-    return view
 
 
 def denials(system: System) -> str:

@@ -13,9 +13,8 @@ from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.protocol.messages.frp import Outcome
-from somrs.protocol.messages.submission import Submit
-from somrs.protocol.messages.task_views import TaskView
 from tests.support import warm
+from tests.support.accomplishing import accomplish
 from tests.support.command import somrs
 from tests.support.hang import HANG_TIME
 from tests.support.paths import ROOT
@@ -27,15 +26,6 @@ PARCELS = ROOT / "examples" / "parcels"
 
 async def services(client: Client, address: str) -> set[str]:
     return {offer.service for offer in (await client.ask(address, Discover(), Discovered)).offers}
-
-
-async def accomplish(client: Client, effect: str) -> TaskView:
-    view: TaskView | None = None
-    task = await client.submit(Submit(effect=effect))
-    async for news in client.news(task):
-        view = news.view
-    assert view is not None
-    return view
 
 
 def test_when_a_registry_is_lost_the_devices_are_on_offer_at_the_others(tmp_path: Path) -> None:

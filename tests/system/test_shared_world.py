@@ -14,23 +14,18 @@ from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.link import OperatorLink, RobotLink
 from somrs.errors import UsageError
 from somrs.protocol.messages.frp import Outcome
-from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
 from somrs.trust.credentials import FOLDER, Credentials
+from tests.support.accomplishing import accomplish
 from tests.support.hang import HANG_TIME
 from tests.support.two_sites import barn_and_yard
 
 pytestmark = pytest.mark.long
 
 
-async def accomplish(system: System, effect: str) -> TaskView:
-    view: TaskView | None = None
+async def accomplish_in(system: System, effect: str) -> TaskView:
     async with Client(system.addresses) as client:
-        task = await client.submit(Submit(effect=effect))
-        async for news in client.news(task):
-            view = news.view
-    assert view is not None
-    return view
+        return await accomplish(client, effect)
 
 
 def client_of(system: System) -> Credentials:
@@ -70,11 +65,11 @@ def test_a_robot_takes_on_what_the_neighbour_s_robot_has_brought(tmp_path: Path)
         ):
             assert set(await operator.robots()) == {"Barn:BarnRobot", "Yard:YardRobot"}
             assert set(await barn_operator.robots()) == {"BarnRobot", "Yard:YardRobot"}
-            view = await accomplish(barn, "Jar1 isOn Yard:Ramp")
+            view = await accomplish_in(barn, "Jar1 isOn Yard:Ramp")
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
             assert [work.service for work in view.work] == ["BarnRobot.TransferObject"]
             assert (await observe(barn_operator, "Yard:Jar1")).support == "Yard:Ramp"
-            view = await accomplish(yard, "Jar1 isOn YardTable")
+            view = await accomplish_in(yard, "Jar1 isOn YardTable")
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
             assert [work.service for work in view.work] == ["YardRobot.TransferObject"]
             assert (await operator.observe("Yard:Jar1")).support == "Yard:YardTable"

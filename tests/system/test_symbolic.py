@@ -24,14 +24,12 @@ from somrs.ontology.objects import Change, Fact, FactAdded
 from somrs.ontology.truth import formula_holds
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.protocol.messages.submission import Submit
-from somrs.protocol.messages.task_views import TaskView
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Halt, Order, Perform, Quote, Quoted, ServiceFailed, WorkDone
 from somrs.sites.pddl import ImportedProblem, read
 from tests.support import warm
+from tests.support.accomplishing import accomplish
 from tests.support.command import somrs
-from tests.support.hang import HANG_TIME
 from tests.support.paths import ROOT
 from tests.support.pddl_harbour import written
 from tests.support.virtual_system import VirtualSystem
@@ -229,16 +227,6 @@ async def running(folder: Path) -> AsyncIterator[tuple[System, Client]]:
     files = import_sources([PARCELS / "domain.pddl", PARCELS / "problem.pddl"], folder / "run")
     async with System(files, folder / "run", speed="20", launcher=warm.launcher()) as system, Client(system.addresses) as client:
         yield system, client
-
-
-async def accomplish(client: Client, effect: str) -> TaskView:
-    view: TaskView | None = None
-    task = await client.submit(Submit(effect=effect))
-    async with asyncio.timeout(HANG_TIME):
-        async for news in client.news(task):
-            view = news.view
-    assert view is not None
-    return view
 
 
 def test_a_whole_system_does_an_imported_task_though_its_map_is_wrong(tmp_path: Path, parcels: ImportedProblem) -> None:

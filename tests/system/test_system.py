@@ -34,8 +34,8 @@ from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
-from somrs.protocol.messages.task_views import TaskView
 from tests.support import warm
+from tests.support.accomplishing import accomplish, finished
 from tests.support.command import program
 from tests.support.hang import HANG_TIME
 from tests.support.paths import ROOT, SCENARIO_1, SHARED
@@ -45,18 +45,6 @@ from tests.support.simulator_room import thing
 pytestmark = pytest.mark.long
 
 OFFICE = SHARED / "sites" / "office.building.yaml"
-
-
-async def finished(client: Client, task: str) -> TaskView:
-    view: TaskView | None = None
-    async for news in client.news(task):
-        view = news.view
-    assert view is not None
-    return view
-
-
-async def accomplish(client: Client, effect: str, *, waits: bool = True) -> TaskView:
-    return await asyncio.wait_for(finished(client, await client.submit(Submit(effect=effect, waits=waits))), HANG_TIME)
 
 
 @asynccontextmanager

@@ -202,11 +202,7 @@ class System:
         driven = self._selected(await asyncio.to_thread(self._device_programs.select, devices(map, ontology)))
         bodiless = is_symbolic(driven)
         driven = self._selected(of_one_world(driven, symbolic=bodiless))
-        world_address = ports.world
-        if self._world_address is not None:
-            world_address = f"{SCHEME if self._certificates is not None else ''}{self._world_address}"
-        if self._world_address is not None and not bodiless and map.name:
-            world_address = f"{world_address}/{map.name}"  # it may have several maps
+        world_address = self._address_of_world(map.name if not bodiless else "") or ports.world
         has_world = bodiless or self.simulates
         if not has_world:
             driven = self._selected(unsimulated(driven, map, ontology))
@@ -223,8 +219,7 @@ class System:
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         first = [self._start_one_of(REGISTRY, number, port, *neighbours) for number, port in enumerate(ports.registries, 1)]
         first += [self._start_one_of(TASK_MANAGER, number, port) for number, port in enumerate(ports.task_managers, 1)]
-        if self._certificates is not None:
-            first.append(self._start("trust", "--port", str(ports[Part.TRUST])))
+        first += [self._start("trust", "--port", str(ports[Part.TRUST]))] if self._certificates is not None else []
         if not has_world:
             first.append(self._start("traffic", "--port", str(ports[Part.TRAFFIC])))
         elif self._world_address is None:
@@ -247,6 +242,11 @@ class System:
         self.addresses.write(self.data, LAST_FILE)
         if bus is not None:
             await list_site(self.addresses, self._bus_credentials())
+
+    def _address_of_world(self, map: str) -> str:
+        """Where the map is in the world of a simulator that others run, which may have several; empty without such a simulator."""
+        scheme, part = SCHEME if self._certificates is not None else "", f"/{map}" if map else ""
+        return f"{scheme}{self._world_address}{part}" if self._world_address is not None else ""
 
     def _selected(self, selection: Selection) -> list[tuple[str, str]]:
         """The devices to start. Those that are left out are reported."""

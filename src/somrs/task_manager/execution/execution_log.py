@@ -182,10 +182,10 @@ class ExecutionLog(Struct, kw_only=True):
     def has_work_on(self, situation: str) -> bool:
         """Whether work of the task may have changed what a reported situation speaks of."""
         try:
-            objects = parse(situation)
+            formula = parse(situation)
         except FormulaError:
             return True
-        return any(work.service_type.kind is ServiceKind.PHYSICAL and work.is_described_by(objects) for work in self.works)
+        return any(work.service_type.kind is ServiceKind.PHYSICAL and work.is_described_by(formula) for work in self.works)
 
     def drop(self, work: Work) -> None:
         """Remove work that did not begin."""
