@@ -1,0 +1,40 @@
+"""What an adapter is: it connects robots or things of one protocol, and has a device for each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from somrs.service_manager.sdk.device import Device
+
+
+class Fleet(Protocol):
+    """Runs the devices of an adapter: they join the system, and are started again when they fail."""
+
+    def add(self, device: Device) -> None:
+        """Let a device join. One of this name takes the place of an earlier one."""
+
+    async def remove(self, name: str) -> None:
+        """Let a device leave the system."""
+
+    async def map_names(self, type: str) -> list[str]:
+        """The objects of a type on the map, by name."""
+
+
+class Adapter(Protocol):
+    """Connects the robots or things of one protocol.
+
+    It is made from its settings: what the site file has under its name. `folder` is that of the site file, to which relative paths in the
+    settings refer. Raises InputError, which says where in the settings, what, and what to do next.
+    """
+
+    def __init__(self, settings: Mapping[str, Any], folder: Path) -> None: ...
+
+    @property
+    def names(self) -> Collection[str]:
+        """The objects of the map that it serves, as far as the settings name them: no other program is started for them."""
+
+    async def run(self, fleet: Fleet) -> None:
+        """Connect, and add a device for each robot or thing, until it is cancelled. That a broker or a robot is not there yet is no
+        error: it is tried again."""

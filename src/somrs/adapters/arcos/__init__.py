@@ -1,0 +1,1 @@
+"""ARCOS: the protocol of Pioneer robots, over a serial line or TCP."""

@@ -1,0 +1,1 @@
+"""Maps that robots make: occupancy grids become buildings, and robots explore."""
