@@ -22,6 +22,28 @@ class DriveTo(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     z: float | None = None
 
 
+class DriveAlong(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Drive in straight lines through points on the robot's floor, as far as traffic has granted them to the robot's own program; then turn
+    to `yaw`, if given. It does not stop at points on the way. Only for robots that take part in traffic from outside (`Hello.outside`).
+
+    `speed`: at most, in metres per second. `backward`: drive backwards.
+    """
+
+    points: tuple[tuple[float, float], ...]
+    yaw: float | None = None
+    speed: float | None = None
+    backward: bool = False
+
+
+class Velocity(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Drive with these velocities, in m/s and rad/s, for `lasts` seconds; then stop. Done after that time. Only for robots that take
+    part in traffic from outside (`Hello.outside`)."""
+
+    forward: float = 0.0
+    turning: float = 0.0
+    lasts: float = 0.5
+
+
 class Approach(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Drive to a place from which the gripper can reach the object, or put something on it."""
 
@@ -140,6 +162,8 @@ class Status(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
 
 Command = (
     DriveTo
+    | DriveAlong
+    | Velocity
     | Approach
     | Grip
     | Place
@@ -189,6 +213,8 @@ class RobotState(Struct, frozen=True, kw_only=True):
     """Charge of its battery, percent; None for a device without one."""
     hindrance: str | None = None
     """What keeps it from going on, and will pass without it: that the lift in which it stands does not work, for example."""
+    obstructed: bool = False
+    """Whether something stands in the way of the motion that it was told."""
 
 
 class LinkedDevice(Struct, frozen=True, kw_only=True):

@@ -42,12 +42,14 @@ Stops = tuple[PathStop, ...]
 class Hello(Struct, frozen=True, kw_only=True, tag="hello", tag_field="say"):
     """The first line of a client. `robot`: the robot or camera that it controls; None for an operator.
 
-    `map`: the map in whose names the client speaks, in a world with several; None: in qualified names, such as `Barn:Jar1`.
+    `map`: the map in whose names the client speaks, in a world with several; None: in qualified names, such as `Barn:Jar1`. `outside`: the
+    robot takes part in traffic by messages of a program of its own, and not in the simulator; it stays so when the connection ends.
     """
 
     protocol: str = PROTOCOL
     version: int
     robot: str | None = None
+    outside: bool = False
     rate: Annotated[float, Meta(ge=0)] = 10.0
     """State lines per second of simulated time while the state changes; 0: only about one per second."""
     map: str | None = None

@@ -17,6 +17,7 @@ from somrs.devices.simulator.link.commands import (
     Close,
     Command,
     CommandDone,
+    DriveAlong,
     DriveTo,
     Fault,
     Grip,
@@ -35,6 +36,7 @@ from somrs.devices.simulator.link.commands import (
     Sense,
     Status,
     Stop,
+    Velocity,
     Weigh,
 )
 from somrs.devices.simulator.link.connection import Link, RobotGaveUp
@@ -97,8 +99,8 @@ def link_address(address: str) -> tuple[str, int, str | None]:
 class RobotLink(Link):
     """Controls one robot or camera. Commands return `CommandDone` or raise RobotGaveUp. A new command ends the one in progress.
 
-    `on_state` is called with every state. When the simulator has run for `silence` seconds without a line from the robot, pending commands
-    fail. Time in which this program or the simulator was suspended does not count.
+    `outside`: see `Hello`. `on_state` is called with every state. When the simulator has run for `silence` seconds without a line from
+    the robot, pending commands fail. Time in which this program or the simulator was suspended does not count.
     """
 
     def __init__(
@@ -111,9 +113,10 @@ class RobotLink(Link):
         silence: float = 6.0,
         on_state: Callable[[RobotState], None] | None = None,
         map: str | None = None,
+        outside: bool = False,
         credentials: Credentials | None = None,
     ) -> None:
-        super().__init__(host, port, Hello(version=VERSION, robot=robot, rate=rate, map=map), credentials)
+        super().__init__(host, port, Hello(version=VERSION, robot=robot, rate=rate, map=map, outside=outside), credentials)
         self.robot = robot
         self._silence = silence
         self._unheard = 0.0
@@ -138,6 +141,14 @@ class RobotLink(Link):
 
     async def drive_to(self, x: float, y: float, yaw: float | None = None, z: float | None = None) -> CommandDone:
         return await self.command(DriveTo(x=x, y=y, yaw=yaw, z=z))
+
+    async def drive_along(
+        self, points: Sequence[tuple[float, float]], yaw: float | None = None, *, speed: float | None = None, backward: bool = False
+    ) -> CommandDone:
+        return await self.command(DriveAlong(points=tuple(points), yaw=yaw, speed=speed, backward=backward))
+
+    async def set_velocity(self, forward: float, turning: float, lasts: float = 0.5) -> CommandDone:
+        return await self.command(Velocity(forward=forward, turning=turning, lasts=lasts))
 
     async def approach(self, object: str) -> CommandDone:
         return await self.command(Approach(object=object))

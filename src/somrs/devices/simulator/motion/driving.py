@@ -92,6 +92,7 @@ def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: floa
     `patience` seconds since this one last came nearer.
     """
     robot.need_drive()
+    _need_inside(robot)
     while (distance := math.dist(robot.pose()[:2], goal)) > ARRIVED or robot.road.is_on_its_way:
         is_near = distance < ASTRAY and not robot.road.is_on_its_way and sees(robot, robot.pose()[:2], goal)
         if is_near and all(door.is_open for door in robot.fleet.doors_between(robot, robot.pose()[:2], goal)):
@@ -106,6 +107,7 @@ def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: floa
 def change_storey(robot: Robot, level: float, goal: Point) -> Routine:
     """Go to the floor of a height, on the way to a point there. Raises GivenUp."""
     robot.need_drive()
+    _need_inside(robot)
     while abs(robot.level - level) > SAME_FLOOR or robot.road.zone is not None:
         road = robot.road
         robot.fleet.levels.add(level)
@@ -114,6 +116,12 @@ def change_storey(robot: Robot, level: float, goal: Point) -> Routine:
         if place is None:
             raise GivenUp("unreachable", f"no lift in order takes {robot.name} to the floor at {level:.1f} m")
         yield from _travel_to(robot, place, road.point(place), PATIENCE)
+
+
+def _need_inside(robot: Robot) -> None:
+    """Raise GivenUp if the robot's own program drives it."""
+    if robot.is_outside:
+        raise GivenUp("not-possible", f"{robot.name} takes part in traffic by a program of its own, which drives it")
 
 
 def _enter(robot: Robot) -> None:

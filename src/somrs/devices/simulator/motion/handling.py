@@ -49,6 +49,8 @@ def get_within_reach(  # type: ignore[no-untyped-def]
         if reachable_index is not None:
             return float(candidates[reachable_index][0]), float(candidates[reachable_index][1])
         robot.need_drive()
+        if robot.is_outside:
+            raise GivenUp("unreachable", f"{target_name} is not within reach of {robot.name}, which its own program drives")
         started = robot.scene.time
         ranked = stands(robot, candidates, top, penalties, ignored, container)
         problem = GivenUp("blocked", f"other robots occupy the places from which {robot.name} could reach {target_name}")

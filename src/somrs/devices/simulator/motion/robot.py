@@ -85,6 +85,10 @@ class Robot:
         self.arm_claim: Capsule | None = None
         self.weighed: dict[str, float] = {}
         """The weights that the arm has measured during the current command, kg, by the names of the things."""
+        self.is_outside = False
+        """Whether it takes part in traffic by messages of a program of its own."""
+        self.is_obstructed = False
+        """Whether something stands in the way of the motion that it was told."""
         self.awaited_door: AutomaticDoor | None = None
         """The door in front of which it stands until it is open."""
         self.battery = Battery(solid.charge, scene.time)
@@ -158,6 +162,7 @@ class Robot:
             faults=faults,
             charge=self.battery.charge,
             hindrance=self.hindrance,
+            obstructed=self.is_obstructed,
         )
 
     # The base
@@ -228,6 +233,8 @@ class Robot:
     @property
     def stays(self) -> bool:
         """Whether it makes no room now: because it works, cannot drive, or takes no part in traffic."""
+        if self.is_outside:
+            return not self.mobile or self.activity not in (None, "DriveAlong", "Velocity")
         return not (self.mobile and self.road.takes_part and self.road.mobility is Mobility.FREE)
 
     def _find_blocker(self, wanted_claim: Capsule) -> Robot | None:

@@ -10,6 +10,7 @@ from somrs.devices.simulator.link.commands import (
     Charge,
     Close,
     Command,
+    DriveAlong,
     DriveTo,
     Grip,
     Insert,
@@ -20,12 +21,14 @@ from somrs.devices.simulator.link.commands import (
     Place,
     PutDown,
     Stop,
+    Velocity,
     Weigh,
 )
 from somrs.devices.simulator.motion.arm import let_go, withdraw
 from somrs.devices.simulator.motion.driving import change_storey, drive_to
 from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, put_into, set_down, spots_on, top_of, weigh
 from somrs.devices.simulator.motion.leaves import move_leaves
+from somrs.devices.simulator.motion.outside import drive_along, move_at
 from somrs.devices.simulator.motion.placement import outline_spots
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine, stand
 from somrs.devices.simulator.motion.searching import Sought, look_around, look_at
@@ -42,7 +45,7 @@ def make_routine(command: Command, robot: Robot, scene: Scene, observations: dic
     Commands that search add what they see to `observations`. Raises UsageError.
     """
     routine = _make_routine(command, robot, scene, observations)
-    goal = _goal(command, scene)
+    goal = _goal(command, scene) if not robot.is_outside else None
     return _on_storey(robot, goal, routine) if goal is not None else routine
 
 
@@ -80,6 +83,10 @@ def _make_routine(command: Command, robot: Robot, scene: Scene, observations: di
     match command:
         case DriveTo(x=x, y=y, yaw=yaw):
             return _drive(robot, x, y, yaw)
+        case DriveAlong(points=points, yaw=yaw, speed=speed, backward=backward):
+            return drive_along(robot, points, yaw, speed, backward=backward)
+        case Velocity(forward=forward, turning=turning, lasts=lasts):
+            return move_at(robot, forward, turning, lasts)
         case Approach(object=name):
             return _approach(robot, scene, name)
         case Grip(object=name):

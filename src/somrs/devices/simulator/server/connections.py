@@ -83,8 +83,9 @@ class Connections:
             if connection.robot in self._simulation.linked:
                 self._simulation.command(connection.robot, Stop(), _ignore_result)
 
-    def take_control(self, connection: Connection, robot: str) -> None:
-        """Give the connection control of the robot. Raises ConnectionClosing if that is impossible."""
+    def take_control(self, connection: Connection, robot: str, *, is_outside: bool = False) -> None:
+        """Give the connection control of the robot, which takes part in traffic from outside or not. Raises ConnectionClosing if
+        that is impossible."""
         if robot not in self._simulation.linked:
             robot_names = ", ".join(sorted(self._simulation.linked)) or "none"
             raise ConnectionClosing("unknown-robot", f"there is no robot {robot}; the robots here are: {robot_names}")
@@ -94,6 +95,7 @@ class Connections:
             raise ConnectionClosing("taken", f"{robot} is controlled by another connection; try again when that connection has ended")
         connection.robot = robot
         self._controllers[robot] = connection
+        self._simulation.set_outside(robot, is_outside)
 
     def is_mute(self, robot: str) -> bool:
         """Whether a fault keeps the robot from sending anything."""

@@ -258,7 +258,7 @@ class Server:
         except WireError as error:
             raise ConnectionClosing(error.code, error.text) from None
         if hello.robot is not None:
-            self._connections.take_control(connection, hello.robot)
+            self._connections.take_control(connection, hello.robot, is_outside=hello.outside)
         connection.rate = hello.rate
         connection.send_line(Welcome(robot=hello.robot, time=self.simulation.time))
 

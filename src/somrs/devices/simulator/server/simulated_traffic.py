@@ -132,8 +132,12 @@ class SimulatedTraffic:
 
     def user(self, solid: Solid) -> RoadUser:
         """The part in traffic of a robot that is added. It enters with the next `advance`."""
+        return self._user(solid, is_outside=False)
+
+    def _user(self, solid: Solid, *, is_outside: bool) -> RoadUser:
         user = RoadUser(solid.name, RobotKind(dimensions_of(solid).radius, solid.graph), round(solid.z, 1), self.office)
-        self.office.join(user)
+        if not is_outside:
+            self.office.join(user)
         return user
 
     def join(self, robot: Robot) -> None:
@@ -146,9 +150,18 @@ class SimulatedTraffic:
         self.office.tell(robot, LeaveTraffic(robot=robot))
         self.office.leave(robot)
 
+    def set_outside(self, robot: Robot, is_outside: bool) -> None:
+        """Let a robot take part by messages of a program of its own, or again by the simulation."""
+        if is_outside != robot.is_outside:
+            self.leave(robot.name)
+            robot.is_outside, robot.road = is_outside, self._user(robot.solid, is_outside=is_outside)
+            robot.road.level = _level(robot)
+            self._join()
+            self.changed = True
+
     def return_to_traffic(self, robot: Robot) -> None:
         """A robot was repaired."""
-        if not _is_silent(robot):
+        if not (_is_silent(robot) or robot.is_outside):
             robot.road.enter_again()
 
     def lay_out(self, map: Map, ontology: Ontology) -> None:
@@ -188,7 +201,7 @@ class SimulatedTraffic:
         self._ways = Ways(self.office.roadmap, building.spaces, building.doors)
         self.office.hold(self._hold)
         for robot in self._robots.values():
-            robot.road = self.user(robot.solid)
+            robot.road = self._user(robot.solid, is_outside=robot.is_outside)
             robot.road.level = _level(robot)
         self.changed, self.outdated = True, False
         self._join()
@@ -197,7 +210,7 @@ class SimulatedTraffic:
     def _replace(self, roadmap: Roadmap) -> None:
         """Have traffic on another roadmap. Robots that are not simulated are where they were, until they enter anew."""
         traffic = Traffic.restored(self.office.component.state)
-        effects = [*traffic.renew(roadmap, int(time.time()), [*self._robots])]
+        effects = [*traffic.renew(roadmap, int(time.time()), [name for name, robot in self._robots.items() if not robot.is_outside])]
         passages = self.office.passages
         self.office = TrafficOffice(traffic, self._send)
         self.office.passages = passages
@@ -247,7 +260,7 @@ class SimulatedTraffic:
 
     def note_mobility(self, robot: Robot, mobility: Mobility) -> None:
         """Say whether a robot can make room, unless it is silent."""
-        if _is_silent(robot):
+        if _is_silent(robot) or robot.is_outside:
             return
         if mobility is Mobility.IMMOBILE and robot.road.mobility is not mobility and robot.stands and not _is_riding(robot):
             robot.road.level = _level(robot)
@@ -259,7 +272,7 @@ class SimulatedTraffic:
         """Let robots enter that do not take part, and those say where exactly they are that have got stuck between two places."""
         self._join_time = self._now
         for robot in self._robots.values():
-            if _is_silent(robot):
+            if _is_silent(robot) or robot.is_outside:
                 continue
             if not robot.road.takes_part:
                 robot.road.level = _level(robot)
@@ -274,8 +287,9 @@ class SimulatedTraffic:
         if self.office.foreign:
             self._robots.levels |= {*self.office.levels}
         standing = {level: things_on_floor(self._scene, level) for level in self._robots.levels}
+        present = self.office.component.state.robots.keys() | self.office.component.state.astray.keys()
         for robot in self._robots.values():
-            if not robot.road.takes_part:
+            if not (robot.road.takes_part or (robot.is_outside and robot.name in present)):
                 x, y, _ = robot.pose()
                 standing[_level(robot)].append(Disc(x, y, robot.size.radius))
         astray = self.office.component.state.astray

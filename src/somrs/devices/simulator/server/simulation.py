@@ -162,6 +162,11 @@ class Simulation:
             return
         self._work.begin(device, command, on_end)
 
+    def set_outside(self, robot: str, is_outside: bool) -> None:
+        """Let a robot take part in traffic by messages of a program of its own, or again by the simulation. Other devices have no part."""
+        if robot in self.robots:
+            self._traffic.set_outside(self.robots[robot], is_outside)
+
     # Observations
 
     def state(self, robot: str) -> RobotState:
