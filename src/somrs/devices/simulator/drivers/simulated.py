@@ -13,6 +13,7 @@ from typing import TypeVar
 
 from somrs.devices.link_security import link_credentials
 from somrs.devices.simulator.drivers.outage import Outage
+from somrs.devices.simulator.link.command_link import CommandLink
 from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Legs, PathStop
@@ -64,21 +65,24 @@ class SimulatedDevice(Device):
         """What `close` has to end, the last first; `open` may have failed on the way."""
 
     async def open(self) -> None:
+        link = self._make_link()
+        self._working = 0
+        self._reported_pose: Pose | None = None
+        self._known_broken = await self.map.holds(f"{self.name}.Working = FALSE")
+        self._link = link
+        await self._opened.enter_async_context(link)
+        await self._link.status()
+        self.attributes = {name: value for name in self.features for value in await self._feature(name)}
+        self.keep_doing(self._notice())
+
+    def _make_link(self) -> CommandLink:
+        """The link to the robot. Raises DeviceError."""
         try:
             host, port, map_name = link_address(self.simulator or "")
             credentials = link_credentials(self.simulator or "")
         except UsageError as error:
             raise DeviceError(f"{self.name} needs a simulator: {error}") from None
-        self._working = 0
-        self._reported_pose: Pose | None = None
-        self._known_broken = await self.map.holds(f"{self.name}.Working = FALSE")
-        self._link = RobotLink(
-            host, port, self.name, silence=self.silence, on_state=self._notice_state, map=map_name, credentials=credentials
-        )
-        await self._opened.enter_async_context(self._link)
-        await self._link.status()
-        self.attributes = {name: value for name in self.features for value in await self._feature(name)}
-        self.keep_doing(self._notice())
+        return RobotLink(host, port, self.name, silence=self.silence, on_state=self._notice_state, map=map_name, credentials=credentials)
 
     async def close(self) -> None:
         await self._opened.aclose()

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from somrs.devices.simulator.drivers.outage import Outage
 from somrs.devices.simulator.drivers.recognition import sighting_parts
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number, number_of
+from somrs.devices.simulator.link.command_link import CommandLink
 from somrs.devices.simulator.link.commands import CommandDone, Point, RobotState, Sighting
-from somrs.devices.simulator.link.link import RobotLink
 from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.device import Device
 
@@ -101,7 +101,7 @@ class Watch:
         self._tolerance = SAME_PLACE + NOISE * accuracy
         self._last_news = self._reported = NOTHING
 
-    async def look(self, state: RobotState, link: RobotLink) -> None:
+    async def look(self, state: RobotState, link: CommandLink) -> None:
         """Look once, and report what was seen for the second time."""
         things = await self._things("Graspable", state)
         seen_at = time.time()

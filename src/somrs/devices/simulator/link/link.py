@@ -7,37 +7,18 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncGenerator, Callable, Sequence
+from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass
 
 from somrs.devices.link_security import SCHEME, link_credentials
+from somrs.devices.simulator.link.command_link import CommandLink
 from somrs.devices.simulator.link.commands import (
-    Approach,
-    Charge,
-    Close,
     Command,
     CommandDone,
-    DriveAlong,
-    DriveTo,
     Fault,
-    Grip,
-    Insert,
-    Likeness,
     LinkedDevice,
-    LookAround,
-    LookAt,
-    MoveCabin,
     ObjectState,
-    Open,
-    Place,
-    Point,
-    PutDown,
     RobotState,
-    Sense,
-    Status,
-    Stop,
-    Velocity,
-    Weigh,
 )
 from somrs.devices.simulator.link.connection import Link, RobotGaveUp
 from somrs.devices.simulator.link.lines import (
@@ -96,7 +77,7 @@ def link_address(address: str) -> tuple[str, int, str | None]:
     return host, int(port), map or None
 
 
-class RobotLink(Link):
+class RobotLink(Link, CommandLink):
     """Controls one robot or camera. Commands return `CommandDone` or raise RobotGaveUp. A new command ends the one in progress.
 
     `outside`: see `Hello`. `on_state` is called with every state. When the simulator has run for `silence` seconds without a line from
@@ -139,64 +120,6 @@ class RobotLink(Link):
                     await self._ready.wait()
         return self.connected
 
-    async def drive_to(self, x: float, y: float, yaw: float | None = None, z: float | None = None) -> CommandDone:
-        return await self.command(DriveTo(x=x, y=y, yaw=yaw, z=z))
-
-    async def drive_along(
-        self, points: Sequence[tuple[float, float]], yaw: float | None = None, *, speed: float | None = None, backward: bool = False
-    ) -> CommandDone:
-        return await self.command(DriveAlong(points=tuple(points), yaw=yaw, speed=speed, backward=backward))
-
-    async def set_velocity(self, forward: float, turning: float, lasts: float = 0.5) -> CommandDone:
-        return await self.command(Velocity(forward=forward, turning=turning, lasts=lasts))
-
-    async def approach(self, object: str) -> CommandDone:
-        return await self.command(Approach(object=object))
-
-    async def grip(self, object: str) -> CommandDone:
-        return await self.command(Grip(object=object))
-
-    async def place(self, support: str, x: float | None = None, y: float | None = None) -> CommandDone:
-        return await self.command(Place(support=support, x=x, y=y))
-
-    async def insert(self, container: str) -> CommandDone:
-        return await self.command(Insert(container=container))
-
-    async def open_doors(self, object: str) -> CommandDone:
-        return await self.command(Open(object=object))
-
-    async def close_doors(self, object: str) -> CommandDone:
-        return await self.command(Close(object=object))
-
-    async def move_cabin(self, z: float) -> CommandDone:
-        return await self.command(MoveCabin(z=z))
-
-    async def charge(self) -> CommandDone:
-        return await self.command(Charge())
-
-    async def put_down_object(self) -> CommandDone:
-        return await self.command(PutDown())
-
-    async def weigh(self, object: str) -> CommandDone:
-        return await self.command(Weigh(object=object))
-
-    async def sense(self, radius: float | None = None, like: Likeness | None = None, expected: Sequence[Point] = ()) -> CommandDone:
-        return await self.command(Sense(radius=radius, like=like, expected=tuple(expected)))
-
-    async def look_at(
-        self, x: float, y: float, z: float, object: str | None = None, like: Likeness | None = None, *, whole: bool = False
-    ) -> CommandDone:
-        return await self.command(LookAt(x=x, y=y, z=z, object=object, like=like, whole=whole))
-
-    async def look_around(self, object: str | None = None, like: Likeness | None = None, *, whole: bool = False) -> CommandDone:
-        return await self.command(LookAround(object=object, like=like, whole=whole))
-
-    async def stop(self) -> CommandDone:
-        return await self.command(Stop())
-
-    async def status(self) -> CommandDone:
-        return await self.command(Status())
-
     async def command(self, command: Command) -> CommandDone:
         """Send a command, and wait for its result. Raises RobotGaveUp, at once if the robot is silent."""
         if self.silent:
@@ -211,13 +134,7 @@ class RobotLink(Link):
             case reply:
                 raise RobotGaveUp("refused", f"{self._address} answered a command with {type(reply).__name__}", self.state)
 
-    async def ways(self, *stops: str | tuple[float, float]) -> tuple[float | None, ...]:
-        """Driving distances in metres to the first stop, from there to the next, and so on; None where there is no path."""
-        legs = await self.legs(*stops)
-        return legs.lengths if not legs.shut else (None,) * len(stops)
-
     async def legs(self, *stops: PathStop, situation: str | None = None) -> Legs:
-        """The way through the stops in a situation (what others will have changed, in Entish), and the shut doors on it."""
         return await self._legs(self.robot, stops, situation)
 
     def _hear(self, line: ServerLine) -> None:
