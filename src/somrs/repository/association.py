@@ -87,9 +87,9 @@ class Association:
     duplicates: Mapping[str, str] = field(default_factory=dict)
 
 
-def associate(sightings: Sequence[Sighting], map: Map, ontology: Ontology, around: Surroundings) -> Association:
+def associate(sightings: Sequence[Sighting], map: Map, ontology: Ontology, near_objects: Surroundings) -> Association:
     """Associate the sightings of one report with the objects of the map."""
-    associating = _Associating(map, ontology, around)
+    associating = _Associating(map, ontology, near_objects)
     costs = [associating.costs(sighting) for sighting in sightings]
     assigned = assign(costs, _NEW)
     names: dict[str, str] = {}
@@ -113,8 +113,8 @@ def coinciding(name: str, others: Iterable[str], map: Map, ontology: Ontology) -
 
 
 class _Associating:
-    def __init__(self, map: Map, ontology: Ontology, around: Surroundings) -> None:
-        self.map, self.ontology, self.around = map, ontology, around
+    def __init__(self, map: Map, ontology: Ontology, near_objects: Surroundings) -> None:
+        self.map, self.ontology, self.around = map, ontology, near_objects
         self._changing = changing_attributes(ontology)
         self._to_metres = {path: _metres(path, ontology) for path in _POSITION}
         self._compatible = functools.cache(lambda type_name: compatible_types(type_name, ontology))
@@ -153,8 +153,8 @@ class _Associating:
         x, y = (self._metric(sighting, path) for path in _POSITION[:2])
         if x is None or y is None or sum(len(self.map.of_type(name)) for name in types) <= MOST_COMPARED:
             return (name for type_name in types for name in self.map.of_type(type_name))
-        places, around = self.map.places, self.around
-        names = {*places.near(x, y, NEAR), *around.anywhere, *around.held, *around.moved}
+        places, near_objects = self.map.places, self.around
+        names = {*places.near(x, y, NEAR), *near_objects.anywhere, *near_objects.held, *near_objects.moved}
         names.update(name for type_name in types for name in places.unplaced(type_name))
         names.update(name for name in types if self.ontology.is_subtype(name, DEVICE) for name in self.map.of_type(name))
         if sighting.place is not None:
@@ -169,16 +169,16 @@ class _Associating:
 
     def _cost(self, sighting: Sighting, name: str) -> float | None:
         """The cost of the pair; None if the object cannot be the sighted one."""
-        object, around = self.map.objects[name], self.around
+        object, near_objects = self.map.objects[name], self.around
         distance = self._distance(sighting, name)
         is_near = distance is not None and distance <= NEAR
-        is_free = distance is None or name in around.anywhere or self.ontology.is_subtype(object.type, DEVICE)
-        is_doubtful = name in around.held or name in around.moved
+        is_free = distance is None or name in near_objects.anywhere or self.ontology.is_subtype(object.type, DEVICE)
+        is_doubtful = name in near_objects.held or name in near_objects.moved
         if not (is_near or is_free or is_doubtful) or not self._agrees(sighting, object, self.map):
             return None
         if is_near and distance is not None:
             return distance
-        if is_doubtful and name not in around.anywhere:
+        if is_doubtful and name not in near_objects.anywhere:
             return _DOUBTFUL
         far = distance if distance is not None and math.isfinite(distance) else 0.0
         return NEAR + 0.9 * NEAR * far / (1 + far)

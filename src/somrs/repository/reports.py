@@ -63,14 +63,14 @@ def read_report(
     map: Map,
     ontology: Ontology,
     provenance: Provenance,
-    at: float,
+    time_seen: float,
     reserved: Collection[str] = (),
 ) -> Reading:
     """Read a report about the map that held `at` a time. `reserved`: names that new objects do not get.
 
     Raises FormulaError for a situation that does not fit the ontology, or does not say what holds.
     """
-    return _Report(observation, map, ontology, provenance, at, reserved).read(situation)
+    return _Report(observation, map, ontology, provenance, time_seen, reserved).read(situation)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,9 +86,9 @@ class _Identities:
 
 class _Report:
     def __init__(
-        self, observation: Observation, map: Map, ontology: Ontology, provenance: Provenance, at: float, reserved: Collection[str]
+        self, observation: Observation, map: Map, ontology: Ontology, provenance: Provenance, time_seen: float, reserved: Collection[str]
     ) -> None:
-        self.observation, self.map, self.ontology, self.provenance, self.at = observation, map, ontology, provenance, at
+        self.observation, self.map, self.ontology, self.provenance, self.at = observation, map, ontology, provenance, time_seen
         self.reserved = reserved
         self.aspects: list[Aspect] = []
         self.superseded: list[str] = []
@@ -165,7 +165,7 @@ class _Report:
         names = self.map.objects, self.reserved, new_names
         if len(self.map.objects) + len(self.reserved) <= MOST_NUMBERED:
             return free_name(type_name, chain(*names))
-        return next_free_name(type_name, lambda name: any(name in taken for taken in names))
+        return next_free_name(type_name, lambda name: any(name in used_names for used_names in names))
 
     def _surroundings(self) -> Surroundings:
         map, provenance = self.map, self.provenance
@@ -336,12 +336,12 @@ def free_name(type_name: str, names: Iterable[str]) -> str:
 
 def next_free_name(type_name: str, is_taken: Callable[[str], bool]) -> str:
     """A free name of that form, found in a few steps: the highest number is not looked for."""
-    taken, free = 0, 1
+    taken_number, free = 0, 1
     while is_taken(f"{type_name}{free:03d}"):
-        taken, free = free, 2 * free
-    while free - taken > 1:
-        middle = (taken + free) // 2
-        taken, free = (middle, free) if is_taken(f"{type_name}{middle:03d}") else (taken, middle)
+        taken_number, free = free, 2 * free
+    while free - taken_number > 1:
+        middle = (taken_number + free) // 2
+        taken_number, free = (middle, free) if is_taken(f"{type_name}{middle:03d}") else (taken_number, middle)
     return f"{type_name}{free:03d}"
 
 
@@ -375,6 +375,6 @@ def _unused(name: str, map: Map) -> str:
     return name
 
 
-def _is_placed_after(times: Mapping[str, float], at: float) -> bool:
+def _is_placed_after(times: Mapping[str, float], time_seen: float) -> bool:
     """Whether any news of where the object is came after that time."""
-    return any(time > at and (aspect.startswith(("<", "Position"))) for aspect, time in times.items())
+    return any(time > time_seen and (aspect.startswith(("<", "Position"))) for aspect, time in times.items())

@@ -158,12 +158,12 @@ class _Execution:
     def _pursue_alone(self, part: Fact, bags: Sequence[Bag]) -> bool:
         """Reach a part of the goal with explorations of its own; at first, without the objects of which other parts speak."""
         rest = self.subjects - set(part[1])
-        return any(self._explore_alone(part, bags, left_out) for left_out in ([rest, frozenset()] if rest else [rest]))
+        return any(self._explore_alone(part, bags, omitted_members) for omitted_members in ([rest, frozenset()] if rest else [rest]))
 
-    def _explore_alone(self, part: Fact, bags: Sequence[Bag], left_out: frozenset[Argument]) -> bool:
+    def _explore_alone(self, part: Fact, bags: Sequence[Bag], omitted_members: frozenset[Argument]) -> bool:
         nearest, patience = float("inf"), PATIENCE
         while True:
-            guide = _Guide(self, bags, self._demands_for(part), part, left_out)
+            guide = _Guide(self, bags, self._demands_for(part), part, omitted_members)
             distance = guide.exploration.cost(part)
             patience = PATIENCE if distance < nearest else patience - 1
             if part not in guide.exploration.achievers or patience == 0:
@@ -241,8 +241,8 @@ class _Guide:
         map = execution.world.map
         self.bags = {bag.representative: bag for bag in bags if len(bag.members) > 1}
         self.holders = {bag.representative: bag.find_holders(map, execution.world) for bag in self.bags.values()}
-        left_out = {member for bag in bags for member in bag.left_out}.union(name for name in others if isinstance(name, str))
-        world = execution.world.without(left_out) if left_out else execution.world
+        omitted_members = {member for bag in bags for member in bag.left_out}.union(name for name in others if isinstance(name, str))
+        world = execution.world.without(omitted_members) if omitted_members else execution.world
         known = (fact for holders in self.holders.values() for fact in holders)
         self.exploration = self._explore(world, demanded, known, target)
         self._under_way: set[Fact] = set()
@@ -256,10 +256,14 @@ class _Guide:
         self.execution.effort += max(result.joins.effort, 0)
         return result
 
-    def casts(self, part: Fact, used: Collection[str]) -> list[Mapping[str, str]]:
+    def casts(self, part: Fact, used_devices: Collection[str]) -> list[Mapping[str, str]]:
         """For each representative in the chain to the part, a device; the best choices first."""
         chain, first_facts = self._chain(part)
-        ranked = {name: self._rank(self.bags[name], chain, first_facts, used) for name in self.bags if name in _objects(first_facts, chain)}
+        ranked = {
+            name: self._rank(self.bags[name], chain, first_facts, used_devices)
+            for name in self.bags
+            if name in _objects(first_facts, chain)
+        }
         count = max((len(devices) for devices in ranked.values()), default=1)
         return [{name: devices[min(n, len(devices) - 1)] for name, devices in ranked.items()} for n in range(count)]
 
@@ -283,7 +287,7 @@ class _Guide:
             waiting += ((precondition, None) for precondition in reversed(new))
         return actions, first_facts
 
-    def _rank(self, bag: Bag, chain: Sequence[Action], first_facts: Iterable[Fact], used: Collection[str]) -> list[str]:
+    def _rank(self, bag: Bag, chain: Sequence[Action], first_facts: Iterable[Fact], used_devices: Collection[str]) -> list[str]:
         """The devices that can begin the chain where they are, and whose values allow it; those that have nothing else to do first."""
         score = dict.fromkeys(bag.members, 0.0)
         weight = 1.0
@@ -293,7 +297,7 @@ class _Guide:
                 score[device] += weight
             if holders:
                 weight /= 2  # where it is used first is where it begins
-        order = sorted(bag.members, key=lambda device: (device in used, -score[device]))[:EXAMINED]
+        order = sorted(bag.members, key=lambda device: (device in used_devices, -score[device]))[:EXAMINED]
         able = (device for device in order if not any(self.execution.fails(action, bag.representative, device) for action in chain))
         return list(dict.fromkeys([*islice(able, CANDIDATES), *order[:CANDIDATES]]))[:CANDIDATES]
 
@@ -346,8 +350,8 @@ class _Guide:
         action = self.execution.bind(operator, {name: value for name, value in same.items() if "." not in name})
         if action is None:
             condition_variables = {name for condition in operator.preconditions for name in pattern_variables(condition)}
-            kept = {name: value for name, value in same.items() if name in effect_variables or name not in condition_variables}
-            action = self.execution.bind(operator, {name: value for name, value in kept.items() if "." not in name})
+            bound_values = {name: value for name, value in same.items() if name in effect_variables or name not in condition_variables}
+            action = self.execution.bind(operator, {name: value for name, value in bound_values.items() if "." not in name})
         return action if action is not None and self._achieves(action, target) else None
 
     def _achieves(self, action: Action, target: Fact) -> bool:

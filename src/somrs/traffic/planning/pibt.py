@@ -114,16 +114,16 @@ class _Step:
 
     def _is_free(self, robot: int, place: int) -> bool:
         """Whether no decided robot is going to be at the place, or so close that the two would touch, or comes from it to this robot's."""
-        taken = self._next
-        if taken[place] != NOBODY:
+        taken_places = self._next
+        if taken_places[place] != NOBODY:
             return False
         for close_place in self._graph.exclusions[place]:
-            if taken[close_place] not in (NOBODY, robot):
+            if taken_places[close_place] not in (NOBODY, robot):
                 return False
-        here = self._places[robot]
-        if place == here:
+        present_place = self._places[robot]
+        if place == present_place:
             return True
-        close = (here, *self._graph.exclusions[here])
+        close = (present_place, *self._graph.exclusions[present_place])
         return not any(self._decided[occupant] in close for occupant in self._occupants(place) if occupant != robot)
 
     def _occupants(self, place: int) -> Iterator[int]:
@@ -137,8 +137,8 @@ class _Step:
 
     def _find_place(self, robot: int) -> bool:
         """Decide on the robot's next place, and on those of all robots that have to give way. Returns whether it got one."""
-        here, estimate = self._places[robot], self._estimates[robot]
-        candidates = [*self._graph.options(here, robot), here]
+        present_place, estimate = self._places[robot], self._estimates[robot]
+        candidates = [*self._graph.options(present_place, robot), present_place]
         if self._shuffle is not None:
             self._shuffle(candidates)
         now, restless, corridors = self._now, self._restless, self._corridors
@@ -147,13 +147,13 @@ class _Step:
             key=lambda place: (
                 meets[place],
                 estimate[place],
-                place != here and not restless,
+                place != present_place and not restless,
                 corridors[place] != NOWHERE,
                 now[place] != NOBODY,
             )
         )
-        comes_out = corridors[here] != NOWHERE and corridors[candidates[0]] == NOWHERE  # others wait outside, and can give way
-        partner = self._partner(robot, candidates[0]) if candidates[0] != here and not comes_out else NOBODY
+        comes_out = corridors[present_place] != NOWHERE and corridors[candidates[0]] == NOWHERE  # others wait outside, and can give way
+        partner = self._partner(robot, candidates[0]) if candidates[0] != present_place and not comes_out else NOBODY
         if partner != NOBODY:
             candidates.reverse()
         for number, place in enumerate(candidates):
@@ -163,11 +163,11 @@ class _Step:
             self._take(robot, place)
             if self._clear_away(robot, place):
                 if number == 0 and partner != NOBODY:
-                    self._pull(partner, here)
+                    self._pull(partner, present_place)
                 return True
             self._take_back(count)
-        if self._is_free(robot, here):
-            self._take(robot, here)
+        if self._is_free(robot, present_place):
+            self._take(robot, present_place)
         return False
 
     def _let_out(self, robot: int) -> None:
@@ -187,11 +187,11 @@ class _Step:
             return NOBODY
         estimate = self._estimates[robot]
         for oncoming in range(len(self._places)):
-            for taken in (self._places[oncoming], self._decided[oncoming]):
-                if oncoming == robot or taken == UNDECIDED or self._corridors[taken] != corridor:
+            for taken_place in (self._places[oncoming], self._decided[oncoming]):
+                if oncoming == robot or taken_place == UNDECIDED or self._corridors[taken_place] != corridor:
                     continue
-                exit = self._exit(oncoming, taken)
-                if exit != taken and estimate[exit] >= estimate[place]:  # one that is to stay there gives way
+                exit = self._exit(oncoming, taken_place)
+                if exit != taken_place and estimate[exit] >= estimate[place]:  # one that is to stay there gives way
                     return oncoming
         return NOBODY
 
@@ -243,23 +243,23 @@ class _Step:
 
     def _partner(self, robot: int, best: int) -> int:
         """The robot that has to pass this one, which wants to the place `best`, where only one has room; NOBODY if there is none."""
-        here, now = self._places[robot], self._now
+        present_place, now = self._places[robot], self._now
         partner = now[best]
         if (
             partner != NOBODY
             and self._decided[partner] == UNDECIDED
-            and self._have_to_swap(robot, partner, here, best)
-            and self._can_swap(best, here)
+            and self._have_to_swap(robot, partner, present_place, best)
+            and self._can_swap(best, present_place)
         ):
             return partner
-        for place in self._graph.successors[here]:
+        for place in self._graph.successors[present_place]:
             partner = now[place]
             if (
                 partner != NOBODY
                 and place != best
                 and self._decided[partner] == UNDECIDED
-                and self._have_to_swap(partner, robot, here, best)
-                and self._can_swap(best, here)
+                and self._have_to_swap(partner, robot, present_place, best)
+                and self._can_swap(best, present_place)
             ):
                 return partner
         return NOBODY
@@ -292,12 +292,12 @@ class _Step:
             pusher_place, pulled_place = pulled_place, way_on
         return False
 
-    def _ways_on(self, back: int, place: int) -> tuple[int, int]:
+    def _ways_on(self, way_back_place: int, place: int) -> tuple[int, int]:
         """How many places lead on from a place, and one of them. Not the place `back`, and no dead end where a robot is at its goal."""
         successors, now, estimates = self._graph.successors, self._now, self._estimates
         ways, way_on = 0, NOBODY
         for following in successors[place]:
-            if following == back:
+            if following == way_back_place:
                 continue
             occupant = now[following]
             if occupant != NOBODY and len(successors[following]) == 1 and estimates[occupant][following] == 0:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from somrs.devices.simulator.motion.approach import ranked
 from somrs.devices.simulator.motion.driving import MARGIN, floor_things
 from somrs.devices.simulator.motion.robot import ARM, Robot
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
+from somrs.space.dimensions import Dimensions
 from somrs.space.distances import Array, distances_from
 from somrs.space.leaves import inside
 from somrs.space.solids import Point, Role, Solid
@@ -31,6 +33,12 @@ COMFORTABLE = 0.5
 
 WAY = 0.3
 """What a metre of the way to a stand costs."""
+
+
+class Clearances(Protocol):
+    """The distance from points (n, 2) to the nearest static solid between two heights, without some."""
+
+    def __call__(self, points: Array, low: float, high: float, ignored: Iterable[str] = (), /) -> Array: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +67,13 @@ def stands(
     """
     size, level = robot.size, robot.solid.z
     bases, target_spots, costs = reaching_bases(
-        robot, spots, top, penalties, lambda points: robot.scene.clearances(points, level + 0.02, level + 1.85), container
+        size,
+        robot.scene.clearances,
+        spots,
+        top,
+        penalties,
+        lambda points: robot.scene.clearances(points, level + 0.02, level + 1.85),
+        container,
     )
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot, ignored)]
     middle = (float(spots[:, 0].mean()), float(spots[:, 1].mean()))
@@ -82,7 +96,8 @@ def stands(
 
 
 def reaching_bases(
-    robot: Robot,
+    size: Dimensions,
+    static: Clearances,
     spots: Array,
     top: float,
     penalties: Array,
@@ -91,9 +106,9 @@ def reaching_bases(
 ) -> tuple[Array, Array, Array]:
     """Points for the base from which the arm reaches one of the spots at height `top`, if nothing but static solids is in the way.
 
-    Each with its spot and its cost. `room`: the distance from points to the nearest obstacle of the base. `container`: see `stands`.
+    Each with its spot and its cost. `size`: of the robot. `static`: see `Clearances`. `room`: the distance from points to the nearest
+    obstacle of the base. `container`: see `stands`.
     """
-    size = robot.size
     reaches = np.linspace(size.nearest + 0.015, size.farthest - 0.015, 6)
     angles = np.arange(24) * (math.pi / 12)
     offsets = np.array([(r * math.cos(angle), r * math.sin(angle)) for r in reaches for angle in angles])
@@ -102,24 +117,26 @@ def reaching_bases(
     costs = np.repeat(penalties, len(offsets)) + np.tile(np.abs(np.repeat(reaches, len(angles)) - COMFORTABLE) * 0.5, len(spots))
     mask = room(bases) >= size.radius + MARGIN + 0.015
     bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
-    mask = _boom_clear(robot, bases, target_spots, top, container)
+    mask = _boom_clear(size, static, bases, target_spots, top, container)
     return bases[mask], target_spots[mask], costs[mask]
 
 
-def _boom_clear(robot: Robot, bases: Array, spots: Array, top: float, container: Solid | None = None) -> npt.NDArray[np.bool_]:
+def _boom_clear(
+    size: Dimensions, static: Clearances, bases: Array, spots: Array, top: float, container: Solid | None = None
+) -> npt.NDArray[np.bool_]:
     """For each pair of base and spot, whether the boom passes above all static solids between them when the hand is at `top`.
 
     Into a container, it passes through the open front.
     """
-    boom = top + robot.size.hang - 0.05
+    boom = top + size.hang - 0.05
     ignored = [container.name] if container is not None else []
     clear = np.ones(len(bases), dtype=bool)
     for share in (0.4, 0.6, 0.8, 1.0, 1.08):
         points = bases + share * (spots - bases)
-        clear &= robot.scene.clearances(points, boom, boom + 0.1, ignored) > 0.05
+        clear &= static(points, boom, boom + 0.1, ignored) > 0.05
     if container is not None:
         clear &= _through_front(container, bases, spots)
-    return clear & (robot.scene.clearances(spots, top + 0.03, boom, ignored) > 0.03)
+    return clear & (static(spots, top + 0.03, boom, ignored) > 0.03)
 
 
 def _through_front(container: Solid, bases: Array, spots: Array) -> npt.NDArray[np.bool_]:
@@ -245,7 +262,7 @@ def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
         robots = min((float(_from_capsule(single_spot, c)[0]) - radius for o in robot.other_robots() for c in o.claims()), default=9.0)
         if (
             min(edge, walls - FINGERS, room - FINGERS, robots - 0.12) < 0
-            or not _boom_clear(robot, base[None, :], single_spot, support.top)[0]
+            or not _boom_clear(size, robot.scene.clearances, base[None, :], single_spot, support.top)[0]
         ):
             continue
         narrow = 0.4 * max(0.0, 0.5 - min(walls, room, robots))
@@ -284,7 +301,11 @@ def reachable_now(robot: Robot, spots: Array, top: float, container: Solid | Non
     x, y, _ = robot.pose()
     base = np.tile(np.array([[x, y]]), (len(spots), 1))
     distance = np.hypot(spots[:, 0] - x, spots[:, 1] - y)
-    fine = (distance >= robot.size.nearest) & (distance <= robot.size.farthest) & _boom_clear(robot, base, spots, top, container)
+    fine = (
+        (distance >= robot.size.nearest)
+        & (distance <= robot.size.farthest)
+        & _boom_clear(robot.size, robot.scene.clearances, base, spots, top, container)
+    )
     ready = np.flatnonzero(fine)
     return int(ready[0]) if len(ready) else None
 

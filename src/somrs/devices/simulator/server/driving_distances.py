@@ -1,346 +1,74 @@
-"""Driving distances of a simulated robot, for quotes: from its position through a sequence of stops, in a promised situation."""
+"""Driving distances of simulated robots, for quotes: the simulation as `find_legs` sees it."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
-import numpy as np
-
-from somrs.devices.simulator.link.lines import HANDLES, Legs, PathStop, StandAt, Stops
-from somrs.devices.simulator.motion.driving import MARGIN
+from somrs.devices.simulator.link.lines import Legs, Stops
+from somrs.devices.simulator.motion import legs
+from somrs.devices.simulator.motion.driven_world import Driver
 from somrs.devices.simulator.motion.leaves import moving_bases
-from somrs.devices.simulator.motion.placement import outline_spots, reaching_bases
-from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.entish import Attribute, Comparison, Name, Number, Relation, Truth
-from somrs.entish.formula import conjuncts
-from somrs.entish.parse import parse
-from somrs.errors import FormulaError, UsageError
+from somrs.errors import UsageError
 from somrs.space.clearance import Disc
-from somrs.space.edges import edge_targets
-from somrs.space.free_space import FreeSpace
-from somrs.space.shafts import SAME_FLOOR
-from somrs.space.solids import CARRYING, Point, Role, Solid
-from somrs.traffic.ways import Closed, Goal, Stands, Way, Ways
-
-EDGE = 0.1
-"""Distance from the edge of a support at which things are taken to be put, m."""
-AROUND = 1.5
-"""Height above the floor above which an arm does not reach into what it is beside, m."""
-ELEVATION = 0.8
-"""Height above the floor at which the arm reaches a stop that is a point, m."""
-BELOW, ABOVE = 0.5, 2.2
-"""What stands lower or higher than this, from the robot's floor, is on another storey, m."""
-
-
-@dataclass(slots=True)
-class _Promised:
-    """The promised situation: doors that will be open (True) or shut; what things and robots will be at; their known positions."""
-
-    doors: dict[str, bool] = field(default_factory=dict)
-    carriers: dict[str, str] = field(default_factory=dict)
-    points: dict[str, tuple[float, ...]] = field(default_factory=dict)
-
-    @classmethod
-    def read(cls, situation: str | None, solids: Mapping[str, Solid]) -> _Promised:
-        """Raises UsageError for a situation that is no formula."""
-        promised, positions = cls(), dict[str, dict[str, float]]()
-        try:
-            parts = conjuncts(parse(situation)) if situation is not None else ()
-        except FormulaError as error:
-            raise UsageError(f"the situation is no formula: {error}") from None
-        for part in parts:
-            match part:
-                case Comparison(Attribute(Name(name), "Open"), "=", Truth(is_open)) if name in solids and solids[name].role is Role.DOOR:
-                    promised.doors[name] = is_open
-                case Comparison(Attribute(Name(name), "PositionX" | "PositionY" | "PositionZ" as path), "=", Number(value)) if (
-                    name in solids
-                ):
-                    positions.setdefault(name, {})[path] = value
-                case Relation(_, (Name(name), Name(carrier), *_)) if carrier in solids and _is_movable(solids.get(name)):
-                    promised.carriers[name] = carrier
-        stated = {name: values for name, values in positions.items() if {"PositionX", "PositionY"} <= values.keys()}
-        promised.points = {
-            name: tuple(values[path] for path in ("PositionX", "PositionY", "PositionZ") if path in values)
-            for name, values in stated.items()
-        }
-        return promised
-
-    def stop(self, stop: PathStop) -> PathStop:
-        """Where the robot has to go for this stop."""
-        visited_stops = set[str]()
-        while isinstance(stop, str) and stop not in visited_stops and stop in {*self.points, *self.carriers}:
-            visited_stops.add(stop)
-            stop = self.points[stop] if stop in self.points else self.carriers[stop]
-        return stop
-
-
-@lru_cache(maxsize=1024)
-def _edge_points(solid: Solid) -> tuple[Point, ...]:
-    """Points on a support where things are taken to be put."""
-    return tuple(point for point, _ in edge_targets(solid, EDGE))
-
-
-def _is_movable(solid: Solid | None) -> bool:
-    return solid is not None and solid.role in (Role.THING, Role.ROBOT)
+from somrs.space.distances import Array
+from somrs.space.solids import Solid
+from somrs.space.zones import Zones
 
 
 def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str | None = None) -> Legs:
-    """Driving distances in metres to the first stop, from there to the next, and so on; None from the first leg without a path on.
-
-    If shut doors leave no path, the legs are those of a shortest path with the doors on it open, and the doors are named. So are the open
-    doors without which there is no path. Other robots count as obstacles only if they cannot move. Raises UsageError for an unknown robot
-    or object.
-    """
+    """The ways of a simulated robot. Raises UsageError for an unknown robot or object."""
     if robot not in simulation.robots:
         raise UsageError(f"there is no robot {robot}; there are {', '.join(simulation.robots) or 'none'}")
-    solids = simulation.scene.world.solids
-    promised = _Promised.read(situation, solids)
-    last_solid = solids.get(stops[-1]) if stops and isinstance(stops[-1], str) else None
-    carries = last_solid is None or last_solid.role in CARRYING
-    ways = simulation.ways()
-    open_for_all = {name for name, door in simulation.robots.doors.items() if door.is_usable}
-    doors = {name: solids[name] for name in ways.doors if name in solids and name not in open_for_all}
-    unusable = frozenset(name for name in doors if name in simulation.out_of_order or name in simulation.robots.doors)
-    shut_doors = frozenset(name for name, door in doors.items() if name in unusable or not promised.doors.get(name, door.open))
-    planner = _LegPlanner(simulation, ways, simulation.robots[robot], promised, doors)
-    lifts = frozenset(lift.name for lift in simulation.lifts if not lift.is_usable)
-    zones = simulation.robots.zones
-    closed = Closed(shut_doors, lifts, planner.standing(), zones.forbidden, zones.slow)
-    leg_ways = planner.ways(stops, closed)
-    if None not in leg_ways or not (shut_doors or lifts or zones.forbidden):
-        needed_doors = _needed(planner, stops, closed, leg_ways)
-        return Legs(_lengths(leg_ways), (), needed_doors, carries, out_of_reach=planner.is_out_of_reach(stops, leg_ways))
-    to_move = {stop.removesuffix(HANDLES) for stop in stops if isinstance(stop, str) and stop.endswith(HANDLES)}
-    staying_shut = unusable | (shut_doors & to_move)  # none can be opened from behind itself
-    with_doors = planner.ways(stops, replace(closed, doors=staying_shut))
-    if None in with_doors:
-        out_of_order, forbidden = _closing(planner, stops, replace(closed, doors=staying_shut))
-        passages = tuple(passage for passage in out_of_order if passage not in to_move)
-        out_of_reach = planner.is_out_of_reach(stops, leg_ways)
-        return Legs(_lengths(leg_ways), carries=carries, out_of_order=passages, zones=forbidden, out_of_reach=out_of_reach)
-    to_open = [door for door in doors if door in shut_doors and door in _doors(with_doors)]
-    for door in [*to_open] if len(to_open) > 1 else ():  # a longer way may need fewer doors
-        shorter = planner.ways(stops, replace(closed, doors=(shut_doors - {*to_open}) | {door}))
-        if None not in shorter:
-            to_open.remove(door)
-            with_doors = shorter
-    closed = replace(closed, doors=shut_doors - {*to_open})
-    needed_doors = _needed(planner, stops, closed, with_doors)
-    return Legs(_lengths(with_doors), tuple(to_open), tuple(door for door in needed_doors if door not in to_open), carries)
+    return legs.find_legs(_SimulatedSurroundings(simulation), simulation.robots[robot], stops, situation)
 
 
-def _closing(planner: _LegPlanner, stops: Stops, closed: Closed) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What closes the way: the doors and lifts that are out of order, on the ways that there would be without some of them; and the no-go
-    zones without each of which there would be one."""
-    zones = tuple(area.name for area in closed.forbidden if _is_way(planner, stops, closed, omitted=area))
-    for passable in (closed, replace(closed, forbidden=())) if not zones else ():
-        passages = _closed_passages(planner, stops, passable)
-        if passages is not None:
-            return passages, () if passable is closed else tuple(area.name for area in closed.forbidden)
-    return (), zones
+class _SimulatedSurroundings:
+    """What is around the robots of a simulation."""
 
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self.pose, self.container, self.clearances = simulation.scene.pose, simulation.scene.container, simulation.scene.clearances
+        self.ways = simulation.ways
 
-def _closed_passages(planner: _LegPlanner, stops: Stops, closed: Closed) -> tuple[str, ...] | None:
-    """The doors, and then the lifts, on a way that there would be if none was closed, and on those which lead around each of them; None if
-    there is no way."""
-    passages: dict[str, None] = {}
-    avoided: frozenset[str] = frozenset()
-    on_way = _passed(planner, stops, closed, avoided)
-    if on_way is None:
-        return None
-    waiting = [*on_way]
-    while waiting:
-        passage = waiting.pop(0)
-        passages[passage] = None
-        on_way = _passed(planner, stops, closed, avoided | {passage})
-        if on_way is not None:
-            avoided |= {passage}
-            waiting += [name for name in on_way if name not in passages and name not in waiting]
-    return (*sorted(closed.doors & passages.keys()), *sorted(closed.lifts & passages.keys()))
+    @property
+    def solids(self) -> Mapping[str, Solid]:
+        return self._simulation.scene.world.solids
 
+    def has_leaves(self, owner: str) -> bool:
+        return bool(self._simulation.scene.leaves(owner))
 
-def _passed(planner: _LegPlanner, stops: Stops, closed: Closed, avoided: frozenset[str]) -> list[str] | None:
-    """The closed doors and lifts through which the way would lead if only those to be avoided were closed; None without a way."""
-    leg_ways = planner.ways(stops, replace(closed, doors=closed.doors & avoided, lifts=closed.lifts & avoided))
-    if None in leg_ways:
-        return None
-    lifts = {lift for way in leg_ways if way is not None for lift in way.lifts}
-    return sorted((closed.doors & _doors(leg_ways)) | (closed.lifts & lifts))
-
-
-def _is_way(planner: _LegPlanner, stops: Stops, closed: Closed, omitted: Solid) -> bool:
-    """Whether there would be a way without this no-go zone."""
-    return None not in planner.ways(stops, replace(closed, forbidden=tuple(area for area in closed.forbidden if area is not omitted)))
-
-
-def _needed(planner: _LegPlanner, stops: Stops, closed: Closed, leg_ways: Sequence[Way | None]) -> tuple[str, ...]:
-    """The open doors on the ways without which there is no way."""
-    passed_doors = [door for door in planner.doors if door in _doors(leg_ways) and door not in closed.doors]
-    if None in leg_ways or (
-        len(passed_doors) > 1 and None not in planner.ways(stops, replace(closed, doors=closed.doors | {*passed_doors}))
-    ):
-        return ()
-    return tuple(door for door in passed_doors if None in planner.ways(stops, replace(closed, doors=closed.doors | {door})))
-
-
-def _doors(leg_ways: Sequence[Way | None]) -> frozenset[str]:
-    """The doors through which the ways lead."""
-    return frozenset(door for way in leg_ways if way is not None for door in way.doors)
-
-
-def _lengths(leg_ways: Sequence[Way | None]) -> tuple[float | None, ...]:
-    return tuple(way.length if way is not None else None for way in leg_ways)
-
-
-class _LegPlanner:
-    """Plans the legs of one robot in a promised situation."""
-
-    def __init__(self, simulation: Simulation, ways: Ways, robot: Robot, promised: _Promised, doors: Collection[str]) -> None:
-        self._simulation, self._ways, self._robot, self._promised = simulation, ways, robot, promised
-        self.doors = doors
-        """The doors that do not open for robots."""
-
-    def standing(self) -> tuple[tuple[float, Disc], ...]:
-        """The other robots that cannot move, of any make, and the heights of their floors."""
-        broken = (robot for robot in self._simulation.robots.values() if robot is not self._robot and not robot.mobile)
-        poses = ((robot, robot.pose()) for robot in broken)
-        discs = ((robot.level, Disc(x, y, robot.size.radius)) for robot, (x, y, _) in poses)
-        all_discs = (*discs, *self._simulation.shared_traffic.fixed_foreigners())
-        return tuple((round(level, 1), Disc(round(disc.x, 2), round(disc.y, 2), disc.radius)) for level, disc in all_discs)
-
-    def ways(self, stops: Stops, closed: Closed) -> list[Way | None]:
-        """The way of each leg; None from the first leg without a way on."""
-        place: tuple[Point, float] | None = self._start()
-        leg_ways: list[Way | None] = []
-        for stop in stops:
-            way = self._way(*place, self._promised.stop(stop), closed) if place is not None else None
-            leg_ways.append(way)
-            place = (way.end, way.level) if way is not None else None
-        return leg_ways
-
-    def _way(self, position: Point, level: float, stop: PathStop, closed: Closed) -> Way | None:
-        """The shortest way to where the robot would reach the stop; None if there is none."""
-        goal_level = self._level_of(stop, level)
-        if goal_level is None:
-            return None
-        if abs(goal_level - level) < SAME_FLOOR and self._is_there(position, stop):
-            return Way(0.0, position, level)
-        goal = self._goal(stop, goal_level)
-        return self._ways.way(position, level, goal, closed, self._robot.solid.speed) if goal is not None else None
-
-    def is_out_of_reach(self, stops: Stops, leg_ways: Sequence[Way | None]) -> bool:
-        """Whether there is no point from which the robot would reach the first stop without a way: none on the floor below it that is not
-        in a gap, or no such floor in the building."""
-        if None not in leg_ways:
-            return False
-        stop = self._promised.stop(stops[leg_ways.index(None)])
-        level = self._level_of(stop, self._robot.level)
-        if level is not None:
-            goal = self._goal(stop, level)
-            return goal is not None and not len(goal.places)
-        floors = [solid.top for solid in self._simulation.scene.world.solids.values() if solid.role is Role.FLOOR]
-        return self._highest_below(stop, floors) is None
-
-    def _is_there(self, position: Point, stop: PathStop) -> bool:
-        """Whether the robot is where it is to go: within reach of the point, or in the room."""
-        if isinstance(stop, StandAt):
-            return position == (stop.x, stop.y)
-        if isinstance(stop, str):
-            solid = self._simulation.scene.world.solids.get(stop)
-            return solid is not None and solid.role is Role.FLOOR and solid.distance(*position) < 0
-        return self._robot.size.nearest <= math.dist(position, stop[:2]) <= self._robot.size.farthest
-
-    def _goal(self, stop: PathStop, level: float) -> Goal | None:
-        """Where on a floor the robot would reach the object or point."""
-        if isinstance(stop, StandAt):
-            return self._standing_at((stop.x, stop.y), level)
-        if not isinstance(stop, str):
-            return self._reaching([(stop[0], stop[1])], level + ELEVATION, level)
-        if stop.endswith(HANDLES):
-            return self._moving(stop.removesuffix(HANDLES), level)
+    def leaf_ways(self, owner: str, is_open: bool) -> tuple[tuple[float, float], ...]:
         scene = self._simulation.scene
-        solid = scene.world.solids[stop]
-        if solid.role in CARRYING and solid.role not in (Role.MARK, Role.FLOOR):
-            return self._reaching(_edge_points(solid), solid.top, level)
-        if solid.role in (Role.THING, Role.MARK, Role.ROBOT, Role.FLOOR):
-            x, y, z, _ = scene.pose(stop)
-            return self._reaching([(round(x, 2), round(y, 2))], round(z, 2), level, scene.container(stop))
-        return self._reaching(outline_spots(solid).tolist(), max(solid.top, level + AROUND), level)
-
-    def _standing_at(self, point: Point, level: float) -> Goal | None:
-        """The point itself, if the robot has room there."""
-
-        def find_stands(space: FreeSpace) -> Stands:
-            has_room = space.free(point, self._robot.size.radius + MARGIN)
-            points = np.array([point] if has_room else []).reshape(-1, 2)
-            return Stands(points, np.zeros(len(points)))
-
-        return self._ways.goal((point, self._robot.size), level, self._robot.kind, find_stands)
-
-    def _moving(self, owner: str, level: float) -> Goal | None:
-        """Where on a floor the robot would begin to move a door, or the first of the doors of furniture, all of which it can move."""
-        robot, scene = self._robot, self._simulation.scene
-        is_open = self._promised.doors.get(owner, scene.world.solids[owner].open)
         is_as_now = is_open == scene.world.solids[owner].open
-        ways = [
+        return tuple(
             (round(scene.leaf_position(leaf), 2) if is_as_now else leaf.travel * is_open, leaf.travel * (not is_open))
             for leaf in scene.leaves(owner)
-        ]
+        )
 
-        def find_stands(space: FreeSpace) -> Stands:
-            bases_by_leaf = [moving_bases(robot, leaf, way, level) for leaf, way in zip(scene.leaves(owner), ways, strict=True)]
-            free_bases = [bases[space.clearances(bases) >= robot.size.radius + MARGIN + 0.015] for bases in bases_by_leaf]
-            chosen = free_bases[0] if all(map(len, free_bases)) else np.zeros((0, 2))
-            return Stands(chosen, np.zeros(len(chosen)))
+    def leaf_bases(self, driver: Driver, owner: str, ways: Sequence[tuple[float, float]], level: float) -> list[Array]:
+        robot = self._simulation.robots[driver.name]
+        return [moving_bases(robot, leaf, way, level) for leaf, way in zip(self._simulation.scene.leaves(owner), ways, strict=True)]
 
-        return self._ways.goal((owner, *ways, robot.size), level, robot.kind, find_stands)
+    @property
+    def doors_for_all(self) -> Collection[str]:
+        return {name for name, door in self._simulation.robots.doors.items() if door.is_usable}
 
-    def _reaching(self, spots: Sequence[Sequence[float]], top: float, level: float, container: str | None = None) -> Goal | None:
-        """Where on a floor the robot would reach one of some spots at a height, on a support or in a container."""
-        robot, solids = self._robot, self._simulation.scene.world.solids
-        points, container_solid = np.array(spots, dtype=float), solids[container] if container is not None else None
+    @property
+    def unusable_doors(self) -> Collection[str]:
+        return {*self._simulation.out_of_order, *self._simulation.robots.doors}
 
-        def find_stands(space: FreeSpace) -> Stands:
-            bases, _, costs = reaching_bases(robot, points, top, np.zeros(len(points)), space.clearances, container_solid)
-            return Stands(bases, costs)
+    @property
+    def unusable_lifts(self) -> Collection[str]:
+        return {lift.name for lift in self._simulation.lifts if not lift.is_usable}
 
-        key = points.tobytes(), top, container, robot.size
-        return self._ways.goal(key, level, robot.kind, find_stands)
+    @property
+    def zones(self) -> Zones:
+        return self._simulation.robots.zones
 
-    def _start(self) -> tuple[Point, float]:
-        """Where the robot will be, and the height of that floor."""
-        place = self._promised.stop(self._robot.name)
-        level = self._level_of(place, self._robot.level) if place != self._robot.name else None
-        position = self._robot.pose()[:2] if place == self._robot.name else place
-        if isinstance(position, str):
-            position = self._simulation.scene.pose(position)[:2]
-        assert isinstance(position, tuple), "a promise says where a robot will be, and not where it is to stand"
-        return (position[0], position[1]), self._robot.level if level is None else level
-
-    def _level_of(self, stop: PathStop, level: float) -> float | None:
-        """The height of the floor on which an object or a point is: the highest one below it. None if the robot cannot reach it from there.
-
-        A point without a height is on the robot's `level`.
-        """
-        if (isinstance(stop, StandAt) and stop.z is None) or (isinstance(stop, tuple) and len(stop) < 3):
-            return level
-        return self._highest_below(stop, self._ways.levels)
-
-    def _highest_below(self, stop: PathStop, floors: Iterable[float]) -> float | None:
-        """The highest of some floors from which an object, or a point with a height, could be reached; None if there is none."""
-        if isinstance(stop, str):
-            name = stop.removesuffix(HANDLES)
-            solid = self._simulation.scene.world.solids.get(name)
-            if solid is None:
-                raise UsageError(f"{name} is not in the simulated world")
-            if name != stop and not self._simulation.scene.leaves(name):
-                raise UsageError(f"{name} has no door that could be moved")
-            base = self._simulation.scene.pose(stop)[2] if _is_movable(solid) else solid.z
-            height = solid.top if solid.role is Role.FLOOR else base
-        else:
-            height = (stop.z or 0.0) if isinstance(stop, StandAt) else stop[2]
-        return max((floor for floor in floors if -BELOW < height - floor < ABOVE), default=None)
+    def standing(self, driver: Driver) -> Iterable[tuple[float, Disc]]:
+        broken = (robot for robot in self._simulation.robots.values() if robot.name != driver.name and not robot.mobile)
+        poses = ((robot, robot.pose()) for robot in broken)
+        discs: Iterator[tuple[float, Disc]] = ((robot.level, Disc(x, y, robot.size.radius)) for robot, (x, y, _) in poses)
+        foreigners = ((level, disc) for name, level, disc in self._simulation.shared_traffic.fixed_foreigners() if name != driver.name)
+        return (*discs, *foreigners)

@@ -111,19 +111,19 @@ class SimulatedTraffic:
         self.changed |= (foreign, astray) != (self.office.foreign, {*self.office.component.state.astray})
         self._passages.advance(self.office)  # the simulation rests until a door has to move
 
-    def fixed_foreigners(self) -> Iterator[tuple[float, Disc]]:
-        """Where robots that are not simulated stand, or may be, which cannot move, are silent, or have not entered anew; with the heights
-        of their floors."""
+    def fixed_foreigners(self) -> Iterator[tuple[str, float, Disc]]:
+        """Where robots that are not simulated stand, or may be, which cannot move, are silent, or have not entered anew; with their names,
+        and the heights of their floors."""
         traffic = self.office.component
         for name in self.office.foreign:
             record = traffic.state.robots[name]
             if record.silent or record.mobility is Mobility.IMMOBILE:
-                yield from discs_along(traffic.positions(name))
+                yield from ((name, level, disc) for level, disc in discs_along(traffic.positions(name)))
         yield from self._astray_discs()
 
-    def _astray_discs(self) -> Iterator[tuple[float, Disc]]:
-        for positions in self.office.component.state.astray.values():
-            yield from discs_along(positions)
+    def _astray_discs(self) -> Iterator[tuple[str, float, Disc]]:
+        for name, positions in self.office.component.state.astray.items():
+            yield from ((name, level, disc) for level, disc in discs_along(positions))
 
     @property
     def lifts(self) -> Mapping[str, Lift]:
@@ -293,7 +293,7 @@ class SimulatedTraffic:
                 x, y, _ = robot.pose()
                 standing[_level(robot)].append(Disc(x, y, robot.size.radius))
         astray = self.office.component.state.astray
-        for level, disc in self._astray_discs():
+        for _, level, disc in self._astray_discs():
             standing.setdefault(level, []).append(disc)
         occupied_lifts = {position.zone for positions in astray.values() for position in positions if position.zone is not None}
         rounded = {level: [Disc(round(disc.x, 2), round(disc.y, 2), disc.radius) for disc in discs] for level, discs in standing.items()}
