@@ -12,7 +12,11 @@ from somrs.adapters.arcos.parameters import Parameters
 WRAP = 1 << 15
 """Travel is counted modulo this: older controllers send 15 bits, newer ones 16."""
 LARGEST_STEP = 3.0
-"""Travel between two reports, m. Whatever is more is a counter that began anew: no robot drives so far in the time of its watchdog."""
+"""Travel between two reports, m, also if some were lost. No robot drives farther in the time of its watchdog."""
+SMALL_STEP, SMALL_TURN = 0.3, math.radians(60)
+"""Between two reports, m and rad, if none was lost."""
+AT_ORIGIN = 0.02
+"""Counters that are this near to 0, m and rad, may have begun anew."""
 
 
 class Pose(Struct, frozen=True, kw_only=True):
@@ -48,8 +52,10 @@ class Odometry:
         counted = status.x, status.y, status.heading
         if self._counted is not None:
             dx, dy = (parameters.metres * _difference(new, old) for new, old in zip(counted[:2], self._counted[:2], strict=True))
-            if math.hypot(dx, dy) < LARGEST_STEP:
-                self._move(dx, dy, parameters.radians * self._counted[2], parameters.radians * counted[2])
+            old_heading, new_heading = parameters.radians * self._counted[2], parameters.radians * status.heading
+            is_small = math.hypot(dx, dy) < SMALL_STEP and abs(wrap(new_heading - old_heading)) < SMALL_TURN
+            if is_small or (math.hypot(dx, dy) < LARGEST_STEP and not _is_at_origin(status, parameters)):
+                self._move(dx, dy, old_heading, new_heading)
         self._counted = counted
         return self.pose
 
@@ -64,3 +70,8 @@ class Odometry:
 
 def _difference(new: int, old: int) -> int:
     return (new - old + WRAP // 2) % WRAP - WRAP // 2
+
+
+def _is_at_origin(status: Status, parameters: Parameters) -> bool:
+    travel = math.hypot(parameters.metres * _difference(status.x, 0), parameters.metres * _difference(status.y, 0))
+    return travel < AT_ORIGIN and abs(wrap(parameters.radians * status.heading)) < AT_ORIGIN

@@ -1,0 +1,249 @@
+"""The driver of a Pioneer robot as a pure state machine: `handle(input, now)` returns effects.
+
+Everything that makes the robot move is an answer to one of its reports. When reports stop, so do commands, and the robot's own watchdog
+stops it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from msgspec import Struct
+
+from somrs.adapters.arcos.actions import RunningAction, begin, is_standing
+from somrs.adapters.arcos.course import Course
+from somrs.adapters.arcos.events import (
+    Action,
+    ActionDone,
+    ActionFailed,
+    BatteryLevel,
+    Broken,
+    Connected,
+    Disconnected,
+    Effect,
+    Follow,
+    GaveUp,
+    Halt,
+    Halted,
+    Heard,
+    Input,
+    Located,
+    Passed,
+    Quit,
+    Received,
+    Tick,
+    Transmit,
+)
+from somrs.adapters.arcos.messages import Command, Flag, GripperCommand, Status
+from somrs.adapters.arcos.obstacles import SonarMap
+from somrs.adapters.arcos.odometry import Odometry, Pose
+from somrs.adapters.arcos.parameters import TYPES, Parameters
+from somrs.adapters.arcos.session import Session, SessionState
+from somrs.adapters.arcos.steering import STAND, Speeds
+
+PATIENCE = 10.0
+"""Seconds for which a robot waits for something in its way."""
+STUCK_REPORTS = 30
+"""A robot that does not move in so many reports, although it was told to, gives up."""
+BATTERY_SHARE = 0.05
+"""Share of a new report in the voltage, which falls while the motors pull."""
+
+
+class Battery(Struct, frozen=True, kw_only=True):
+    """The voltages of an empty and of a full battery, V."""
+
+    empty: float = 11.5
+    full: float = 13.0
+
+
+class Driver:
+    """Drives one robot. `pose`: where it is at the beginning. `parameters`: None: those of the type that the robot says it is."""
+
+    def __init__(self, pose: Pose, parameters: Parameters | None = None, battery: Battery | None = None) -> None:
+        self.session = Session()
+        self.parameters = parameters
+        self._battery = battery or Battery()
+        self._odometry = Odometry(pose)
+        self._sonar = SonarMap()
+        self._course = Course()
+        self._action: RunningAction | None = None
+        self._is_halting = False
+        self._speeds = STAND
+        self._waits_since: float | None = None
+        self._stuck_reports = 0
+        self._was_stalled = False
+        self._broken: str | None = None
+        self._voltage: float | None = None
+        self._charge: int | None = None
+        self._is_connected = False
+        self._effects: list[Effect] = []
+
+    @property
+    def pose(self) -> Pose:
+        return self._odometry.pose
+
+    @property
+    def has_gripper(self) -> bool:
+        return self.session.gripper is not None and self.session.gripper.kind != 0
+
+    def handle(self, input: Input, now: float) -> list[Effect]:
+        """Take in an input, at a time in seconds, and return its effects."""
+        match input:
+            case Connected():
+                self.session.connect(now)
+            case Disconnected():
+                self.session.disconnect()
+            case Received(data):
+                for status in self.session.receive(data, now):
+                    self._update(status, now)
+            case Tick():
+                self.session.tick(now)
+            case Follow(way):
+                self._course.follow(way)
+                self._waits_since, self._stuck_reports = None, 0
+            case Halt():
+                self._end("it was told to stop")
+                self._is_halting = True
+                self.session.send(Command.STOP)
+            case Quit():
+                self.session.close()
+            case _:
+                self._act(input)
+        self._note_contact()
+        if self.session.outgoing and self.session.state is not SessionState.DISCONNECTED:
+            self._effects.append(Transmit(bytes(self.session.outgoing)))
+        self.session.outgoing.clear()
+        effects, self._effects = self._effects, []
+        return effects
+
+    def _act(self, action: Action) -> None:
+        if self._broken is not None or self.parameters is None:
+            self._effects.append(ActionFailed(description=self._broken or "it has not said yet what it is"))
+            return
+        self._course.clear()
+        self._stuck_reports = 0
+        self._action = begin(action, self.parameters)
+
+    def _note_contact(self) -> None:
+        if self._is_connected != (self.session.is_open and self.parameters is not None):
+            self._is_connected = not self._is_connected
+            self._effects.append(Heard(self._is_connected))
+
+    def _update(self, status: Status, now: float) -> None:
+        """Take in a report, and say what the robot is to do until the next one."""
+        parameters = self.parameters or self._own_parameters()
+        if parameters is None:
+            return
+        self.parameters = parameters
+        self._note_contact()
+        pose = self._odometry.update(status, parameters)
+        self._effects.append(Located(pose))
+        self._sonar.update(status, pose, parameters, now)
+        self._note_battery(status)
+        self._note_health(status)
+        speeds = self._next_speeds(status, pose, parameters, now)
+        if self._is_halting and is_standing(status):
+            self._is_halting = False
+            self._effects.append(Halted())
+        self._command(speeds, status)
+
+    def _own_parameters(self) -> Parameters | None:
+        """Those of the type that the robot has said."""
+        configuration, identity = self.session.configuration, self.session.identity
+        subkind = configuration.subkind if configuration is not None else identity[2] if len(identity) > 2 else None
+        return TYPES.get(subkind.lower(), Parameters()) if subkind is not None else None
+
+    def _command(self, speeds: Speeds, status: Status) -> None:
+        """Send velocities with every report, as long as the robot is to move or moves: one that is lost does no harm then."""
+        if speeds != STAND or self._speeds != STAND or not is_standing(status):
+            self.session.send(Command.VEL, round(speeds.forward * 1000))
+            self.session.send(Command.RVEL, round(math.degrees(speeds.turning)))
+        self._speeds = speeds
+
+    def _next_speeds(self, status: Status, pose: Pose, parameters: Parameters, now: float) -> Speeds:
+        if self._broken is not None:
+            return STAND
+        if (problem := self._problem(status)) is not None:
+            self._give_up(problem)
+            return STAND
+        if self._action is not None:
+            return self._next_of_action(self._action, status, pose)
+        speeds, numbers = self._course.steer(pose, _forward_speed(status), self._sonar, parameters, now)
+        self._effects += [Passed(number) for number in numbers]
+        if self._is_blocked(speeds, status, now):
+            self._give_up(f"something is in the way, {100 * (self._course.gap or 0.0):.0f} cm ahead")
+            return STAND
+        return speeds
+
+    def _next_of_action(self, action: RunningAction, status: Status, pose: Pose) -> Speeds:
+        match action.update(status, pose, self.session.send):
+            case Speeds() as speeds:
+                return speeds
+            case (ActionDone() | ActionFailed()) as end:
+                self._action = None
+                self._effects.append(end)
+        return STAND
+
+    def _problem(self, status: Status) -> str | None:
+        """Why the robot does not go on, if it was told to move."""
+        was_stalled, self._was_stalled = self._was_stalled, bool(status.stall)
+        is_driving = self._speeds != STAND
+        if is_driving and self._was_stalled and not was_stalled:
+            if status.bumpers:
+                return f"its {' and '.join(status.bumpers)} bumpers touch something"
+            wheels = " and ".join(status.stalled_wheels)
+            return f"it pushes against something: its {wheels} motor is stalled"
+        self._stuck_reports = self._stuck_reports + 1 if is_driving and is_standing(status) else 0
+        return "it does not move, although its motors are on" if self._stuck_reports >= STUCK_REPORTS else None
+
+    def _is_blocked(self, speeds: Speeds, status: Status, now: float) -> bool:
+        """Whether something has been in the way for longer than the robot waits."""
+        if self._course.gap is None or speeds != STAND or not is_standing(status):
+            self._waits_since = None
+            return False
+        self._waits_since = now if self._waits_since is None else self._waits_since
+        return now - self._waits_since >= PATIENCE
+
+    def _give_up(self, description: str) -> None:
+        self.session.send(Command.STOP)
+        is_following = not self._course.is_complete
+        self._end(description)
+        if is_following:
+            self._effects.append(GaveUp(description))
+
+    def _end(self, description: str) -> None:
+        """End what the robot does."""
+        self._course.clear()
+        self._waits_since, self._stuck_reports = None, 0
+        if self._action is not None:
+            self._action = None
+            if self.has_gripper:
+                self.session.send(Command.GRIPPER, GripperCommand.HALT)
+            self._effects.append(ActionFailed(description=description))
+
+    def _note_health(self, status: Status) -> None:
+        reason = None
+        if status.flags & Flag.STOP_BUTTON:
+            reason = "its stop button is pressed"
+        elif not status.flags & Flag.MOTORS and self.session.needs_motors_button:
+            reason = "its motors were switched off: press its MOTORS button"
+        if reason == self._broken:
+            return
+        if reason is not None and self._broken is None:
+            self._end(reason)
+        self._broken = reason
+        self._effects.append(Broken(reason))
+
+    def _note_battery(self, status: Status) -> None:
+        voltage = status.battery / 10
+        self._voltage = voltage if self._voltage is None else self._voltage + BATTERY_SHARE * (voltage - self._voltage)
+        share = (self._voltage - self._battery.empty) / (self._battery.full - self._battery.empty)
+        charge = round(100 * min(max(share, 0.0), 1.0))
+        if charge != self._charge:
+            self._charge = charge
+            self._effects.append(BatteryLevel(charge))
+
+
+def _forward_speed(status: Status) -> float:
+    """Of the centre, m/s, whatever its direction."""
+    return abs(status.left_speed + status.right_speed) / 2000

@@ -1,0 +1,205 @@
+"""The session with a robot: synchronization, what is asked of it at the beginning, and whether it still reports.
+
+The robot stops by itself when it has heard nothing for two seconds (its watchdog). The session says something only in answer to reports, so
+that a robot that cannot be observed is not kept driving either.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum, auto
+
+from somrs.adapters.arcos.messages import (
+    Command,
+    Configuration,
+    Flag,
+    GripperReport,
+    Status,
+    SyncReply,
+    command,
+    report,
+    sync,
+    sync_reply,
+)
+from somrs.adapters.arcos.packets import PacketParser
+
+LISTENING_TIME = 0.35
+"""Seconds to wait for a report of a session that goes on, before a new one is begun."""
+REPEAT = 0.5
+"""Seconds after which what has had no effect is said again."""
+TRIES = 4
+"""How often, before the synchronization begins anew."""
+STOP_AFTER, SILENT_AFTER = 0.3, 3.0
+"""Seconds without a report after which the robot is told to stop, and after which it counts as silent."""
+LONGEST_STEP = 0.25
+"""What a step of time counts at most, s: while this program is suspended, nobody is silent."""
+
+
+class SessionState(StrEnum):
+    """The states of a session, in their order."""
+
+    DISCONNECTED = auto()
+    """There is no line to the robot."""
+    LISTENING = auto()
+    """There is a line. A session of before may go on."""
+    SYNC0 = auto()
+    SYNC1 = auto()
+    SYNC2 = auto()
+    OPENING = auto()
+    """The robot was told to report."""
+    OPEN = auto()
+    """The robot reports."""
+
+
+_FOLLOWING_STATES = {
+    SessionState.SYNC0: SessionState.SYNC1,
+    SessionState.SYNC1: SessionState.SYNC2,
+    SessionState.SYNC2: SessionState.OPENING,
+}
+_REPORTING = {SessionState.LISTENING, SessionState.OPENING, SessionState.OPEN}
+"""A report during the synchronization is of the session that is to end."""
+_SYNC_NUMBER = {SessionState.SYNC0: 0, SessionState.SYNC1: 1, SessionState.SYNC2: 2}
+
+
+class Session:
+    """A session with a robot. `receive` and `tick` add what is to be sent to `outgoing`."""
+
+    def __init__(self) -> None:
+        self.state = SessionState.DISCONNECTED
+        self.identity: tuple[str, ...] = ()
+        """The robot's name, class and subclass, as far as it has said them."""
+        self.configuration: Configuration | None = None
+        self.gripper: GripperReport | None = None
+        self.outgoing = bytearray()
+        self._parser = PacketParser()
+        self._time = 0.0
+        self._waited = 0.0
+        self._repeated = 0.0
+        self._tries = 0
+        self._send_time = 0.0
+        self._gripper_requests = 0
+        self._motors_were_on = False
+
+    @property
+    def is_open(self) -> bool:
+        return self.state is SessionState.OPEN
+
+    @property
+    def needs_motors_button(self) -> bool:
+        """Whether the motors were switched off by hand: then only a hand switches them on again."""
+        return self._motors_were_on
+
+    def connect(self, now: float) -> None:
+        """There is a line to the robot."""
+        self._parser = PacketParser()
+        self._time = now
+        self.outgoing.clear()
+        self._enter(SessionState.LISTENING)
+
+    def disconnect(self) -> None:
+        self.outgoing.clear()
+        self._enter(SessionState.DISCONNECTED)
+
+    def close(self) -> None:
+        """Stop the robot, and end the session."""
+        if self.state is not SessionState.DISCONNECTED:
+            self.send(Command.STOP)
+            self.send(Command.CLOSE)
+            self._enter(SessionState.LISTENING)
+
+    def send(self, number: Command, argument: int | None = None) -> None:
+        self.outgoing += command(number, argument)
+        self._send_time = self._time
+
+    def receive(self, data: bytes, now: float) -> list[Status]:
+        """Take in bytes, and return the reports on the robot that they complete."""
+        self.tick(now)
+        reports = []
+        for body in self._parser.feed(data):
+            if (reply := sync_reply(body)) is not None:
+                self._hear_reply(reply)
+                continue
+            match report(body):
+                case Status() as status if self.state in _REPORTING:
+                    self._hear_status(status)
+                    reports.append(status)
+                case GripperReport() as gripper:
+                    self.gripper = gripper
+                case Configuration() as configuration:
+                    self.configuration = configuration
+        return reports
+
+    def tick(self, now: float) -> None:
+        """Time has passed."""
+        step = min(max(0.0, now - self._time), LONGEST_STEP)
+        self._time = now
+        self._waited += step
+        self._repeated += step
+        match self.state:
+            case SessionState.LISTENING if self._waited >= LISTENING_TIME:
+                self._begin()
+            case SessionState.SYNC0 | SessionState.SYNC1 | SessionState.SYNC2 | SessionState.OPENING if self._repeated >= REPEAT:
+                self._tries += 1
+                if self._tries < TRIES:
+                    self._say_state()
+                else:
+                    self._begin()
+            case SessionState.OPEN if self._waited >= SILENT_AFTER:
+                self._enter(SessionState.LISTENING)
+            case SessionState.OPEN if self._waited >= STOP_AFTER and now - self._send_time >= STOP_AFTER:
+                self.send(Command.STOP)
+
+    def _begin(self) -> None:
+        """Begin a session anew. A robot that is in one hears first that it is to stop, and that the session is over."""
+        self.send(Command.ESTOP)
+        self.send(Command.CLOSE)
+        self._motors_were_on, self._gripper_requests = False, 0
+        self._enter(SessionState.SYNC0)
+        self._say_state()
+
+    def _enter(self, state: SessionState) -> None:
+        self.state, self._waited, self._repeated, self._tries = state, 0.0, 0.0, 0
+
+    def _say_state(self) -> None:
+        """Send what the state waits to be answered."""
+        self._repeated = 0.0
+        if self.state is SessionState.OPENING:
+            self.send(Command.OPEN)
+        else:
+            self.outgoing += sync(_SYNC_NUMBER[self.state])
+
+    def _hear_reply(self, reply: SyncReply) -> None:
+        if _SYNC_NUMBER.get(self.state) != reply.number:
+            return
+        if reply.number == 2:
+            self.identity = reply.identity
+        self._enter(_FOLLOWING_STATES[self.state])
+        self._say_state()
+
+    def _hear_status(self, status: Status) -> None:
+        if self.state is SessionState.OPEN:
+            self._waited = 0.0
+        else:
+            # It may drive with the velocities of a program that is gone.
+            self._enter(SessionState.OPEN)
+            self.send(Command.STOP)
+            self.send(Command.BUMPSTALL, 3)
+            self._request_missing(status)
+        if status.flags & Flag.MOTORS:
+            self._motors_were_on = True
+        if self._repeated >= REPEAT:
+            self._repeated = 0.0
+            self._request_missing(status)
+        if self._time - self._send_time >= 2 * REPEAT:
+            self.send(Command.PULSE)
+
+    def _request_missing(self, status: Status) -> None:
+        """Ask again for what was asked at the beginning, and has not come."""
+        if not status.flags & (Flag.MOTORS | Flag.STOP_BUTTON) and not self._motors_were_on:
+            self.send(Command.ENABLE, 1)
+        if not status.flags & 0b11110:
+            self.send(Command.SONAR, 1)
+        if self.configuration is None:
+            self.send(Command.CONFIG)
+        if self.gripper is None and self._gripper_requests < TRIES:
+            self._gripper_requests += 1
+            self.send(Command.GRIPREQUEST, 1)

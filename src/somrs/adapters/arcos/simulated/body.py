@@ -1,0 +1,157 @@
+"""What the controller of a simulated Pioneer needs of a body, and a body that moves in a plane with round obstacles."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+from msgspec import Struct
+
+
+class Place(Struct, frozen=True, kw_only=True):
+    """Where a body is, in metres and radians on the map."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+class Body(Protocol):
+    """The wheels, the gripper and the senses of a robot."""
+
+    @property
+    def place(self) -> Place:
+        """Where it is."""
+
+    @property
+    def contact(self) -> str | None:
+        """Which of its bumpers touch something: `front`, `rear`, or None."""
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether its wheels are driven and do not turn."""
+
+    @property
+    def charge(self) -> float:
+        """The charge of its battery, from 0 to 1."""
+
+    @property
+    def has_charger(self) -> bool:
+        """Whether it stands at a charger."""
+
+    @property
+    def has_thing(self) -> bool:
+        """Whether something is between the paddles, or where they would close around it."""
+
+    def drive(self, forward: float, turning: float) -> None:
+        """Drive with these velocities, m/s and rad/s, until told otherwise."""
+
+    def echo(self, x: float, y: float, heading: float) -> float:
+        """The range that a sonar disc measures at this place of the body, in the direction `heading`, m; infinite: none."""
+
+    def grip(self) -> None:
+        """Close the paddles around what is between them."""
+
+    def release(self) -> None:
+        """Open the paddles."""
+
+    def set_charging(self, is_charging: bool) -> None:
+        """Take current from the charger, or not any more."""
+
+    def advance(self, duration: float) -> None:
+        """So many seconds pass."""
+
+
+class Obstacle(Struct, frozen=True, kw_only=True):
+    """A round obstacle, in metres."""
+
+    x: float
+    y: float
+    radius: float
+
+
+class PlaneBody:
+    """A body in a plane with round obstacles, which stop it. A thing that it can grip is at a point."""
+
+    radius = 0.25
+    reach = 0.35
+    """From its centre to the middle of the paddles, m."""
+    grasp = 0.08
+    """How far a thing may be from the middle of the paddles, m."""
+
+    def __init__(self, place: Place, obstacles: tuple[Obstacle, ...] = ()) -> None:
+        self.place = place
+        self.obstacles = obstacles
+        self.thing: tuple[float, float] | None = None
+        self.charger: tuple[float, float] | None = None
+        self.charge = 0.9
+        self.contact: str | None = None
+        self.is_blocked = False
+        self.is_stuck = False
+        """The wheels do not turn, whatever the motors do."""
+        self._velocities = (0.0, 0.0)
+        self._is_holding = False
+        self._is_charging = False
+
+    @property
+    def has_charger(self) -> bool:
+        return self.charger is not None and math.dist(self.charger, (self.place.x, self.place.y)) < 0.2
+
+    @property
+    def has_thing(self) -> bool:
+        return self._is_holding or (self.thing is not None and math.dist(self.thing, self._paddles()) < self.grasp)
+
+    def drive(self, forward: float, turning: float) -> None:
+        self._velocities = forward, turning
+
+    def echo(self, x: float, y: float, heading: float) -> float:
+        cosine, sine = math.cos(self.place.yaw), math.sin(self.place.yaw)
+        start = self.place.x + x * cosine - y * sine, self.place.y + x * sine + y * cosine
+        return min((_ray(start, self.place.yaw + heading, obstacle) for obstacle in self.obstacles), default=math.inf)
+
+    def grip(self) -> None:
+        self._is_holding = self.has_thing
+
+    def release(self) -> None:
+        if self._is_holding:
+            self.thing = self._paddles()
+        self._is_holding = False
+
+    def set_charging(self, is_charging: bool) -> None:
+        self._is_charging = is_charging
+
+    def advance(self, duration: float) -> None:
+        if self._is_charging and self.has_charger:
+            self.charge = min(1.0, self.charge + duration / 60)
+        forward, turning = self._velocities
+        yaw = self.place.yaw + turning * duration
+        middle = self.place.yaw + turning * duration / 2
+        x = self.place.x + forward * duration * math.cos(middle)
+        y = self.place.y + forward * duration * math.sin(middle)
+        is_free = forward == 0 or self._distance(x, y) >= min(self.radius, self._distance(self.place.x, self.place.y))
+        self.is_blocked = self.is_stuck or not is_free
+        if not is_free:
+            self.contact = "front" if forward > 0 else "rear"
+        elif not self.is_blocked and forward != 0:
+            self.contact = None
+        if self.is_stuck:
+            return
+        self.place = Place(x=x, y=y, yaw=yaw) if is_free else Place(x=self.place.x, y=self.place.y, yaw=yaw)
+
+    def _distance(self, x: float, y: float) -> float:
+        """The distance to the nearest obstacle, m."""
+        return min((math.dist((x, y), (obstacle.x, obstacle.y)) - obstacle.radius for obstacle in self.obstacles), default=math.inf)
+
+    def _paddles(self) -> tuple[float, float]:
+        return self.place.x + self.reach * math.cos(self.place.yaw), self.place.y + self.reach * math.sin(self.place.yaw)
+
+
+def _ray(start: tuple[float, float], direction: float, obstacle: Obstacle) -> float:
+    """The distance from a point to an obstacle in a direction, m; infinite if it is not there."""
+    dx, dy = obstacle.x - start[0], obstacle.y - start[1]
+    ahead = dx * math.cos(direction) + dy * math.sin(direction)
+    aside = dy * math.cos(direction) - dx * math.sin(direction)
+    if abs(aside) >= obstacle.radius:
+        return math.inf
+    distance = ahead - math.sqrt(obstacle.radius**2 - aside**2)
+    return distance if distance > 0 else math.inf

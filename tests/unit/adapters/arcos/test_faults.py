@@ -1,0 +1,260 @@
+"""What a driver does about robots that stall, are stopped by hand, fall silent or restart; and what a robot does without its driver."""
+
+from __future__ import annotations
+
+import math
+
+from somrs.adapters.arcos.events import (
+    ActionFailed,
+    Advance,
+    BatteryLevel,
+    Broken,
+    Effect,
+    FillBattery,
+    Follow,
+    GaveUp,
+    Heard,
+    MoveGripper,
+    Passed,
+    Quit,
+    Received,
+    TurnTo,
+)
+from somrs.adapters.arcos.messages import GripperCommand
+from somrs.adapters.arcos.simulated.body import Obstacle, Place
+from tests.support.pioneers import Pioneer, way
+
+AHEAD = way((0.0, 0.0), (6.0, 0.0))
+
+
+def under_way(pioneer: Pioneer | None = None) -> Pioneer:
+    """A robot that drives at its full speed."""
+    pioneer = (pioneer or Pioneer()).ready()
+    pioneer.give(Follow(AHEAD))
+    assert pioneer.run(20, lambda: pioneer.body.place.x > 1.0)
+    return pioneer
+
+
+def events(pioneer: Pioneer, *kinds: type[Effect]) -> list[Effect]:
+    return [effect for effect in pioneer.effects if isinstance(effect, kinds)]
+
+
+def test_a_robot_whose_driver_died_stands_within_its_watchdog() -> None:
+    pioneer = under_way()
+    pioneer.is_connected = False
+    start = pioneer.now
+    assert pioneer.run(10, pioneer.stands)
+    assert pioneer.now - start < 2.0 + 500 / 300 + 0.1  # and the time in which it brakes
+    position = pioneer.body.place.x
+    pioneer.run(60)
+    assert pioneer.body.place.x == position
+
+
+def test_a_robot_that_cannot_be_observed_is_stopped() -> None:
+    """Its reports are lost; what it is told arrives."""
+    pioneer = under_way()
+    pioneer.from_robot = lambda data: b""
+    position = pioneer.body.place.x
+    assert pioneer.run(3, pioneer.stands)
+    assert pioneer.body.place.x - position < 0.7
+    assert pioneer.run(6, lambda: pioneer.effects[-1] == Heard(False))
+    assert not pioneer.run(10, lambda: not pioneer.stands())
+
+
+def test_a_robot_goes_on_when_the_line_is_there_again() -> None:
+    pioneer = under_way()
+    pioneer.disconnect()
+    assert Heard(False) in pioneer.effects
+    pioneer.run(30)
+    assert pioneer.stands()
+    pioneer.connect()
+    assert pioneer.run(60, lambda: Passed(2) in pioneer.effects and pioneer.stands())
+    assert pioneer.distance_to(6.0, 0.0) < 0.05
+    assert events(pioneer, Heard) == [Heard(True), Heard(False), Heard(True)]
+
+
+def test_a_new_line_stops_a_robot_that_still_drives_before_anything_else() -> None:
+    """Velocities of a program that died would go on with the first command, the watchdog having stopped them."""
+    pioneer = under_way()
+    pioneer.is_connected = False
+    pioneer.run(10)
+    follower = Pioneer()
+    follower.firmware, follower.body = pioneer.firmware, pioneer.body
+    position = pioneer.body.place.x
+    follower.run(10)
+    assert Heard(True) in follower.effects
+    assert abs(follower.body.place.x - position) < 0.05
+
+
+def test_a_robot_that_was_restarted_is_connected_again_and_goes_on_from_where_it_stands() -> None:
+    pioneer = under_way()
+    pioneer.firmware = type(pioneer.firmware)(pioneer.body)
+    assert pioneer.run(20, lambda: events(pioneer, Heard)[-2:] == [Heard(False), Heard(True)])
+    assert pioneer.run(60, lambda: Passed(2) in pioneer.effects)
+    assert pioneer.distance_to(6.0, 0.0) < 0.2  # it was not observed while it braked
+
+
+def test_a_driver_that_quits_stops_its_robot_and_ends_the_session() -> None:
+    pioneer = under_way()
+    pioneer.give(Quit())
+    assert pioneer.run(3, pioneer.stands)
+    assert pioneer.firmware.step(0.2) == b""
+
+
+def test_a_stalled_robot_says_so_and_stands() -> None:
+    pioneer = under_way()
+    pioneer.body.is_stuck = True
+    assert pioneer.run(5, lambda: bool(events(pioneer, GaveUp)))
+    (refusal,) = events(pioneer, GaveUp)
+    assert isinstance(refusal, GaveUp)
+    assert "motor is stalled" in refusal.description
+    pioneer.body.is_stuck = False
+    position = pioneer.body.place.x
+    pioneer.run(20)
+    assert pioneer.body.place.x == position
+    pioneer.give(Follow(way((position, 0.0), (6.0, 0.0), start=10)))
+    assert pioneer.run(60, lambda: Passed(11) in pioneer.effects)
+
+
+def test_a_robot_that_does_not_move_gives_up() -> None:
+    """Its motors are on, and its wheels stand: nothing reports a stall."""
+    pioneer = Pioneer().ready()
+    pioneer.to_robot = lambda data: b""
+    pioneer.give(Follow(AHEAD))
+    assert pioneer.run(10, lambda: bool(events(pioneer, GaveUp)))
+    assert "does not move" in str(events(pioneer, GaveUp)[0])
+
+
+def test_something_that_sonar_does_not_see_is_met_by_the_bumpers() -> None:
+    pioneer = Pioneer().ready()
+    pioneer.body.obstacles = (Obstacle(x=2.0, y=0.1, radius=0.2),)
+    pioneer.body.echo = lambda x, y, heading: math.inf  # type: ignore[method-assign]
+    pioneer.give(Follow(AHEAD))
+    assert pioneer.run(20, lambda: bool(events(pioneer, GaveUp)))
+    assert "front bumpers" in str(events(pioneer, GaveUp)[0])
+
+
+def test_the_stop_button_stops_a_robot_until_somebody_switches_its_motors_on() -> None:
+    pioneer = under_way()
+    pioneer.firmware.stop_button = True
+    assert pioneer.run(3, pioneer.stands)
+    assert events(pioneer, Broken) == [Broken("its stop button is pressed")]
+    pioneer.firmware.stop_button = False
+    pioneer.run(20)
+    assert pioneer.stands()
+    broken = events(pioneer, Broken)[-1]
+    assert isinstance(broken, Broken)
+    assert "MOTORS" in str(broken.reason)
+    pioneer.firmware._motors = True
+    assert pioneer.run(3, lambda: events(pioneer, Broken)[-1] == Broken(None))
+    pioneer.run(10)
+    assert pioneer.stands()
+
+
+def test_a_broken_robot_does_nothing() -> None:
+    pioneer = Pioneer().ready()
+    pioneer.firmware.stop_button = True
+    pioneer.run(1)
+    assert pioneer.act(TurnTo(1.0)) == ActionFailed(description="its stop button is pressed")
+
+
+def test_the_gripper_takes_what_is_between_its_paddles() -> None:
+    pioneer = Pioneer().ready()
+    pioneer.body.thing = (0.6, 0.0)
+    pioneer.act(MoveGripper(GripperCommand.OPEN))
+    pioneer.act(MoveGripper(GripperCommand.LIFT_DOWN))
+    approach = pioneer.act(Advance(distance=0.4, until_beam=True))
+    assert not isinstance(approach, ActionFailed)
+    assert approach.is_occupied
+    closing = pioneer.act(MoveGripper(GripperCommand.CLOSE))
+    assert not isinstance(closing, ActionFailed)
+    assert closing.is_occupied
+    pioneer.act(MoveGripper(GripperCommand.LIFT_UP))
+    pioneer.act(Advance(distance=-0.2))
+    assert abs(pioneer.body.place.x) < 0.05
+    pioneer.act(MoveGripper(GripperCommand.OPEN))
+    assert pioneer.body.thing != (0.6, 0.0)
+
+
+def test_an_empty_gripper_says_so() -> None:
+    pioneer = Pioneer().ready()
+    pioneer.act(MoveGripper(GripperCommand.OPEN))
+    end = pioneer.act(MoveGripper(GripperCommand.CLOSE))
+    assert not isinstance(end, ActionFailed)
+    assert not end.is_occupied
+
+
+def test_a_gripper_that_is_stuck_fails() -> None:
+    pioneer = Pioneer().ready()
+    assert pioneer.firmware.gripper is not None
+    pioneer.firmware.gripper.is_stuck = True
+    end = pioneer.act(MoveGripper(GripperCommand.OPEN))
+    assert isinstance(end, ActionFailed)
+    assert "did not move" in end.description
+
+
+def test_an_action_can_be_interrupted() -> None:
+    pioneer = Pioneer().ready()
+    pioneer.effects.clear()
+    pioneer.give(MoveGripper(GripperCommand.OPEN))
+    pioneer.run(1)
+    pioneer.halt()
+    assert len(events(pioneer, ActionFailed)) == 1
+
+
+def test_a_robot_without_gripper_is_known_as_one() -> None:
+    pioneer = Pioneer(gripper=False).ready()
+    pioneer.run(2)
+    assert not pioneer.driver.has_gripper
+
+    pioneer = Pioneer().ready()
+    pioneer.run(2)
+    assert pioneer.driver.has_gripper
+
+
+def test_a_robot_charges_until_its_battery_is_full() -> None:
+    pioneer = Pioneer().ready()
+    pioneer.body.charger = (0.0, 0.0)
+    assert not isinstance(pioneer.act(FillBattery(), 30), ActionFailed)
+    assert pioneer.body.charge == 1.0
+    pioneer.run(20)
+    assert events(pioneer, BatteryLevel)[-1] == BatteryLevel(100)
+
+
+def test_a_charger_without_power_is_reported() -> None:
+    end = Pioneer().ready().act(FillBattery(), 30)
+    assert end == ActionFailed(description="the charger gives no power")
+
+
+def test_a_pushed_robot_knows_where_it_was_pushed_while_it_is_connected() -> None:
+    pioneer = Pioneer().ready()
+    for _ in range(100):
+        pioneer.body.place = Place(x=pioneer.body.place.x + 0.01, y=0.0, yaw=0.0)
+        pioneer.run(0.1)
+    assert abs(pioneer.driver.pose.x - 1.0) < 0.02
+
+
+def test_a_counter_that_begins_anew_does_not_move_the_robot() -> None:
+    pioneer = under_way()
+    pioneer.run(5)
+    pose = pioneer.driver.pose
+    pioneer.firmware._counted = (50_000.0, 0.0, 0.0)
+    pioneer.run(0.2)
+    assert abs(pioneer.driver.pose.x - pose.x) < 0.3
+
+
+def test_odometry_outlives_the_wrapping_of_its_counters() -> None:
+    """A P3-DX counts 0.485 mm: 15 bits are 16 m."""
+    pioneer = Pioneer(subclass="p3dx").ready()
+    points = [(0.0, 0.0), (12.0, 0.0), (24.0, 0.0), (36.0, 0.0), (36.0, 20.0)]
+    assert pioneer.drive(way(*points), 400)
+    assert pioneer.distance_to(36.0, 20.0) < 0.05
+
+
+def test_noise_on_the_line_moves_nothing() -> None:
+    pioneer = Pioneer().ready()
+    position = pioneer.body.place
+    for value in range(256):
+        pioneer.give(Received(bytes([value, 0xFA, 0xFB, value])))
+        pioneer.run(0.1)
+    assert pioneer.body.place == position
