@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from somrs.adapters.arcos.actions import RunningAction, begin, is_standing
 from somrs.adapters.arcos.course import Course
@@ -57,12 +58,16 @@ class Battery(Struct, frozen=True, kw_only=True):
 
 
 class Driver:
-    """Drives one robot. `pose`: where it is at the beginning. `parameters`: None: those of the type that the robot says it is."""
+    """Drives one robot. `pose`: where it is at the beginning. `parameters`: None: those of the type that the robot says it is. `speed`:
+    with which it drives at most, m/s; None: as in the parameters."""
 
-    def __init__(self, pose: Pose, parameters: Parameters | None = None, battery: Battery | None = None) -> None:
+    def __init__(
+        self, pose: Pose, parameters: Parameters | None = None, battery: Battery | None = None, speed: float | None = None
+    ) -> None:
         self.session = Session()
         self.parameters = parameters
         self._battery = battery or Battery()
+        self._speed_limit = speed
         self._odometry = Odometry(pose)
         self._sonar = SonarMap()
         self._course = Course()
@@ -134,6 +139,8 @@ class Driver:
         parameters = self.parameters or self._own_parameters()
         if parameters is None:
             return
+        if self._speed_limit is not None:
+            parameters = replace(parameters, speed=self._speed_limit)
         self.parameters = parameters
         self._note_contact()
         pose = self._odometry.update(status, parameters)
@@ -161,7 +168,7 @@ class Driver:
         self._speeds = speeds
 
     def _next_speeds(self, status: Status, pose: Pose, parameters: Parameters, now: float) -> Speeds:
-        if self._broken is not None:
+        if self._broken is not None or self._is_halting:
             return STAND
         if (problem := self._problem(status)) is not None:
             self._give_up(problem)

@@ -43,6 +43,10 @@ class Body(Protocol):
     def has_thing(self) -> bool:
         """Whether something is between the paddles, or where they would close around it."""
 
+    @property
+    def is_handling(self) -> bool:
+        """Whether it is still gripping or releasing."""
+
     def drive(self, forward: float, turning: float) -> None:
         """Drive with these velocities, m/s and rad/s, until told otherwise."""
 
@@ -76,6 +80,7 @@ class PlaneBody:
     radius = 0.25
     reach = 0.35
     """From its centre to the middle of the paddles, m."""
+    is_handling = False
     grasp = 0.08
     """How far a thing may be from the middle of the paddles, m."""
 
@@ -107,7 +112,7 @@ class PlaneBody:
     def echo(self, x: float, y: float, heading: float) -> float:
         cosine, sine = math.cos(self.place.yaw), math.sin(self.place.yaw)
         start = self.place.x + x * cosine - y * sine, self.place.y + x * sine + y * cosine
-        return min((_ray(start, self.place.yaw + heading, obstacle) for obstacle in self.obstacles), default=math.inf)
+        return min((ray(start, self.place.yaw + heading, obstacle) for obstacle in self.obstacles), default=math.inf)
 
     def grip(self) -> None:
         self._is_holding = self.has_thing
@@ -146,7 +151,7 @@ class PlaneBody:
         return self.place.x + self.reach * math.cos(self.place.yaw), self.place.y + self.reach * math.sin(self.place.yaw)
 
 
-def _ray(start: tuple[float, float], direction: float, obstacle: Obstacle) -> float:
+def ray(start: tuple[float, float], direction: float, obstacle: Obstacle) -> float:
     """The distance from a point to an obstacle in a direction, m; infinite if it is not there."""
     dx, dy = obstacle.x - start[0], obstacle.y - start[1]
     ahead = dx * math.cos(direction) + dy * math.sin(direction)

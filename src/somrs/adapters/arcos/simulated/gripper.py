@@ -40,13 +40,14 @@ class Gripper:
         """So many seconds pass."""
         if self.is_stuck:
             return
-        if self._paddle_goal is not None:
+        if self._paddle_goal is not None and not self._body.is_handling:
             stop = GRASP if self._paddle_goal == 1.0 and self._body.has_thing else self._paddle_goal
+            was_stopped = self._paddles == stop
             self._paddles = _towards(self._paddles, stop, duration / PADDLE_TIME)
-            if self._paddles == stop:
+            if stop == GRASP and self._paddles == stop and not was_stopped:
+                self._body.grip()
+            elif self._paddles == stop:
                 self._paddle_goal = None
-                if stop == GRASP:
-                    self._body.grip()
         if self._lift_goal is not None:
             self._lift = _towards(self._lift, self._lift_goal, duration / LIFT_TIME)
             if self._lift == self._lift_goal:

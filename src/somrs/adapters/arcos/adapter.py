@@ -1,0 +1,29 @@
+"""The adapter for Pioneer robots with ARCOS: a device for each robot of the settings."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+from somrs.adapters.adapter import Fleet
+from somrs.adapters.arcos.robot import ArcosRobot
+from somrs.adapters.arcos.settings import read_settings, robot_parameters
+
+
+class ArcosAdapter:
+    """Connects Pioneer robots, each by a port of its own."""
+
+    def __init__(self, settings: Mapping[str, Any], folder: Path) -> None:
+        self._robots = read_settings(settings).robots
+        self._parameters = {name: robot_parameters(name, robot, folder) for name, robot in self._robots.items()}
+
+    @property
+    def names(self) -> Collection[str]:
+        return self._robots.keys()
+
+    async def run(self, fleet: Fleet) -> None:
+        for name, settings in self._robots.items():
+            fleet.add(ArcosRobot(name, settings, self._parameters[name]))
+        await asyncio.get_running_loop().create_future()

@@ -1,0 +1,185 @@
+"""A Pioneer robot as a device: it drives where traffic lets it, picks and drops with its gripper, and charges."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+
+from somrs.adapters.arcos.driver import Driver
+from somrs.adapters.arcos.events import (
+    Action,
+    ActionDone,
+    ActionFailed,
+    Advance,
+    BatteryLevel,
+    Broken,
+    Effect,
+    FillBattery,
+    Follow,
+    GaveUp,
+    Halt,
+    Halted,
+    Heard,
+    Located,
+    MoveGripper,
+    Passed,
+    TurnTo,
+)
+from somrs.adapters.arcos.line import RobotLine
+from somrs.adapters.arcos.messages import GripperCommand
+from somrs.adapters.arcos.odometry import Pose
+from somrs.adapters.arcos.parameters import Parameters
+from somrs.adapters.arcos.settings import RobotSettings
+from somrs.devices.road_robot import CarryingRobot, RobotFailed, Way
+from somrs.errors import UsageError
+from somrs.ontology.types import Value
+
+SPARE = 0.1
+"""How much farther than the map has it a thing may be, m."""
+
+
+class ArcosRobot(CarryingRobot):
+    """A Pioneer P3-DX, or another robot with ARCOS."""
+
+    def __init__(self, name: str, settings: RobotSettings, parameters: Parameters | None = None) -> None:
+        super().__init__(name)
+        self.settings = settings
+        self.can_charge = settings.dock
+        self.battery: float | None = None
+        self._parameters = parameters
+        self._line: RobotLine | None = None
+        self._running: asyncio.Task[None] | None = None
+        self._action: asyncio.Future[ActionDone] | None = None
+        self._halted: asyncio.Future[None] | None = None
+
+    async def open(self) -> None:
+        pose = self.settings.pose or await self._pose_on_map()
+        driver = Driver(pose, self._parameters, self.settings.battery, self.settings.speed)
+        self._line = RobotLine(driver, self.settings.port, self.settings.baud, self._notice)
+        self.heard(False)
+        self._running = asyncio.create_task(self._line.run())
+        await super().open()
+
+    async def close(self) -> None:
+        await super().close()
+        if self._running is not None:
+            self._running.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._running
+
+    # What traffic and the services tell the robot
+
+    async def follow(self, way: Way) -> None:
+        self._open_line().give(Follow(way))
+
+    async def halt(self) -> None:
+        if self._halted is None or self._halted.done():
+            self._halted = asyncio.get_running_loop().create_future()
+            self._open_line().give(Halt())
+        await asyncio.shield(self._halted)
+
+    async def interrupt(self) -> None:
+        await self.halt()
+
+    async def pick(self, thing: str, support: str) -> None:
+        self._need_gripper()
+        distance = await self._face(thing)
+        await self._act(MoveGripper(GripperCommand.OPEN))
+        await self._act(MoveGripper(GripperCommand.LIFT_DOWN))
+        start = self._open_line().driver.pose
+        approach = await self._act(Advance(distance=max(0.0, distance - self.settings.reach + SPARE), until_beam=True))
+        closing = await self._act(MoveGripper(GripperCommand.CLOSE)) if approach.is_occupied else approach
+        if closing.is_occupied:
+            self.holding = thing
+            await self._act(MoveGripper(GripperCommand.LIFT_UP))
+        await self._back_up(start)
+        if not approach.is_occupied:
+            raise RobotFailed(f"there is nothing between the paddles of {self.name} where {thing} should be")
+        if not closing.is_occupied:
+            raise RobotFailed(f"{thing} slipped out of the paddles of {self.name}")
+
+    async def drop(self, thing: str, support: str) -> None:
+        self._need_gripper()
+        await self._face(support)
+        await self._act(MoveGripper(GripperCommand.LIFT_DOWN))
+        await self._act(MoveGripper(GripperCommand.OPEN))
+        self.holding = None
+
+    async def charge_at(self, charger: str) -> None:
+        """Charge the battery at the charger at which the robot stands. Returns when it is full. Raises RobotFailed."""
+        await self._act(FillBattery())
+
+    # What the driver says
+
+    def _notice(self, effect: Effect) -> None:
+        match effect:
+            case Located(pose):
+                self.located(pose.x, pose.y, pose.yaw)
+            case Passed(number):
+                self.passed(number)
+            case GaveUp(description):
+                self.gave_up(f"{self.name} does not drive on: {description}")
+            case Broken(reason):
+                self.broken(f"{self.name} cannot drive: {reason}" if reason is not None else None)
+            case Heard(is_connected):
+                self.heard(is_connected)
+            case BatteryLevel(charge):
+                self.battery = float(charge)
+            case Halted() if self._halted is not None and not self._halted.done():
+                self._halted.set_result(None)
+            case ActionDone() if self._action is not None and not self._action.done():
+                self._action.set_result(effect)
+            case ActionFailed(description=description) if self._action is not None and not self._action.done():
+                self._action.set_exception(RobotFailed(f"{self.name} gave up: {description}"))
+
+    # Parts of services
+
+    async def _act(self, action: Action) -> ActionDone:
+        """Have an action carried out. Raises RobotFailed. When it is cancelled, the robot stops."""
+        future: asyncio.Future[ActionDone] = asyncio.get_running_loop().create_future()
+        self._action = future
+        self._open_line().give(action)
+        try:
+            return await future
+        except asyncio.CancelledError:
+            self._open_line().give(Halt())
+            raise
+
+    async def _face(self, name: str) -> float:
+        """Turn to an object of the map, and return how far it is, m."""
+        rows = await self.map.query(f"{name}.PositionX = ?X AND {name}.PositionY = ?Y", limit=1)
+        if not rows:
+            raise RobotFailed(f"the map does not say where {name} is")
+        pose = self._open_line().driver.pose
+        dx, dy = _number(rows[0]["X"]) - pose.x, _number(rows[0]["Y"]) - pose.y
+        await self._act(TurnTo(math.atan2(dy, dx)))
+        return math.hypot(dx, dy)
+
+    async def _back_up(self, start: Pose) -> None:
+        """Drive straight back to where the robot was."""
+        pose = self._open_line().driver.pose
+        travel = (pose.x - start.x) * math.cos(pose.yaw) + (pose.y - start.y) * math.sin(pose.yaw)
+        await self._act(Advance(distance=-travel))
+
+    def _need_gripper(self) -> None:
+        if not self._open_line().driver.has_gripper:
+            raise RobotFailed(f"{self.name} has no gripper")
+
+    def _open_line(self) -> RobotLine:
+        assert self._line is not None, "the device is open"
+        return self._line
+
+    async def _pose_on_map(self) -> Pose:
+        """Where the map has the robot. Raises UsageError if it does not say."""
+        rows = await self.map.query(f"{self.name}.PositionX = ?X AND {self.name}.PositionY = ?Y", limit=1)
+        if not rows:
+            raise UsageError(f"adapters: arcos: robots: {self.name}: the map does not say where it stands: give `start: [x, y, degrees]`")
+        turned = await self.map.query(f"{self.name}.RotationZ = ?Yaw", limit=1)
+        return Pose(x=_number(rows[0]["X"]), y=_number(rows[0]["Y"]), yaw=_number(turned[0]["Yaw"]) if turned else 0.0)
+
+
+def _number(value: Value) -> float:
+    """A length or an angle of the map, in metres or radians."""
+    assert isinstance(value, int | float), "positions and rotations are numbers"
+    return float(value)

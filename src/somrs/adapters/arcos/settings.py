@@ -1,0 +1,78 @@
+"""The settings of the adapter in a site file: `adapters: arcos:`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+
+from somrs.adapters.arcos.driver import Battery
+from somrs.adapters.arcos.odometry import Pose
+from somrs.adapters.arcos.parameters import Parameters, read_parameters
+from somrs.errors import UsageError
+
+
+class RobotSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One robot.
+
+    `port`: `tcp://HOST:PORT`, or a serial line such as `/dev/ttyUSB0`. `baud`: of the serial line. `start`: where the robot stands when
+    its program starts, as x and y in metres and the direction in degrees; None: where the map has it. `parameters`: the parameter file of
+    the robot; None: the type that the robot says it is. `speed`: with which it drives at most, m/s. `reach`: from its centre to the middle
+    of the paddles, m. `battery`: the voltages of the empty and of the full battery. `dock`: whether it has contacts for a charger.
+    """
+
+    port: str
+    baud: int = 9600
+    start: tuple[float, float, float] | None = None
+    parameters: str | None = None
+    speed: float | None = None
+    reach: float = 0.35
+    battery: Battery = Battery()
+    dock: bool = False
+
+    @property
+    def pose(self) -> Pose | None:
+        return Pose(x=self.start[0], y=self.start[1], yaw=math.radians(self.start[2])) if self.start is not None else None
+
+
+class Settings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """All robots, by their names on the map."""
+
+    robots: dict[str, RobotSettings]
+
+
+def read_settings(settings: Mapping[str, Any]) -> Settings:
+    """The settings as they are in the site file. Raises UsageError, which says where."""
+    try:
+        read = msgspec.convert(dict(settings), Settings)
+    except msgspec.ValidationError as error:
+        raise UsageError(
+            f"adapters: arcos: {error}. It needs `robots`, with a `port` for each: robots: {{Robot1: {{port: /dev/ttyUSB0}}}}"
+        ) from None
+    for name, robot in read.robots.items():
+        place = f"adapters: arcos: robots: {name}"
+        if robot.port.startswith("tcp://") and not robot.port.rpartition(":")[2].isdigit():
+            raise UsageError(f"{place}: port: {robot.port!r} has no number of a port: write tcp://HOST:PORT")
+        if robot.speed is not None and robot.speed <= 0:
+            raise UsageError(f"{place}: speed: {robot.speed} is not positive: give metres per second, such as 0.4")
+        if robot.battery.full <= robot.battery.empty:
+            raise UsageError(f"{place}: battery: full has to be more than empty: give both in volts")
+    return read
+
+
+def robot_parameters(name: str, settings: RobotSettings, folder: Path) -> Parameters | None:
+    """The parameters of a robot's parameter file; None if it has none. Raises UsageError if the file cannot be read."""
+    if settings.parameters is None:
+        return None
+    path = folder / settings.parameters
+    try:
+        return read_parameters(path.read_text(encoding="utf-8", errors="replace"), Parameters())
+    except OSError as error:
+        raise UsageError(
+            f"adapters: arcos: robots: {name}: parameters: {path} cannot be read ({error.strerror}): give the path of the robot's "
+            "parameter file, from the folder of the site file, or leave it out"
+        ) from None

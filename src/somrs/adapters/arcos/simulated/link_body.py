@@ -1,0 +1,203 @@
+"""A body in the simulator of SO-MRS: it drives and grips by the robot link, and senses what the link reports."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import math
+from collections.abc import AsyncIterator, Coroutine, Mapping
+from typing import Any
+
+from somrs.adapters.arcos.simulated.body import Obstacle, Place, ray
+from somrs.adapters.arcos.simulated.firmware import Firmware
+from somrs.adapters.arcos.simulated.server import SimulatedRobot, serving_tcp
+from somrs.devices.link_security import link_credentials
+from somrs.devices.simulator.link.commands import CommandDone, RobotState
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.devices.simulator.link.lines import Mover
+from somrs.devices.simulator.link.link import OperatorLink, RobotLink, link_address
+
+log = logging.getLogger(__name__)
+
+PERIOD = 0.1
+"""Seconds between two velocities that are sent."""
+LASTS = 0.5
+"""Seconds for which a velocity holds: the simulated wheels stop when this program does."""
+REACH = 1.0
+"""How far from the robot's centre its arm takes things, m."""
+ASIDE = math.radians(20)
+"""How far aside of where the robot looks a thing or a support may be, rad."""
+ROBOT_RADIUS, THING_RADIUS = 0.22, 0.1
+"""What echoes come from, m."""
+STILL_BLOCKED = 0.5
+"""Seconds for which the wheels count as blocked after the simulator said that something is in the way."""
+
+
+class World:
+    """Where everything is that can move, as the simulator tells its operator: what sonar and beams sense."""
+
+    def __init__(self, link: OperatorLink) -> None:
+        self._link = link
+        self._movers: tuple[Mover, ...] = ()
+        self._poses: dict[str, tuple[float, ...]] = {}
+
+    async def run(self) -> None:
+        """Follow the poses, until cancelled."""
+        while True:
+            try:
+                async for poses in self._link.poses(rate=10):
+                    if poses.movers is not None:
+                        self._movers, self._poses = poses.movers, {}
+                    values = iter(poses.values)
+                    for index in poses.moved:
+                        mover = self._movers[index]
+                        self._poses[mover.name] = tuple(next(values) for _ in range(mover.numbers))
+            except RobotGaveUp as failure:
+                log.info("the simulator is gone, and is waited for: %s", failure)
+                await asyncio.sleep(1.0)
+
+    def obstacles(self, robot: str) -> list[Obstacle]:
+        """The other robots on the floor of a robot, as discs."""
+        level = self._poses.get(robot, (0.0, 0.0, 0.0))[2]
+        return [
+            Obstacle(x=pose[0], y=pose[1], radius=ROBOT_RADIUS)
+            for name, pose in self._poses.items()
+            if name != robot and len(pose) in (4, 9) and abs(pose[2] - level) < 1.0
+        ]
+
+    def things(self) -> Mapping[str, tuple[float, float]]:
+        """The points of the things, by name."""
+        return {name: (pose[0], pose[1]) for name, pose in self._poses.items() if len(pose) == 6}
+
+
+class LinkBody:
+    """The body of a robot of the simulator, which takes part in traffic from outside of it."""
+
+    def __init__(self, link: RobotLink, world: World, state: RobotState) -> None:
+        self._link, self._world = link, world
+        self._velocities = (0.0, 0.0)
+        self._sent_velocities = (0.0, 0.0)
+        self._velocity_age = 0.0
+        self._blocked_for = 0.0
+        self._first_state = state
+        self._handling: asyncio.Task[None] | None = None
+        self._charging: asyncio.Task[None] | None = None
+        self._driving: set[asyncio.Task[None]] = set()
+        self.contact: str | None = None
+
+    @property
+    def _state(self) -> RobotState:
+        return self._link.state or self._first_state
+
+    @property
+    def place(self) -> Place:
+        return Place(x=self._state.x, y=self._state.y, yaw=self._state.yaw)
+
+    @property
+    def is_blocked(self) -> bool:
+        return self._blocked_for > 0
+
+    @property
+    def charge(self) -> float:
+        return (self._state.charge if self._state.charge is not None else 100.0) / 100
+
+    @property
+    def has_charger(self) -> bool:
+        return self._charging is not None and not self._charging.done()
+
+    @property
+    def is_handling(self) -> bool:
+        return self._handling is not None and not self._handling.done()
+
+    @property
+    def has_thing(self) -> bool:
+        return self._state.holding is not None or self._nearest(self._world.things()) is not None
+
+    def drive(self, forward: float, turning: float) -> None:
+        self._velocities = forward, turning
+
+    def echo(self, x: float, y: float, heading: float) -> float:
+        place = self.place
+        cosine, sine = math.cos(place.yaw), math.sin(place.yaw)
+        start = place.x + x * cosine - y * sine, place.y + x * sine + y * cosine
+        obstacles = self._world.obstacles(self._link.robot)
+        return min((ray(start, place.yaw + heading, obstacle) for obstacle in obstacles), default=math.inf)
+
+    def grip(self) -> None:
+        thing = self._nearest(self._world.things())
+        if thing is not None and self._state.holding is None:
+            self._handling = asyncio.create_task(self._try(self._link.grip(thing)))
+
+    def release(self) -> None:
+        if self._state.holding is not None:
+            self._handling = asyncio.create_task(self._try(self._put_away()))
+
+    def set_charging(self, is_charging: bool) -> None:
+        if is_charging and not self.has_charger:
+            self._charging = asyncio.create_task(self._try(self._link.charge()))
+        elif not is_charging and self._charging is not None:
+            self._charging.cancel()
+
+    def advance(self, duration: float) -> None:
+        self._velocity_age += duration
+        self._blocked_for = STILL_BLOCKED if self._state.obstructed else max(0.0, self._blocked_for - duration)
+        if self.is_handling or self.has_charger or self._velocity_age < PERIOD:
+            return
+        if self._velocities != (0.0, 0.0) or self._sent_velocities != (0.0, 0.0):
+            self._velocity_age, self._sent_velocities = 0.0, self._velocities
+            task = asyncio.create_task(self._try(self._link.set_velocity(*self._velocities, LASTS)))
+            self._driving.add(task)
+            task.add_done_callback(self._driving.discard)
+
+    async def _try(self, command: Coroutine[Any, Any, CommandDone]) -> None:
+        try:
+            await command
+        except RobotGaveUp as failure:
+            if failure.reason != "stopped":
+                log.info("%s: %s", self._link.robot, failure)
+
+    async def _put_away(self) -> CommandDone:
+        """Put what the robot holds on the piece of furniture that it looks at, or on the floor."""
+        view = await self._link.sense(radius=2 * REACH)
+        support = self._nearest({landmark.object: (landmark.x, landmark.y) for landmark in view.object_states}, 2 * REACH)
+        return await (self._link.place(support) if support is not None else self._link.put_down_object())
+
+    def _nearest(self, points: Mapping[str, tuple[float, float]], reach: float = REACH) -> str | None:
+        """The object in reach that is straightest ahead; None if nothing is."""
+        place = self.place
+        bearings = {}
+        for name, (x, y) in points.items():
+            bearing = abs(math.remainder(math.atan2(y - place.y, x - place.x) - place.yaw, 2 * math.pi))
+            if bearing < ASIDE and math.dist((x, y), (place.x, place.y)) < reach:
+                bearings[name] = bearing
+        return min(bearings, key=lambda name: bearings[name], default=None)
+
+
+@contextlib.asynccontextmanager
+async def simulated_robots(robots: Mapping[str, int], simulator: str) -> AsyncIterator[dict[str, str]]:
+    """Give robots of the simulator at an address ARCOS controllers, each behind a TCP port of this computer; port 0: any. Yields the
+    addresses of the ports, by robot, for the settings of the adapter."""
+    host, port, map = link_address(simulator)
+    credentials = link_credentials(simulator, None)
+    async with contextlib.AsyncExitStack() as stack:
+        operator = await stack.enter_async_context(OperatorLink(host, port, map, credentials))
+        world = World(operator)
+        following = asyncio.create_task(world.run())
+        stack.callback(following.cancel)
+        addresses = {}
+        for name, tcp_port in robots.items():
+            link = RobotLink(host, port, name, rate=20, map=map, outside=True, credentials=credentials)
+            await stack.enter_async_context(link)
+            body = LinkBody(link, world, (await link.status()).state)
+            robot = SimulatedRobot(Firmware(body, name=name))
+            addresses[name] = await stack.enter_async_context(serving_tcp(robot, tcp_port))
+        yield addresses
+
+
+async def serve_simulated(robots: Mapping[str, int], simulator: str) -> None:
+    """Run `simulated_robots` until cancelled."""
+    async with simulated_robots(robots, simulator) as addresses:
+        for name, address in addresses.items():
+            log.info("%s: ARCOS at %s", name, address)
+        await asyncio.get_running_loop().create_future()
