@@ -24,8 +24,10 @@ from somrs.deployment.device_tasks import DeviceTasks
 from somrs.deployment.passage import add_passage
 from somrs.deployment.program_certificates import give_devices_a_certificate
 from somrs.deployment.programs import others_ready, run_program, until_stopped
-from somrs.deployment.shared_map import SharedMap
+from somrs.deployment.road_robot import add_road_robot
+from somrs.deployment.shared_map import MAPS, SharedMap
 from somrs.devices.passage import PassageDevice
+from somrs.devices.road.member import RoadMember
 from somrs.errors import DeviceError, InputError, RemoteError
 from somrs.kernel.component import Notified
 from somrs.ports import is_reserved
@@ -111,7 +113,7 @@ class DeviceRunner:
         self._runtime: Host | None = None
         self._node: Node | None = None
         self._passage: Node | None = None
-        """Its part in traffic, if it is a lift or a door."""
+        """Its part in traffic, if it is a lift, a door, or a robot."""
         self._early: list[Observed] = []
         """What the device observed before it joined."""
         self._was_opened = False
@@ -129,6 +131,8 @@ class DeviceRunner:
         self.device.tasks = TaskSubmitter(DeviceTasks(self.device.name, self._addresses, runtime.request, PATIENCE).ask)
         self.device.observer = self._observed
         self.device.publisher = self._services_changed
+        if isinstance(self.device, RoadMember):
+            self.device.whole_map = self._map_copy(runtime).whole
         self._was_opened = True
         await self.device.open()
         profile = self.device.profile()
@@ -143,9 +147,24 @@ class DeviceRunner:
         )
         missing = f"{self.device.name} waits for an answer of {repository} or {registry} to join"
         await others_ready(asyncio.shield(self._joined), lambda: missing)
-        if isinstance(self.device, PassageDevice) and self._addresses.traffic is not None:
-            self._passage = add_passage(runtime, self.device, self._addresses.traffic)
+        if self._addresses.traffic is not None:
+            self._passage = self._join_traffic(runtime, self._addresses.traffic)
         return self._node.address
+
+    def _map_copy(self, runtime: Host) -> SharedMap:
+        """The copy of the map that the devices of this process share, or one for this device alone."""
+        if self._shared_map is None:
+            name, repository = self.device.name, self._addresses.repository
+            self._shared_map = SharedMap(runtime, f"{MAPS}/{name}", repository, lambda body: request(runtime, body, repository))
+        return self._shared_map
+
+    def _join_traffic(self, runtime: Host, traffic: str) -> Node | None:
+        """Let the device take part in traffic, if it is a lift, a door, or a robot that drives where it is granted its way."""
+        if isinstance(self.device, PassageDevice):
+            return add_passage(runtime, self.device, traffic)
+        if isinstance(self.device, RoadMember):
+            return add_road_robot(runtime, self.device, self.device.name, traffic)
+        return None
 
     @property
     def manager(self) -> ServiceManager:

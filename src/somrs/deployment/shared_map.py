@@ -13,6 +13,8 @@ from somrs.errors import InputError, RemoteError
 from somrs.kernel.component import Effect, Input, Received, Started
 from somrs.kernel.not_understood import refuse_request
 from somrs.kernel.replica import Replica
+from somrs.ontology.map import Map
+from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap
@@ -59,6 +61,16 @@ class SharedMap:
         self._queued_probe: asyncio.Task[int] | None = None
         """The question that is sent after it."""
         host.add(path, lambda _: self._copy)
+
+    async def whole(self, *, is_current: bool = True) -> tuple[Map, Ontology]:
+        """The map and the ontology as they are now; if it need not be `is_current`, as they were when the last news came. Raises
+        RemoteError."""
+        replica = self._copy.replica
+        version = await self._current_version() if is_current else 0
+        while not replica.ready or replica.version < version:
+            self._copy.renewed.clear()
+            await self._copy.renewed.wait()
+        return replica.map, replica.ontology
 
     async def answer(self, question: QueryMap | ReadMap) -> Body:
         """The answer to a question about the map as it is now. Raises RemoteError."""

@@ -1,46 +1,80 @@
-"""The base class for mobile robots of any make: traffic grants them their ways, and they drive along them.
+"""The base classes for mobile robots of any make: traffic grants them their ways, and they drive along them.
 
     class AcmeRobot(RoadRobot):
         async def follow(self, way: Way) -> None: ...   # drive along the released waypoints
         async def halt(self) -> None: ...               # stand still, wherever it is
 
 The robot's program says where the robot is: `located`, `passed`, `broken`, `heard`. The rest is done here: entering traffic, trips, leases,
-waiting before lifts and doors, quotes by the roadmap, the service MoveTo.
+waiting before lifts and doors, and the driver that simulated robots have, with its services, quotes, and recovery.
 """
 
 from __future__ import annotations
 
-from msgspec import Struct
+from collections.abc import Mapping
 
-from somrs.service_manager.sdk.device import Device
+from somrs.devices.road.building import Building
+from somrs.devices.road.hardware import RobotFailed
+from somrs.devices.road.link import RoadLink
+from somrs.devices.road.member import WholeMap
+from somrs.devices.road.waypoints import Way, Waypoint
+from somrs.devices.simulator.drivers.manipulator import Manipulator
+from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
+from somrs.devices.simulator.link.command_link import CommandLink
+from somrs.errors import RemoteError
+from somrs.ontology.map import Map
+from somrs.ontology.types import Ontology
+from somrs.service_manager.sdk.device import Service
 
-
-class Waypoint(Struct, frozen=True, kw_only=True):
-    """A place on the way of a robot, which drives there from the one before in a straight line.
-
-    `number`: grows by one from waypoint to waypoint, for as long as the program runs, so that a place that is visited twice has two
-    numbers; ways that follow each other share the numbers of the waypoints that they share. `name`: that of the place in traffic. `x`,
-    `y`: in metres on the map. `level`: the height of its floor, in metres. `released`: the robot may drive there; others are planned,
-    and can change. `speed_limit`: of the lane that leads there, in metres per second; None: as fast as the robot may. `travel`:
-    `Forward` or `Backward`, if the robot may not choose.
-    """
-
-    number: int
-    name: str
-    x: float
-    y: float
-    level: float
-    released: bool
-    speed_limit: float | None = None
-    travel: str | None = None
+__all__ = ["CarryingRobot", "RoadRobot", "RobotFailed", "Way", "Waypoint"]
 
 
-Way = tuple[Waypoint, ...]
-"""Waypoints with consecutive numbers. The first is the one that the robot has passed last, or at which it stands: it is always released."""
+async def _no_map(*, is_current: bool = True) -> tuple[Map, Ontology]:
+    raise RemoteError("no program runs the robot, so that it has no map")
 
 
-class RoadRobot(Device):
-    """A mobile robot in the traffic of its building."""
+class RoadRobot(MobileRobot):
+    """A mobile robot in the traffic of its building, with the service MoveTo."""
+
+    type = "MobileRobot"
+    silence = reconnect_timeout = 6.0
+    battery: float | None = None
+    """The charge of its battery in percent; None if nobody knows. Set it before `located`."""
+    holding: str | None = None
+    """The thing that it carries, by its name on the map."""
+    hindrance: str | None = None
+    """What keeps it from going on, and will pass without it, for people. Set it before `located`."""
+    can_charge: bool = False
+    """Whether it can charge its battery."""
+
+    def __init__(self, name: str, simulator: str | None = None) -> None:
+        super().__init__(name, simulator)
+        self._road_link = RoadLink(self, self._notice_state)
+        self.road = self._road_link.traveller
+        """Drives where traffic lets it; the program that runs the device connects it to traffic."""
+        self.whole_map: WholeMap = _no_map
+        """The map as it is, and the ontology; the program that runs the device sets it."""
+        self.building = Building()
+        """What is known of the building; robots of one process share it."""
+
+    def _make_link(self) -> CommandLink:
+        return self._road_link
+
+    async def open(self) -> None:
+        """Connect to the robot, and call this: it waits for the first state of the robot."""
+        self._working = 0
+        self._reported_charge = None
+        self._known_broken = False
+        await super().open()
+
+    def services(self) -> Mapping[str, Service]:
+        offered = {"move_to", *(("charge",) if self.can_charge else ())}
+        return {name: service for name, service in super().services().items() if name in offered}
+
+    @property
+    def _needs_charge(self) -> bool:
+        return self.can_charge and super()._needs_charge
+
+    # For authors: what the robot is told
 
     async def follow(self, way: Way) -> None:
         """Drive along the way, up to its last released waypoint, and stop there. Returns at once.
@@ -54,50 +88,59 @@ class RoadRobot(Device):
         """Stand still, wherever the robot is. Returns when it stands. What was released is not, any more."""
         raise NotImplementedError
 
+    async def charge_at(self, charger: str) -> None:
+        """Charge the battery at the charger at which the robot stands. Returns when it is full. Raises RobotFailed."""
+        raise NotImplementedError
+
+    async def pick(self, thing: str, support: str) -> None:
+        """Take a thing from its support, from where the robot stands. Returns when it carries the thing. Raises RobotFailed."""
+        raise RobotFailed(f"{self.name} cannot carry anything")
+
+    async def drop(self, thing: str, support: str) -> None:
+        """Put the thing that it carries on a support, from where the robot stands. Raises RobotFailed."""
+        raise RobotFailed(f"{self.name} cannot carry anything")
+
+    async def put_down(self, thing: str) -> tuple[float, float, float, str]:
+        """Put the thing that it carries down where it stands, because its task has ended. Returns the point in metres, and what the thing
+        stands on. Raises RobotFailed if it cannot."""
+        raise RobotFailed(f"{self.name} cannot put {thing} down where it stands")
+
+    async def interrupt(self) -> None:
+        """End what the robot works on, such as picking, dropping or charging, as soon as this is safe. Returns when it does nothing."""
+        raise NotImplementedError
+
+    # For authors: what the robot says
+
     def located(self, x: float, y: float, yaw: float, level: float | None = None) -> None:
         """The robot is at this pose, in metres and radians on the map; `level`: the height of its floor, None: as before. Call it
-        with every state of the robot."""
+        with every state of the robot, also if it stands still."""
+        self.road.located(x, y, yaw, level)
 
     def passed(self, number: int) -> None:
         """The robot has come to the waypoint of this number, or driven past it."""
+        self.road.passed(number)
 
     def gave_up(self, description: str) -> None:
         """The robot does not drive on along its way, and stands: something is in the way, for example. The trip fails with this
         description."""
+        self.road.gave_up(description)
 
     def broken(self, reason: str | None) -> None:
         """The robot cannot drive, for this reason, until somebody mends it; None: it can again."""
+        self.road.broken(reason)
 
     def heard(self, is_connected: bool) -> None:
         """Whether the robot can be reached. What it does meanwhile goes on, or is taken up again, when it is there again."""
+        self.road.heard(is_connected)
 
 
-class RobotFailed(Exception):
-    """The robot could not do what it was told. `description`: why, for people."""
+class CarryingRobot(RoadRobot, Manipulator):
+    """A mobile robot that takes things from one support to another: the service TransferObject besides."""
 
-    def __init__(self, description: str) -> None:
-        self.description = description
-        super().__init__(description)
+    type = "MobileManipulator"
+    can_carry: bool = True
+    """Whether it can pick and drop things."""
 
-
-class CarryingRobot(RoadRobot):
-    """A mobile robot that takes things from one support to another: the services TransferObject and ChargeBattery besides MoveTo."""
-
-    holding: str | None = None
-    """The thing that it carries, by its name on the map."""
-
-    async def pick(self, thing: str, support: str) -> None:
-        """Take a thing from its support, from where the robot stands. Returns when it carries the thing. Raises RobotFailed."""
-        raise NotImplementedError
-
-    async def drop(self, thing: str, support: str) -> None:
-        """Put the thing that it carries on a support, from where the robot stands. Raises RobotFailed."""
-        raise NotImplementedError
-
-    async def charge(self, charger: str) -> None:
-        """Charge the battery at the charger at which the robot stands. Returns when it is full. Raises RobotFailed."""
-        raise NotImplementedError
-
-    async def interrupt(self) -> None:
-        """End `pick`, `drop` or `charge`, as soon as this is safe. Returns when the robot does nothing."""
-        raise NotImplementedError
+    def services(self) -> Mapping[str, Service]:
+        offered = {"move_to", *(("charge",) if self.can_charge else ()), *(("transfer",) if self.can_carry else ())}
+        return {name: service for name, service in Manipulator.services(self).items() if name in offered}

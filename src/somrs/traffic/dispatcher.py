@@ -199,7 +199,10 @@ class Dispatcher:
         record.grants += anew
         held = self._schedule.held(name)
         way, gated = tuple(map(self._berths.name, held)), self._passages.gated(held)
-        grant = Granted(robot=name, fence=record.fence, number=record.grants, progress=record.progress, way=way, gated=gated)
+        planned = tuple(map(self._berths.name, self._schedule.planned(name)))
+        grant = Granted(
+            robot=name, fence=record.fence, number=record.grants, progress=record.progress, way=way, gated=gated, planned=planned
+        )
         return self._send(record, grant)
 
     def roadmap_replaced(self, edition: int) -> Effects:

@@ -33,6 +33,8 @@ class Participant:
         """The number of its entry; 0 before the first."""
         self.way: tuple[str, ...] = ()
         """The places up to which it may drive, after the one to which it is on its way."""
+        self.planned: tuple[str, ...] = ()
+        """The places after its way to which it will be sent, as the last grant says."""
         self._message_count = self._grant = self._progress = 0
         self._gated: frozenset[int] = frozenset()
         """The places of the way before which passages have to be open, by the progress with which it comes to them."""
@@ -62,6 +64,7 @@ class Participant:
         self._grant = grant.number
         self.way = grant.way[self._progress - grant.progress + (self.towards is not None) + 1 :]
         self._gated = frozenset(grant.progress + number for number in grant.gated)
+        self.planned = grant.planned
         return True
 
     def opened(self, notice: PassageOpen) -> bool:
@@ -82,6 +85,14 @@ class Participant:
             return False
         return self._progress + 1 not in self._gated or self._let_in == (self._progress, self.way[0])
 
+    @property
+    def open_way(self) -> tuple[str, ...]:
+        """The part of its way to which it may come without another message: up to the first passage for which it has to wait."""
+        first = self._progress + (self.towards is not None) + 1
+        closed = (index for index in range(len(self.way)) if first + index in self._gated)
+        gate = next((index for index in closed if index or not self.may_depart), len(self.way))
+        return self.way[:gate]
+
     def depart(self) -> str | None:
         """Drive to the next place that was granted, and return it; None if there is none."""
         if self.towards is None and self.way:
@@ -100,7 +111,7 @@ class Participant:
         what it was granted."""
         number = self._number()
         if mobility is not Mobility.FREE:
-            self.way, self._let_in, self._returned = (), None, number
+            self.way, self.planned, self._let_in, self._returned = (), (), None, number
         return ReportPlace(
             robot=self.robot,
             fence=self.fence,

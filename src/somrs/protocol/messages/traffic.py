@@ -146,6 +146,8 @@ class Granted(MessageBody, frozen=True, kw_only=True, tag=True):
 
     `gated`: the places of `way` before which a lift or automatic doors have to be open, by their numbers, where 1 is the place after the
     first: the robot waits for PassageOpen before it departs to them.
+
+    `planned`: the places to which it will be sent after these, as the plan is now; that may change, and it may not drive there yet.
     """
 
     robot: str
@@ -154,6 +156,7 @@ class Granted(MessageBody, frozen=True, kw_only=True, tag=True):
     progress: int
     way: tuple[str, ...]
     gated: tuple[int, ...] = ()
+    planned: tuple[str, ...] = ()
 
 
 class PassageOpen(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -40,8 +40,6 @@ class CommandLink(ABC):
     """Carries out the commands to one robot or camera. They return `CommandDone` or raise RobotGaveUp. A new command ends the one in
     progress."""
 
-    state: RobotState | None = None
-    """The last state that the robot reported."""
     silent: bool = False
     """Whether nothing has been heard of the robot for too long."""
 
@@ -50,6 +48,11 @@ class CommandLink(ABC):
 
     @abstractmethod
     async def __aexit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None: ...
+
+    @property
+    @abstractmethod
+    def state(self) -> RobotState | None:
+        """The last state that the robot reported."""
 
     @property
     @abstractmethod

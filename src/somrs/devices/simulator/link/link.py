@@ -101,11 +101,14 @@ class RobotLink(Link, CommandLink):
         self.robot = robot
         self._silence = silence
         self._unheard = 0.0
-        self.state: RobotState | None = None
-        """The last state that the robot reported."""
+        self._state: RobotState | None = None
         self.silent = False
         """Whether the robot has sent nothing for `silence` seconds."""
         self._on_state = on_state
+
+    @property
+    def state(self) -> RobotState | None:
+        return self._state
 
     @property
     def connected(self) -> bool:
@@ -145,7 +148,7 @@ class RobotLink(Link, CommandLink):
             return
         if isinstance(line, State | OrderDone | OrderGivenUp):
             self.silent, self._unheard = False, 0.0
-            self.state = line.state
+            self._state = line.state
             if self._on_state is not None:
                 self._on_state(line.state)
         super()._hear(line)

@@ -17,10 +17,18 @@ from somrs.traffic.ways import Ways
 class Driver(Protocol):
     """A robot for which ways are found."""
 
-    name: str
-    size: Dimensions
-    solid: Solid
-    level: float
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def size(self) -> Dimensions: ...
+
+    @property
+    def solid(self) -> Solid: ...
+
+    @property
+    def level(self) -> float:
+        """The height of its floor, m."""
 
     @property
     def kind(self) -> RobotKind:

@@ -162,8 +162,9 @@ def _travel_to(robot: Robot, stop: Berth | str | None, goal: Point, patience: fl
     finally:
         robot.plan = []
         road.cancel()
-    if road.ended is not None:
-        _check_arrival(robot, goal, road.ended)
+    problem = why_not_arrived(robot.name, goal, road.ended) if road.ended is not None else None
+    if problem is not None:
+        raise problem
 
 
 def _is_free(robot: Robot, goal: Point, slack: float = 0.0) -> bool:
@@ -183,21 +184,22 @@ def _can_go_on(robot: Robot, position: Point, following: Point) -> bool:
     return sees(robot, position, following, MARGIN) and _is_free(robot, following, MARGIN)
 
 
-def _check_arrival(robot: Robot, goal: Point, ended: TripEnded) -> None:
-    """Raise GivenUp if the trip did not end at the goal."""
+def why_not_arrived(robot: str, goal: Point, ended: TripEnded) -> GivenUp | None:
+    """Why a trip of a robot did not end at its goal; None if it did."""
     names = f" by {' and '.join(ended.robots)}" if ended.robots else ""
-    way = f"the path of {robot.name} to ({goal[0]:.2f}, {goal[1]:.2f})"
+    way = f"the path of {robot} to ({goal[0]:.2f}, {goal[1]:.2f})"
     match ended.result:
         case TripResult.CLOSED:
             closed = why_closed(ended.passages, ended.zones)
             reason = f": {closed}" if closed else names or " by what stands there"
-            raise GivenUp("blocked", f"{way} is blocked{reason}")
+            return GivenUp("blocked", f"{way} is blocked{reason}")
         case TripResult.NO_ROOM:
             blockers = " and ".join(ended.robots)
             help = "bring them somewhere else" if len(ended.robots) > 1 else "bring it somewhere else"
-            raise GivenUp("blocked", f"on {way} there is no room: {blockers} cannot let {robot.name} pass; {help}, or clear a place for it")
+            return GivenUp("blocked", f"on {way} there is no room: {blockers} cannot let {robot} pass; {help}, or clear a place for it")
         case TripResult.IMMOBILE:
-            raise GivenUp("drive-dead", f"{robot.name} cannot move")
+            return GivenUp("drive-dead", f"{robot} cannot move")
+    return None
 
 
 def drive_on(robot: Robot) -> Generator[None, None, bool]:

@@ -1,0 +1,43 @@
+"""The robot itself, as its link and its program in traffic use it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from somrs.devices.road.building import Building
+from somrs.devices.road.member import WholeMap
+from somrs.devices.road.waypoints import Way
+
+
+class RobotFailed(Exception):
+    """The robot could not do what it was told. `description`: why, for people. `is_lost`: the thing that it was to take may be elsewhere
+    now; otherwise it is where it was, or in its gripper."""
+
+    def __init__(self, description: str, *, is_lost: bool = False) -> None:
+        self.description, self.is_lost = description, is_lost
+        super().__init__(description)
+
+
+class Vehicle(Protocol):
+    """The robot, as `devices/road_robot.py` describes it for authors."""
+
+    name: str
+    battery: float | None
+    hindrance: str | None
+    holding: str | None
+    whole_map: WholeMap
+    building: Building
+
+    async def follow(self, way: Way) -> None: ...
+
+    async def halt(self) -> None: ...
+
+    async def charge_at(self, charger: str) -> None: ...
+
+    async def pick(self, thing: str, support: str) -> None: ...
+
+    async def drop(self, thing: str, support: str) -> None: ...
+
+    async def put_down(self, thing: str) -> tuple[float, float, float, str]: ...
+
+    async def interrupt(self) -> None: ...

@@ -1,0 +1,265 @@
+"""Carries out the commands of a driver with a robot of another make: it drives where traffic grants it, and picks and drops things.
+
+The driver is the same as that of simulated robots; so are its services, its quotes, and what it does when something fails.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+from collections.abc import Callable, Coroutine
+from types import TracebackType
+from typing import Self
+
+from somrs.devices.road.building import Building, RoadDriver, Stand
+from somrs.devices.road.hardware import RobotFailed, Vehicle
+from somrs.devices.road.traveller import Traveller
+from somrs.devices.simulator.link.command_link import CommandLink
+from somrs.devices.simulator.link.commands import (
+    Approach,
+    Charge,
+    Command,
+    CommandDone,
+    DriveTo,
+    Grip,
+    ObjectState,
+    Place,
+    PutDown,
+    RobotState,
+    Status,
+    Stop,
+)
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.devices.simulator.link.lines import Legs, PathStop
+from somrs.devices.simulator.motion.driving import why_not_arrived
+from somrs.devices.simulator.motion.legs import find_legs
+from somrs.errors import UsageError
+from somrs.space.solids import Point, Role
+from somrs.traffic.robot_program import (
+    TripOver,
+)
+
+log = logging.getLogger(__name__)
+
+MOST_TRIED = 4
+"""How many stands are tried until traffic lets the robot go to one."""
+REST = 0.3
+"""Seconds between two states with the same pose from which on a robot stands."""
+STILL = 0.01
+"""How far a robot that stands seems to move, m."""
+REACHED = 0.15
+"""A robot that is this near to where it is to work stands there, m."""
+MARK_HEIGHT = 0.1
+"""Difference in height up to which a charger is on the robot's floor, m."""
+
+
+class RoadLink(CommandLink):
+    """The link to one robot. `on_state`: is told every state of it."""
+
+    def __init__(self, robot: Vehicle, on_state: Callable[[RobotState], None]) -> None:
+        self.robot, self.silent = robot, False
+        self.traveller = Traveller(robot, on_state, self._end_at_once)
+        self._current: asyncio.Task[CommandDone] | None = None
+        self._reason_of_end = "stopped", "the command was ended"
+        self._stand: Stand | None = None
+        """Where the robot stands to work, if it does."""
+
+    def _end_at_once(self, reason: str, description: str) -> None:
+        if self._current is not None and not self._current.done():
+            self._reason_of_end = reason, description
+            self._current.cancel()
+
+    # The link
+
+    async def __aenter__(self) -> Self:
+        await self.traveller.connected.wait()
+        return self
+
+    async def __aexit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        await self._end_current("stopped", f"the program of {self.robot.name} ends")
+
+    @property
+    def state(self) -> RobotState | None:
+        return self.traveller.state
+
+    @property
+    def connected(self) -> bool:
+        return self.traveller.connected.is_set()
+
+    async def wait_reconnected(self, timeout: float) -> bool:
+        return await self.traveller.wait_reconnected(timeout)
+
+    async def legs(self, *stops: PathStop, situation: str | None = None) -> Legs:
+        building = await self.traveller.building()
+        return find_legs(building, self.traveller.driver(), stops, situation)
+
+    async def command(self, command: Command) -> CommandDone:
+        if self.state is None or not self.connected:
+            raise RobotGaveUp("link-lost", f"{self.robot.name} cannot be reached", self.state)
+        if isinstance(command, Status):
+            self.traveller.renew_state()
+            return self._done()
+        await self._end_current("stopped", f"{self.robot.name} received another command")
+        if isinstance(command, Stop):
+            return self._done()
+        self.traveller.activity = type(command).__name__
+        self._current = task = asyncio.create_task(self._carry_out(command))
+        await asyncio.wait({task})
+        if not task.cancelled():
+            return task.result()
+        raise RobotGaveUp(*self._reason_of_end, self.state)
+
+    async def _end_current(self, reason: str, description: str) -> None:
+        task, self._current = self._current, None
+        if task is not None and not task.done():
+            self._reason_of_end = reason, description
+            task.cancel()
+            await asyncio.wait({task})
+
+    async def _carry_out(self, command: Command) -> CommandDone:
+        try:
+            match command:
+                case DriveTo(x=x, y=y, z=z):
+                    await self._drive_to((x, y), z)
+                    return self._done()
+                case Approach(object=name):
+                    await self._approach(name)
+                    return self._done()
+                case Grip(object=name):
+                    return await self._grip(name)
+                case Place(support=name):
+                    return await self._place(name)
+                case PutDown():
+                    return await self._put_down()
+                case Charge():
+                    return await self._charge()
+            raise RobotGaveUp("not-possible", f"{self.robot.name} cannot do {type(command).__name__}", self.state)
+        finally:
+            self.traveller.activity = None
+            self.traveller.renew_state()
+
+    def _done(self, *object_states: ObjectState) -> CommandDone:
+        assert self.state is not None, "a command is carried out when the robot was located"
+        return CommandDone(state=self.state, object_states=object_states)
+
+    # Driving
+
+    async def _drive_to(self, goal: Point, height: float | None) -> None:
+        building = await self.traveller.building()
+        level = building.level_of(self.traveller.level if height is None else height)
+        stop = building.stop_at(self.traveller.driver(level), goal, self.traveller.new_name())
+        if stop is None:
+            description = f"{self.robot.name} sees no place of the roadmap from ({goal[0]:.2f}, {goal[1]:.2f})"
+            raise RobotGaveUp("unreachable", description, self.state)
+        self._check(await self.traveller.travel(stop), goal)
+
+    async def _approach(self, name: str) -> None:
+        self._stand = None
+        building, refusal = await self.traveller.building(), ""
+        driver = self.traveller.driver(building.level_of(building.pose(name)[2]) if name in building.solids else None)
+        for stand in itertools.islice(self._stands(building, driver, name), MOST_TRIED):
+            stop = building.stop_at(driver, stand.base, self.traveller.new_name())
+            if stop is None:
+                continue
+            over = await self.traveller.travel(stop, stand.yaw)
+            refusal = over.refusal
+            if not refusal:
+                self._check(over, stand.base)
+                self._stand = stand
+                return
+        reason = refusal or "there is no room for it, or something is in between"
+        raise RobotGaveUp("unreachable", f"{self.robot.name} can stand nowhere from where it could reach {name}: {reason}", self.state)
+
+    def _stands(self, building: Building, driver: RoadDriver, name: str) -> itertools.chain[Stand]:
+        try:
+            return itertools.chain(building.stands(driver, name))
+        except UsageError as error:
+            raise RobotGaveUp("unknown-object", str(error), self.state) from None
+
+    def _check(self, over: TripOver, goal: Point) -> None:
+        """Raise RobotGaveUp if a trip did not end at its goal."""
+        if over.refusal:
+            description = f"{self.robot.name} finds no path to ({goal[0]:.2f}, {goal[1]:.2f}): {over.refusal}"
+            raise RobotGaveUp("unreachable", description, self.state)
+        problem = why_not_arrived(self.robot.name, goal, over.ended) if over.ended is not None else None
+        if problem is not None:
+            raise RobotGaveUp(problem.reason, problem.description, self.state)
+
+    # Things
+
+    async def _working(self, work: Coroutine[object, object, None], *object_states: ObjectState) -> None:
+        """Let the robot work where it stands: nobody asks it to make room. `object_states`: what holds of things if it fails."""
+        self.traveller.tell_mobility()
+        try:
+            await work
+        except RobotFailed as failure:
+            self.traveller.renew_state()
+            is_lost = failure.is_lost or self.robot.holding is not None
+            raise RobotGaveUp("not-possible", failure.description, self.state, () if is_lost else object_states) from None
+        except asyncio.CancelledError:
+            if self.connected:
+                await asyncio.shield(self.robot.interrupt())
+            raise
+        finally:
+            self.traveller.activity = None
+            self.traveller.tell_mobility()
+            self.traveller.renew_state()
+
+    async def _grip(self, thing: str) -> CommandDone:
+        robot, building = self.robot, await self.traveller.building()
+        if self._stand is None or not self._stands_there():
+            await self._approach(thing)
+            self.traveller.activity = "Grip"
+        support, (x, y, z, yaw) = building.support_of(thing), building.pose(thing)
+        untouched = ObjectState(object=thing, x=x, y=y, z=z, yaw=yaw, support=support)
+        await self._working(robot.pick(thing, support or ""), untouched)
+        robot.holding = thing
+        self.traveller.renew_state()
+        return self._done(ObjectState(object=thing, x=x, y=y, z=z, yaw=yaw, held_by=robot.name))
+
+    def _stands_there(self) -> bool:
+        state, stand = self.state, self._stand
+        return state is not None and stand is not None and max(abs(state.x - stand.base[0]), abs(state.y - stand.base[1])) < REACHED
+
+    async def _place(self, support: str) -> CommandDone:
+        robot, building = self.robot, await self.traveller.building()
+        thing = robot.holding
+        if thing is None:
+            raise RobotGaveUp("not-holding", f"{robot.name} holds nothing that it could put on {support}", self.state)
+        if self._stand is None or not self._stands_there():
+            await self._approach(support)
+            self.traveller.activity = "Place"
+        await self._working(robot.drop(thing, support))
+        robot.holding = None
+        self.traveller.renew_state()
+        stand, solid = self._stand, building.solids[support]
+        (x, y), z = (stand.spot if stand is not None else (solid.x, solid.y)), solid.top
+        z = solid.z if solid.role is Role.MARK else z
+        return self._done(ObjectState(object=thing, x=x, y=y, z=z, yaw=0.0, support=support))
+
+    async def _put_down(self) -> CommandDone:
+        robot = self.robot
+        thing = robot.holding
+        if thing is None:
+            raise RobotGaveUp("not-holding", f"{robot.name} holds nothing that it could put down", self.state)
+        building, spots = await self.traveller.building(), list[tuple[float, float, float, str]]()
+
+        async def put_down() -> None:
+            spots.append(await robot.put_down(thing))
+
+        await self._working(put_down())
+        robot.holding = None
+        self.traveller.renew_state()
+        x, y, z, support = spots[0]
+        return self._done(ObjectState(object=thing, x=x, y=y, z=z, yaw=0.0, support=support if support in building.solids else None))
+
+    async def _charge(self) -> CommandDone:
+        building, state = await self.traveller.building(), self.state
+        assert state is not None, "the robot was located"
+        chargers = (solid for solid in building.solids.values() if solid.charger and abs(solid.z - self.traveller.level) < MARK_HEIGHT)
+        charger = next((solid.name for solid in chargers if solid.distance(state.x, state.y) <= REACHED), None)
+        if charger is None:
+            raise RobotGaveUp("not-possible", f"{self.robot.name} does not stand at a charger", state)
+        await self._working(self.robot.charge_at(charger))
+        return self._done()

@@ -1,0 +1,296 @@
+"""Where a robot of another make is, and how it drives: what it says, its trips, and the ways that traffic grants it.
+
+Its program in traffic (`traffic/robot_program.py`) is notified by `tell`, and gives work by `carry_out`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+import uuid
+from collections.abc import Callable
+
+from somrs.devices.road.building import Building, RoadDriver, standing
+from somrs.devices.road.hardware import Vehicle
+from somrs.devices.road.waypoints import Waypoint
+from somrs.devices.simulator.link.commands import Fault, RobotState
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.errors import RemoteError
+from somrs.protocol.messages.traffic import Berth, Mobility
+from somrs.traffic.robot_program import (
+    Astray,
+    Complaint,
+    Follow,
+    Locate,
+    MobilityChanged,
+    PlacePassed,
+    RoadmapRead,
+    SilenceChanged,
+    Standing,
+    TripGivenUp,
+    TripOver,
+    TripWanted,
+    WayPlace,
+)
+
+log = logging.getLogger(__name__)
+
+REST = 0.3
+"""Seconds between two states with the same pose from which on a robot stands."""
+STILL = 0.01
+"""How far a robot that stands seems to move, m."""
+REMEMBERED = 8
+"""How many of the last berths are remembered."""
+
+EndCommand = Callable[[str, str], None]
+"""Ends the command that is carried out, for a reason and with a description as of `RobotGaveUp`."""
+
+
+def _tell_nobody(notice: object) -> None:
+    """Do nothing: no program takes part in traffic for the robot."""
+
+
+class Traveller:
+    """One robot on its ways. `on_state`: is told every state; `end_command`: ends the command in progress, because the robot cannot go
+    on."""
+
+    def __init__(self, robot: Vehicle, on_state: Callable[[RobotState], None], end_command: EndCommand) -> None:
+        self.robot, self._on_state, self._end_command = robot, on_state, end_command
+        self.tell: Callable[[object], None] = _tell_nobody
+        self.state: RobotState | None = None
+        """The last one that the robot reported."""
+        self.activity: str | None = None
+        """The command that is carried out."""
+        self.connected = asyncio.Event()
+        self._says_whether_heard = False
+        self._lost_at = self._still_since = 0.0
+        self.level = 0.0
+        """The height of its floor, m."""
+        self._last_point: tuple[float, float] | None = None
+        self._faults: set[Fault] = set()
+        self._fault_reason = ""
+        self._roadmap: RoadmapRead | None = None
+        self._berths: dict[str, Berth] = {}
+        self._way: tuple[Waypoint, ...] = ()
+        self._blocked: set[str] = set()
+        """The places to which the robot could not drive on."""
+        self._is_abandoned = False
+        """Whether it was told to drive by a command that has ended while it could not be reached."""
+        self._stopping: asyncio.Task[None] | None = None
+        self._yaws: dict[str, float] = {}
+        """The headings that it is to have at berths."""
+        self._trips: dict[str, asyncio.Future[TripOver]] = {}
+        self._life, self._numbers = uuid.uuid4().hex[:6], itertools.count(1)
+
+    # What the robot says
+
+    def located(self, x: float, y: float, yaw: float, level: float | None) -> None:
+        now = asyncio.get_running_loop().time()
+        if self._last_point is None or max(abs(x - self._last_point[0]), abs(y - self._last_point[1])) > STILL:
+            self._last_point, self._still_since = (x, y), now
+        self.level = self.level if level is None else level
+        self.state = RobotState(
+            time=now,
+            x=x,
+            y=y,
+            yaw=yaw,
+            holding=self.robot.holding,
+            activity=self.activity,
+            faults=tuple(sorted(self._faults)),
+            z=self.level,
+            charge=self.robot.battery,
+            hindrance=self.robot.hindrance,
+        )
+        if not self._says_whether_heard:
+            self.connected.set()
+        self._on_state(self.state)
+
+    def renew_state(self) -> None:
+        if self.state is not None:
+            self.located(self.state.x, self.state.y, self.state.yaw, None)
+
+    def passed(self, number: int) -> None:
+        self.tell(PlacePassed(number))
+
+    def gave_up(self, description: str) -> None:
+        """The robot stands, and cannot drive on."""
+        ahead = next((waypoint for waypoint in self._way[1:] if waypoint.released), None)
+        self._blocked = {ahead.name} if ahead is not None else set()
+        trips, self._trips = [*self._trips.values()], {}
+        self.tell(TripGivenUp())
+        self.tell(Astray())
+        for trip in trips:
+            if not trip.done():
+                trip.set_exception(RobotGaveUp("blocked", description, self.state))
+
+    def broken(self, reason: str | None) -> None:
+        was_broken = bool(self._faults)
+        self._faults, self._fault_reason = ({Fault.DRIVE}, reason) if reason is not None else (set(), "")
+        self.renew_state()
+        if was_broken == bool(self._faults):
+            return
+        self.tell_mobility()
+        self.tell(Astray())
+        if reason is not None:
+            self._end_command("drive-dead", reason)
+
+    def heard(self, is_connected: bool) -> None:
+        self._says_whether_heard = True
+        if is_connected == self.connected.is_set():
+            return
+        self.tell(SilenceChanged(not is_connected))
+        if is_connected:
+            self.connected.set()
+            if self._is_abandoned:
+                self._is_abandoned, self._stopping = False, asyncio.create_task(self._stop_what_goes_on())
+        else:
+            self.connected.clear()
+            self._lost_at = asyncio.get_running_loop().time()
+            self._end_command("link-lost", f"{self.robot.name} cannot be reached")
+
+    async def _stop_what_goes_on(self) -> None:
+        """The robot is there again, and what it was told before is not wanted any more."""
+        await self.robot.halt()
+        self.tell(TripGivenUp())
+
+    async def wait_reconnected(self, timeout: float) -> bool:
+        remaining = self._lost_at + timeout - asyncio.get_running_loop().time()
+        if not self.connected.is_set() and remaining > 0:
+            try:
+                async with asyncio.timeout(remaining):
+                    await self.connected.wait()
+            except TimeoutError:
+                pass
+        return self.connected.is_set()
+
+    # Trips
+
+    async def travel(self, stop: Berth | str, yaw: float | None = None) -> TripOver:
+        """Go to a place or a berth. Returns how that ended; when it is cancelled, the robot stands still."""
+        if self._faults:
+            raise RobotGaveUp("drive-dead", self._fault_reason, self.state)
+        trip = f"{self.robot.name}/trip-{self._life}-{next(self._numbers)}"
+        if self._stopping is not None:
+            await asyncio.wait({self._stopping})
+        if isinstance(stop, Berth):
+            self._remember(stop, yaw)
+        over: asyncio.Future[TripOver] = asyncio.get_running_loop().create_future()
+        self._trips[trip] = over
+        self._is_abandoned = False
+        try:
+            self.tell_mobility()
+            self.tell(TripWanted(trip, stop))
+            ended = await over
+            await self._stands_still()
+            return ended
+        except asyncio.CancelledError:
+            if not self.connected.is_set():
+                self._is_abandoned = True  # nobody knows how far it drives: it keeps what it was granted
+                raise
+            if not self._faults:
+                await asyncio.shield(self.robot.halt())
+            self.tell(TripGivenUp())
+            raise
+        finally:
+            self._trips.pop(trip, None)
+
+    def tell_mobility(self) -> None:
+        is_busy = self.activity in ("Grip", "Place", "PutDown", "Charge")
+        self.tell(MobilityChanged(Mobility.IMMOBILE if self._faults else Mobility.BUSY if is_busy else Mobility.FREE))
+
+    # The program in traffic
+
+    async def carry_out(self, task: object) -> object:
+        """Do what the robot's program in traffic asks for. Raises RemoteError."""
+        match task:
+            case Locate(roadmap=roadmap):
+                return await self._locate(roadmap)
+            case Follow(way=way):
+                await self._follow(way)
+            case TripOver(trip=trip):
+                over = self._trips.get(trip)
+                if over is not None and not over.done():
+                    over.set_result(task)
+            case Complaint(text=text):
+                log.warning("%s does not take part in traffic: %s", self.robot.name, text)
+            case _:
+                raise RemoteError(f"a robot cannot do {type(task).__name__}")
+        return None
+
+    async def _stands_still(self) -> None:
+        """Wait until the robot stands: it rolls on for some centimetres."""
+        while not self.connected.is_set() or asyncio.get_running_loop().time() - self._still_since < REST:
+            await asyncio.sleep(REST / 3)
+
+    async def _locate(self, roadmap: RoadmapRead) -> Standing:
+        """Where the robot stands, as soon as it does."""
+        self._roadmap = roadmap
+        await self._stands_still()
+        building = await self.building(is_current=False)
+        state = self.state
+        assert state is not None, "it is connected when it was located"
+        stop = building.stop_at(self.driver(), (state.x, state.y), self.new_name(), self._blocked)
+        if stop is None:
+            raise RemoteError(f"{self.robot.name} stands at ({state.x:.2f}, {state.y:.2f}), from where it sees no place of the roadmap")
+        if isinstance(stop, Berth):
+            self._remember(stop, None)
+        self._blocked, self._way = set(), ()
+        return standing(stop)
+
+    def _remember(self, berth: Berth, yaw: float | None) -> None:
+        """Keep a berth: ways may lead there. `yaw`: the heading that the robot is to have there."""
+        self._berths = {**dict([*self._berths.items()][-REMEMBERED:]), berth.name: berth}
+        self._yaws = {name: heading for name, heading in self._yaws.items() if name in self._berths}
+        if yaw is not None:
+            self._yaws[berth.name] = yaw
+
+    async def _follow(self, way: tuple[WayPlace, ...]) -> None:
+        building = await self.building(is_current=False)
+        waypoints: list[Waypoint] = []
+        for place in way:
+            waypoint = self._waypoint(building, place, waypoints[-1].name if waypoints else None)
+            if waypoint is None:
+                break  # of an earlier roadmap
+            waypoints.append(waypoint)
+        self._way = tuple(waypoints)
+        if waypoints:
+            await self.robot.follow(self._way)
+
+    def _waypoint(self, building: Building, place: WayPlace, start: str | None) -> Waypoint | None:
+        if place.name in self._berths:
+            berth = self._berths[place.name]
+            yaw = self._yaws.get(place.name)
+            return Waypoint(number=place.number, name=place.name, x=berth.x, y=berth.y, level=self.level, released=place.released, yaw=yaw)
+        if place.name not in building.roadmap.numbers:
+            return None
+        road_place, lane = building.place(place.name), building.lane(start, place.name) if start is not None else None
+        return Waypoint(
+            number=place.number,
+            name=place.name,
+            x=road_place.x,
+            y=road_place.y,
+            level=road_place.level,
+            released=place.released,
+            speed_limit=lane.speed_limit if lane is not None else None,
+            travel=lane.travel if lane is not None else None,
+        )
+
+    async def building(self, *, is_current: bool = True) -> Building:
+        """The building as it is on the map, or as it was lately. Raises RemoteError."""
+        if self._roadmap is None:
+            raise RemoteError(f"{self.robot.name} does not take part in traffic yet")
+        map, ontology = await self.robot.whole_map(is_current=is_current)
+        self.robot.building.update(map, ontology, self._roadmap)
+        return self.robot.building
+
+    def driver(self, level: float | None = None) -> RoadDriver:
+        state, solid = self.state, self.robot.building.solids.get(self.robot.name)
+        if solid is None:
+            raise RemoteError(f"{self.robot.name} is not on the map, with a position and a shape")
+        assert state is not None, "the robot was located"
+        floor = self.robot.building.level_of(self.level if level is None else level)
+        return RoadDriver(self.robot.name, solid, (state.x, state.y, state.yaw), floor)
+
+    def new_name(self) -> str:
+        return f"{self.robot.name}/{self._life}-{next(self._numbers)}"
