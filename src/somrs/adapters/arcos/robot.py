@@ -54,9 +54,9 @@ class ArcosRobot(CarryingRobot):
         self._halted: asyncio.Future[None] | None = None
 
     async def open(self) -> None:
-        pose = self.settings.pose or await self._pose_on_map()
+        pose = self.settings.pose or await self._start_pose()
         driver = Driver(pose, self._parameters, self.settings.battery, self.settings.speed)
-        self._line = RobotLine(driver, self.settings.port, self.settings.baud, self._notice)
+        self._line = RobotLine(driver, self.settings.port, self.settings.baud, self._take_effect)
         self.heard(False)
         self._running = asyncio.create_task(self._line.run())
         await super().open()
@@ -112,7 +112,7 @@ class ArcosRobot(CarryingRobot):
 
     # What the driver says
 
-    def _notice(self, effect: Effect) -> None:
+    def _take_effect(self, effect: Effect) -> None:
         match effect:
             case Located(pose):
                 self.located(pose.x, pose.y, pose.yaw)
@@ -170,7 +170,7 @@ class ArcosRobot(CarryingRobot):
         assert self._line is not None, "the device is open"
         return self._line
 
-    async def _pose_on_map(self) -> Pose:
+    async def _start_pose(self) -> Pose:
         """Where the map has the robot. Raises UsageError if it does not say."""
         rows = await self.map.query(f"{self.name}.PositionX = ?X AND {self.name}.PositionY = ?Y", limit=1)
         if not rows:
