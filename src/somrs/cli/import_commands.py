@@ -36,7 +36,8 @@ def import_site(
 
     if (reader := importer(source)) is None:
         endings = ", ".join(f"*{ending}" for ending in IMPORTERS)
-        raise UsageError(f"{source}: files of this kind cannot be imported; the kinds are {endings}, and a domain and a problem, *{_PDDL}")
+        kinds = f"{endings}, the map.yaml of an occupancy map, and a domain and a problem, *{_PDDL}"
+        raise UsageError(f"{source}: files of this kind cannot be imported; the kinds are {kinds}")
     models = shipped_models() if sizes is None else shipped_models().extended(sizes)
     site = reader(source, ImportOptions(models=models, crowds=crowds))
     target = output or _target_of(source)
@@ -77,9 +78,9 @@ def _count(target: Path) -> int:
 
 def importer(source: Path) -> Importer | None:
     """The importer for a file of this name; None for map and ontology files."""
-    from somrs.sites import IMPORTERS
+    from somrs.sites import importer_of
 
-    return next((reader for ending, reader in IMPORTERS.items() if source.name.endswith(ending)), None)
+    return importer_of(source)
 
 
 def _target_of(source: Path) -> Path:

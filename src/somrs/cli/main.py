@@ -324,7 +324,9 @@ def check(files: Annotated[list[Path], typer.Argument(help="Ontology and map fil
 
 @app.command(name="import")
 def import_(
-    source: Annotated[list[Path], typer.Argument(help="A building (Open-RMF's *.building.yaml; *.lif), or a PDDL domain and its problem.")],
+    source: Annotated[
+        list[Path], typer.Argument(help="A building (Open-RMF's *.building.yaml; *.lif; ROS' map.yaml), or a PDDL domain and its problem.")
+    ],
     output: Annotated[Path | None, typer.Option("--out", "-o", help="The map file to write.")] = None,
     sizes: Annotated[Path | None, typer.Option("--sizes", help="A YAML file that says what models stand for, and their sizes.")] = None,
     crowds: Annotated[bool, typer.Option("--crowds", help="Import the people of simulated crowds, too, and their lanes.")] = False,

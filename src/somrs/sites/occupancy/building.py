@@ -1,0 +1,170 @@
+"""A building made of an occupancy grid: walls, rooms, the doors between them, and what stands in the rooms.
+
+Coordinates are those of the map, in metres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from somrs.sites.occupancy.grid import Cell, Mask, OccupancyGrid
+from somrs.sites.occupancy.rooms import WIDEST_DOOR, Doorway, Labels, Rooms, find_rooms, outline_of
+from somrs.sites.occupancy.walls import WALL_THICKNESS, Structure, find_structure
+from somrs.sites.plan import Box, Point
+
+_IN_LINE = 0.3
+"""The greatest distance of the middle of a doorway from the middle of the wall in which it is, m."""
+_LARGEST_SPOT = 1.0
+"""Area of the largest unknown spot that is taken as a part of the room around it, m²."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Room:
+    """A room. `outline`: the edge of its floor, which reaches under its walls, m. `cells`: how many cells of the grid are in it."""
+
+    outline: list[Point]
+    cells: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Door:
+    """A door, in the gap of its wall. `rooms`: the indexes of those that it joins."""
+
+    box: Box
+    rooms: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Building:
+    """What an occupancy grid shows of a floor. The rooms are in the order of their size, the largest first."""
+
+    walls: list[Box]
+    obstacles: list[Box]
+    rooms: list[Room]
+    doors: list[Door]
+
+
+def building_of(grid: OccupancyGrid) -> Building:
+    """The building that the grid shows."""
+    structure = find_structure(grid)
+    cells = room_cells(grid, structure)
+    rooms = find_rooms(cells, grid.resolution)
+    boxes = [_door_box(doorway, structure, grid) for doorway in rooms.doorways]
+    labels = _cut_at_doors(cells, rooms, boxes, grid)
+    counts = {number: int(np.count_nonzero(labels == number)) for number in rooms.numbers}
+    order = sorted(counts, key=lambda number: (-counts[number], number))
+    return Building(
+        walls=[_on_map(wall, grid) for wall in structure.walls],
+        obstacles=[_on_map(obstacle, grid) for obstacle in structure.obstacles],
+        rooms=[Room(outline=_floor_outline(labels == number, grid), cells=counts[number]) for number in order],
+        doors=[
+            Door(box=_on_map(box, grid), rooms=(order.index(doorway.rooms[0]), order.index(doorway.rooms[1])))
+            for doorway, box in zip(rooms.doorways, boxes, strict=True)
+        ],
+    )
+
+
+def _cut_at_doors(cells: Mask, rooms: Rooms, doors: Sequence[Box], grid: OccupancyGrid) -> Labels:
+    """The numbers of the rooms of cells: a room ends at the line of its wall, and not where its doorway is narrowest."""
+    for door in doors:
+        cells = cells & ~cells_of(door, grid, 0.75 * grid.resolution)
+    parts, count = ndimage.label(cells)
+    number_of_part = np.zeros(count + 1, dtype=np.int32)
+    for part, place in enumerate(ndimage.find_objects(parts), 1):
+        number_of_part[part] = int(np.bincount(rooms.labels[place][parts[place] == part]).argmax())
+    labels: Labels = number_of_part[parts]
+    missing = [number for number in rooms.numbers if not (labels == number).any()]
+    for number in missing:  # no door has cut it off, so that it stays as it is
+        labels[rooms.labels == number] = number
+    return labels
+
+
+def room_cells(grid: OccupancyGrid, structure: Structure) -> Mask:
+    """The cells that are in rooms: what is free, with small unknown spots and what stands there, and without walls."""
+    cells = grid.mask(Cell.FREE)
+    spots, count = ndimage.label(grid.mask(Cell.UNKNOWN))
+    sizes = np.bincount(spots.ravel(), minlength=count + 1) * grid.resolution**2
+    is_small = sizes <= _LARGEST_SPOT
+    is_small[0] = False
+    surrounded = ndimage.binary_fill_holes(cells)
+    cells = cells | (is_small[spots] & surrounded)
+    for obstacle in structure.obstacles:
+        cells |= cells_of(obstacle, grid, 1.5 * grid.resolution)
+    for wall in structure.walls:
+        cells &= ~cells_of(wall, grid, 0.0)
+    parts, _ = ndimage.label(cells)
+    rooms: Mask = cells & np.isin(parts, np.unique(parts[cells & grid.mask(Cell.FREE)]))
+    return rooms
+
+
+def cells_of(box: Box, grid: OccupancyGrid, margin: float) -> Mask:
+    """The cells whose middles are in a rectangle, in local coordinates, or at most `margin` beside it, m."""
+    mask = np.zeros(grid.shape, dtype=bool)
+    reach = box.reach + 2 * margin
+    low, high = (np.floor((np.array([box.y, box.x]) + sign * reach) / grid.resolution).astype(int) for sign in (-1, 1))
+    (top, right), (bottom, left) = np.minimum(high + 1, grid.shape), np.maximum(low, 0)
+    if bottom >= top or left >= right:
+        return mask
+    ys, xs = (np.mgrid[bottom:top, left:right] + 0.5) * grid.resolution
+    (ux, uy), (vx, vy) = box.axes
+    dx, dy = xs - box.x, ys - box.y
+    mask[bottom:top, left:right] = (np.abs(dx * ux + dy * uy) <= box.width / 2 + margin) & (
+        np.abs(dx * vx + dy * vy) <= box.depth / 2 + margin
+    )
+    return mask
+
+
+def _door_box(doorway: Doorway, structure: Structure, grid: OccupancyGrid) -> Box:
+    """The rectangle of a door: in the line of its wall, from one side of the gap to the other."""
+    wall = min(
+        (wall for wall in structure.walls if _is_beside(wall, doorway)),
+        key=lambda wall: (not structure.is_along(wall), abs(wall.local(doorway.middle)[0]) - wall.width / 2),
+        default=None,
+    )
+    if wall is None:
+        difference = math.remainder(doorway.yaw - structure.direction, math.pi / 2)
+        yaw = doorway.yaw - difference if abs(difference) < math.radians(30) else doorway.yaw
+        middle, depth = doorway.middle, WALL_THICKNESS
+    else:
+        u_offset, _ = wall.local(doorway.middle)
+        middle, depth, yaw = wall.world((u_offset, 0.0)), wall.depth, wall.yaw
+    box = Box(*middle, doorway.width, depth, yaw)
+    right, left = (_reach(box, sign, structure.walls, grid) for sign in (1, -1))
+    x, y = box.world(((right - left) / 2, 0.0))
+    return Box(x, y, right + left, depth, yaw)
+
+
+def _is_beside(wall: Box, doorway: Doorway) -> bool:
+    """Whether the doorway is in the line of the wall, right after one of its ends."""
+    u_offset, v_offset = wall.local(doorway.middle)
+    turned = abs(math.remainder(wall.yaw - doorway.yaw, math.pi)) > math.radians(60)
+    return not turned and abs(v_offset) <= wall.depth / 2 + _IN_LINE and -0.1 <= abs(u_offset) - wall.width / 2 <= WIDEST_DOOR
+
+
+def _reach(box: Box, sign: int, walls: Sequence[Box], grid: OccupancyGrid) -> float:
+    """The distance from the middle of a door to the end of the gap on a side, m."""
+    for distance in np.arange(grid.resolution / 2, WIDEST_DOOR, grid.resolution / 2):
+        point = box.world((sign * float(distance), 0.0))
+        if any(wall.gap(point) <= 0 for wall in walls) or grid.state_at(np.array([point]))[0] != Cell.FREE:
+            return float(distance) - grid.resolution / 4
+    return box.width / 2
+
+
+def _floor_outline(room: Mask, grid: OccupancyGrid) -> list[Point]:
+    """The edge of a room's floor. It reaches under the walls, so that it meets the floors of the rooms beside it."""
+    steps = max(1, round(WALL_THICKNESS / grid.resolution))
+    margin = steps + 1
+    mask = ndimage.binary_dilation(np.pad(room, margin), np.ones((3, 3)), iterations=steps)
+    outline = outline_of(mask, grid.resolution, 1.5 * grid.resolution)
+    corners = [(x - margin * grid.resolution, y - margin * grid.resolution) for x, y in outline]
+    return [(round(x, 3), round(y, 3)) for x, y in grid.to_map(corners).tolist()]
+
+
+def _on_map(box: Box, grid: OccupancyGrid) -> Box:
+    ((x, y),) = grid.to_map([(box.x, box.y)]).tolist()
+    return replace(box, x=x, y=y, yaw=math.remainder(box.yaw + grid.yaw, math.tau))

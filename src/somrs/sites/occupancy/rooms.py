@@ -1,0 +1,220 @@
+"""Divides the free cells of an occupancy grid into rooms, at their doors.
+
+A room is where a cell is farther from walls than the cells around it; a door is the narrowest place between two of them, if it is narrow
+enough. This is a watershed of the distance from walls, from the widest to the narrowest: basins that meet where it is wide become one.
+Coordinates are the grid's own, in metres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from somrs.sites.occupancy.grid import Mask
+from somrs.sites.plan import Point
+
+Labels = npt.NDArray[np.int32]
+Floats = npt.NDArray[np.float64]
+
+WIDEST_DOOR = 1.7
+"""Width of the widest door, m."""
+NARROWEST_DOOR = 0.5
+"""Width of the narrowest door, m: what is narrower was not seen well, or robots do not pass it."""
+_NARROWING = 0.75
+"""A door is at most so wide, relative to the rooms on both of its sides."""
+SMALLEST_ROOM = 1.0
+"""Area of the smallest room, m²."""
+_EIGHT = np.ones((3, 3))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doorway:
+    """Where two rooms touch: their numbers, the middle of the passage, its width (m), and the direction across it, along the wall (rad)."""
+
+    rooms: tuple[int, int]
+    middle: Point
+    width: float
+    yaw: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rooms:
+    """`labels`: the number of the room of each free cell, from 1; 0: none. `doorways`: where they touch."""
+
+    labels: Labels
+    doorways: list[Doorway]
+
+    @property
+    def numbers(self) -> list[int]:
+        return [int(number) for number in np.unique(self.labels) if number]
+
+
+def find_rooms(free: Mask, resolution: float) -> Rooms:
+    """The rooms among the free cells. `resolution`: the side of a cell, m."""
+    padded = np.pad(free, 1)
+    distances = ndimage.distance_transform_edt(padded) * resolution
+    labels = segmented(distances, resolution)
+    labels = _without_small(labels, round(SMALLEST_ROOM / resolution**2))[1:-1, 1:-1]
+    return Rooms(labels=labels, doorways=list(_doorways(labels, distances[1:-1, 1:-1], resolution)))
+
+
+def segmented(distances: Floats, step: float) -> Labels:
+    """The basins of a map of distances from walls (m, 0 in walls), by the levels of `step`, the highest first.
+
+    Two basins that meet at a level become one, unless it is a door.
+    """
+    labels = np.zeros(distances.shape, dtype=np.int32)
+    peaks: dict[int, float] = {}
+    separate: set[frozenset[int]] = set()
+    for level in np.arange(math.floor(distances.max() / step), 0, -1) * step:
+        parts, count = ndimage.label(distances >= level - 1e-9, structure=_EIGHT)
+        number_of_part = np.zeros(count + 1, dtype=np.int32)
+        number_of_part[parts[labels > 0]] = 1
+        for part in np.flatnonzero(number_of_part[1:] == 0) + 1:
+            peaks[len(peaks) + 1] = float(level)
+            labels[parts == part] = len(peaks)
+        labels = _flooded(labels, parts > 0)
+        while undecided := _meeting(labels) - separate:
+            first, second = sorted(min(undecided, key=sorted))
+            if is_door(float(level), peaks[first], peaks[second]):
+                separate.add(frozenset((first, second)))
+                continue
+            larger, dropped = (first, second) if peaks[first] >= peaks[second] else (second, first)
+            labels[labels == dropped] = larger
+            separate = {frozenset(larger if number == dropped else number for number in pair) for pair in separate}
+    return labels
+
+
+def is_door(half_width: float, first_peak: float, second_peak: float) -> bool:
+    """Whether a narrow place is a door: the distances from walls there and in the middles of the rooms on its sides, m."""
+    return half_width <= WIDEST_DOOR / 2 and half_width <= _NARROWING * min(first_peak, second_peak)
+
+
+def _flooded(labels: Labels, mask: Mask) -> Labels:
+    """The labels, spread over the cells of the mask that have none, each from the nearest along the mask."""
+    result = labels.copy()
+    while True:
+        is_open = mask & (result == 0)
+        if not is_open.any():
+            return result
+        neighbours = ndimage.maximum_filter(result, size=3)
+        is_reached = is_open & (neighbours > 0)
+        if not is_reached.any():
+            return result
+        result[is_reached] = neighbours[is_reached]
+
+
+def _meeting(labels: Labels) -> set[frozenset[int]]:
+    """The pairs of labels that touch."""
+    pairs: set[frozenset[int]] = set()
+    for first, second in _shifts(labels):
+        touches = (first != second) & (first > 0) & (second > 0)
+        codes = np.unique(first[touches].astype(np.int64) * 2**32 + second[touches])
+        pairs |= {frozenset((int(code >> 32), int(code & 0xFFFFFFFF))) for code in codes}
+    return pairs
+
+
+def _shifts(labels: Labels) -> Iterator[tuple[Labels, Labels]]:
+    """The labels beside those of the next column, the next row, and both diagonals."""
+    yield labels[:, :-1], labels[:, 1:]
+    yield labels[:-1], labels[1:]
+    yield labels[:-1, :-1], labels[1:, 1:]
+    yield labels[:-1, 1:], labels[1:, :-1]
+
+
+def _without_small(labels: Labels, least_cells: int) -> Labels:
+    """The labels without the rooms that have too few cells: these belong to the room that they touch most, or to none."""
+    labels = labels.copy()
+    while True:
+        counts = np.bincount(labels.ravel())
+        small = [number for number in range(1, len(counts)) if 0 < counts[number] < least_cells]
+        if not small:
+            return labels
+        number = min(small, key=lambda number: int(counts[number]))
+        rim = ndimage.binary_dilation(labels == number, _EIGHT) & (labels != number) & (labels > 0)
+        labels[labels == number] = int(np.bincount(labels[rim]).argmax()) if rim.any() else 0
+
+
+def _doorways(labels: Labels, distances: Floats, resolution: float) -> Iterator[Doorway]:
+    """The places where rooms touch: each contiguous stretch of cells of one room beside the other."""
+    for pair in sorted(tuple(sorted(pair)) for pair in _meeting(labels)):
+        first, second = pair
+        is_first, is_second = labels == first, labels == second
+        rim = (is_first & ndimage.binary_dilation(is_second, _EIGHT)) | (is_second & ndimage.binary_dilation(is_first, _EIGHT))
+        stretches, count = ndimage.label(rim, structure=_EIGHT)
+        for number in range(1, count + 1):
+            rows, columns = np.nonzero(stretches == number)
+            half_width = float(distances[rows, columns].max())
+            if 2 * half_width < NARROWEST_DOOR:
+                continue
+            cells = (np.column_stack([columns, rows]) + 0.5) * resolution
+            middle = cells.mean(axis=0)
+            _, _, axes = np.linalg.svd(cells - middle, full_matrices=False)
+            yaw = math.remainder(math.atan2(axes[0][1], axes[0][0]), math.pi)
+            yield Doorway(rooms=(first, second), middle=(float(middle[0]), float(middle[1])), width=2 * half_width, yaw=yaw)
+
+
+def outline_of(mask: Mask, resolution: float, tolerance: float) -> list[Point]:
+    """The outline of the largest part of a mask, in local coordinates: a polygon that is at most `tolerance` from the cells' edges, m.
+
+    Holes are left out.
+    """
+    parts, count = ndimage.label(np.pad(mask, 1))
+    if not count:
+        return []
+    largest = int(np.bincount(parts[parts > 0]).argmax())
+    corners = _traced(ndimage.binary_fill_holes(parts == largest))
+    return simplified([((column - 1) * resolution, (row - 1) * resolution) for row, column in corners], tolerance)
+
+
+def _traced(mask: Mask) -> list[tuple[int, int]]:
+    """The corners of the cells along the edge of a part without holes, counter-clockwise, with the part at the left: row, column."""
+    row, column = (int(index) for index in np.argwhere(mask)[0])
+    start, heading = (row, column), (0, 1)  # along the lower edge of the lowest cell
+    position, corners = start, list[tuple[int, int]]()
+    while True:
+        corners.append(position)
+        position = position[0] + heading[0], position[1] + heading[1]
+        if position == start:
+            return corners
+        (dr, dc), (r, c) = heading, position
+        if not mask[_cell(r, c, dr, dc, 1)]:
+            heading = dc, -dr  # to the left
+        elif mask[_cell(r, c, dr, dc, -1)]:
+            heading = -dc, dr  # to the right
+
+
+def _cell(row: int, column: int, dr: int, dc: int, side: int) -> tuple[int, int]:
+    """The cell ahead of a corner, to the left (1) or the right (-1) of the heading."""
+    # Left of a heading (dr, dc) is (dc, -dr): rows grow upward, columns to the right.
+    lr, lc = dc * side, -dr * side
+    return row + (dr + lr - 1) // 2, column + (dc + lc - 1) // 2
+
+
+def simplified(points: list[Point], tolerance: float) -> list[Point]:
+    """A closed polygon with as few of its corners as keep it within the tolerance (Douglas and Peucker)."""
+    if len(points) < 4:
+        return points
+    array = np.array(points)
+    opposite = int(np.hypot(*(array - array[0]).T).argmax())
+    corners = {0, opposite}
+    stack = [(0, opposite), (opposite, len(points))]
+    closed = np.vstack([array, array[:1]])
+    while stack:
+        low, high = stack.pop()
+        if high - low < 2:
+            continue
+        start, end = closed[low], closed[high]
+        chord = end - start
+        length = float(np.hypot(*chord)) or 1.0
+        aside = np.abs((closed[low + 1 : high, 0] - start[0]) * chord[1] - (closed[low + 1 : high, 1] - start[1]) * chord[0]) / length
+        farthest = int(aside.argmax())
+        if aside[farthest] > tolerance:
+            corners.add(low + 1 + farthest)
+            stack += [(low, low + 1 + farthest), (low + 1 + farthest, high)]
+    return [points[index] for index in sorted(corners)]

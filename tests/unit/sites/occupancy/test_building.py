@@ -1,0 +1,78 @@
+"""Buildings made of occupancy grids: walls, rooms, doors and obstacles, of floor plans that are known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from somrs.sites.occupancy.building import building_of
+from somrs.sites.occupancy.grid import Cell, OccupancyGrid
+from somrs.sites.plan import Box, is_in_polygon
+from tests.support.floor_plans import FloorPlan, grid_of, points_along, rooms_in_rows, share_within
+
+_LENGTHS = st.lists(st.floats(2.6, 6.0), min_size=1, max_size=3)
+_DOORS = st.lists(st.one_of(st.none(), st.tuples(st.floats(0.8, 1.3), st.floats(0, 1))), min_size=12, max_size=12)
+PLANS = st.builds(rooms_in_rows, _LENGTHS, _LENGTHS, st.sampled_from([0.1, 0.2]), _DOORS)
+
+
+@settings(deadline=None, max_examples=25)
+@given(plan=PLANS, yaw=st.sampled_from([0.0, 0.2, -0.6]))
+def test_walls_rooms_and_doors_of_a_floor_plan_are_found(plan: FloorPlan, yaw: float) -> None:
+    building = building_of(grid_of(plan, yaw=yaw))
+    true_points = np.vstack([points_along(wall) for wall in plan.walls])
+    assert share_within(true_points, building.walls, 0.1) >= 0.95
+    found_points = np.vstack([points_along(wall) for wall in building.walls])
+    assert share_within(found_points, plan.walls, 0.1) >= 0.95
+    assert len(building.rooms) == len(plan.rooms)
+    for middle in plan.rooms:
+        assert sum(is_in_polygon(middle, room.outline) for room in building.rooms) == 1
+    assert len(building.doors) == len(plan.doors)
+    for door in plan.doors:
+        nearest = min(building.doors, key=lambda candidate: math.dist((candidate.box.x, candidate.box.y), (door.x, door.y))).box
+        assert math.dist((nearest.x, nearest.y), (door.x, door.y)) <= 0.15
+        assert nearest.width == pytest.approx(door.width, abs=0.2)
+        assert abs(math.remainder(nearest.yaw - door.yaw, math.pi)) <= math.radians(5)
+
+
+@settings(deadline=None, max_examples=15)
+@given(plan=PLANS, shade=st.sampled_from([0.06, 1.0]))
+def test_the_same_walls_are_found_of_filled_and_of_hollow_ones(plan: FloorPlan, shade: float) -> None:
+    walls = building_of(grid_of(plan, skin=shade)).walls
+    assert share_within(np.vstack([points_along(wall) for wall in plan.walls]), walls, 0.1) >= 0.95
+
+
+def test_a_table_in_a_room_is_an_obstacle_and_makes_no_room_of_its_own() -> None:
+    table = Box(3.0, 2.5, 1.4, 0.8, 0.3)
+    building = building_of(grid_of(rooms_in_rows([6.0], [5.0], 0.1, []), obstacles=[table]))
+    (obstacle,) = building.obstacles
+    assert math.dist((obstacle.x, obstacle.y), (3.0, 2.5)) <= 0.05
+    assert sorted([obstacle.width, obstacle.depth]) == pytest.approx([0.8, 1.4], abs=0.12)
+    assert len(building.rooms) == 1
+    assert len(building.walls) == 4
+
+
+def test_a_cupboard_against_a_wall_is_an_obstacle_and_the_wall_goes_on_behind_it() -> None:
+    cupboard = Box(2.0, 0.4, 1.2, 0.5, 0.0)
+    plan = rooms_in_rows([6.0], [5.0], 0.1, [])
+    building = building_of(grid_of(plan, obstacles=[cupboard]))
+    (obstacle,) = building.obstacles
+    assert share_within(points_along(cupboard), [obstacle], 0.0) == 1.0
+    assert obstacle.width * obstacle.depth == pytest.approx(1.2 * 0.6, rel=0.2)
+    assert share_within(np.vstack([points_along(wall) for wall in plan.walls]), building.walls, 0.1) >= 0.95
+
+
+def test_a_wall_that_is_not_along_the_others_is_found() -> None:
+    slanted = Box(3.0, 2.5, 2.5, 0.1, 0.6)
+    building = building_of(grid_of(rooms_in_rows([6.0], [5.0], 0.1, []), obstacles=[slanted]))
+    assert share_within(points_along(slanted), building.walls, 0.1) >= 0.95
+
+
+@pytest.mark.parametrize("state", [Cell.UNKNOWN, Cell.FREE, Cell.OCCUPIED])
+def test_a_grid_that_shows_nothing_is_a_building_without_walls_or_rooms_that_were_not_seen(state: Cell) -> None:
+    building = building_of(OccupancyGrid(states=np.full((40, 60), state, dtype=np.int8), resolution=0.05))
+    assert building.doors == []
+    assert len(building.rooms) == (1 if state is Cell.FREE else 0)
