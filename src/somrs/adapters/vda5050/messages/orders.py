@@ -6,6 +6,7 @@ Lengths are in metres, angles in radians, speeds in metres per second.
 from __future__ import annotations
 
 from enum import StrEnum
+from itertools import chain
 from typing import Any
 
 from msgspec import Struct, field
@@ -123,6 +124,11 @@ class Order(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=Tru
     def base(self) -> tuple[Node, ...]:
         """The nodes that are released; they come first."""
         return tuple(node for node in self.nodes if node.released)
+
+    @property
+    def actions(self) -> tuple[Action, ...]:
+        """Those of the nodes, and those of the edges."""
+        return tuple(chain.from_iterable([*(node.actions for node in self.nodes), *(edge.actions for edge in self.edges)]))
 
 
 class InstantActions(Struct, frozen=True, kw_only=True):

@@ -1,0 +1,167 @@
+"""Orders to a vehicle: what it has been told is compared with what is wanted, and the difference is sent."""
+
+from __future__ import annotations
+
+import math
+
+from somrs.adapters.vda5050.control.condition import failure, is_idle, rejection
+from somrs.adapters.vda5050.control.exchange import Passed, Send
+from somrs.adapters.vda5050.control.listener import Listener
+from somrs.adapters.vda5050.control.orders import OrderWriter, SentOrder, base_end
+from somrs.adapters.vda5050.control.outbox import Outbox
+from somrs.adapters.vda5050.messages.header import Topic
+from somrs.adapters.vda5050.messages.orders import Action
+from somrs.adapters.vda5050.messages.states import State
+from somrs.devices.road_robot import Way, Waypoint
+
+CLEARED = 2
+"""States in a row without its order after which a vehicle has dropped it. The first one may have been written before the order came."""
+
+ASTRAY = 1.0
+"""Distance in metres from its way at which a vehicle that has dropped its order is not told the rest of it: it was moved."""
+
+
+class Driving:
+    """`way`: what is wanted. `order`: what the vehicle has been told; None: nothing that still holds."""
+
+    def __init__(self, vehicle: Listener, outbox: Outbox) -> None:
+        self._vehicle, self._outbox = vehicle, outbox
+        self.way: Way = ()
+        self.order: SentOrder | None = None
+        self._place: Waypoint | None = None
+
+    def follow(self, way: Way) -> None:
+        self.way = way
+        if way:
+            self._place = way[0]
+
+    def see(self, order: SentOrder, state: State) -> str | None:
+        """Take in what a state says about the order. Returns why the vehicle does not carry it out, if it does not."""
+        message = order.message
+        if state.order_id == message.order_id:
+            if state.order_update_id >= message.order_update_id:
+                order.is_acknowledged = True
+            self.see_progress(order, state)
+        if not order.is_acknowledged:
+            error = rejection(state, message.order_id, message.order_update_id, order.earlier_errors)
+            return str(error) if error is not None else None
+        if (error := failure(state, order.earlier_errors)) is not None:
+            return str(error)
+        order.cleared = order.cleared + 1 if self._has_dropped(order, state) else 0
+        if order.cleared < CLEARED or not is_idle(state) or order.action_id is not None or self._vehicle.hindrance is not None:
+            return None
+        self.order = None
+        return "was moved away from its way" if self._is_astray(order.passed) else None
+
+    def see_progress(self, order: SentOrder, state: State) -> None:
+        """Take in which waypoint the vehicle has passed."""
+        number = order.waypoint_number(state.last_node_sequence_id, state.last_node_id)
+        if number is not None and order.passed < number <= order.decision_point.number:
+            order.passed = number
+            self._place = next((waypoint for waypoint in self.way if waypoint.number == number), self._place)
+            self._outbox.add(Passed(number=number))
+
+    def is_complete(self) -> bool:
+        """Whether the vehicle has carried out all of the order, and has nothing to do."""
+        order, state = self.order, self._vehicle.state
+        if order is None or state is None or not order.is_acknowledged:
+            return False
+        return is_idle(state) and order.passed >= order.decision_point.number
+
+    def reconcile(self, now: float) -> None:
+        """Send what is wanted and has not been said. Nothing while the vehicle has not shown that it knows the last message: an update
+        that continues a lost one is rejected."""
+        state, order = self._vehicle.state, self.order
+        if state is None or not self.way or (order is not None and (not order.is_acknowledged or order.action_id is not None)):
+            return
+        if order is not None and self.is_complete() and base_end(self.way).number > order.decision_point.number:
+            order = self.order = None
+        if order is not None:
+            self._extend(order, now)
+        elif is_idle(state):
+            self._send_order(self._rest(), now)
+
+    def perform(self, action: Action, now: float) -> None:
+        """Send an action in an order of its own, at the place of the vehicle; at first an end to the order that it has."""
+        state, order = self._vehicle.state, self.order
+        if state is None or (order is not None and not order.is_acknowledged):
+            return
+        if order is not None and order.horizon:
+            self._update(order, (order.decision_point,), now)
+        elif is_idle(state) and (order is None or self.is_complete()):
+            self._send_order((self._here(state),), now, action)
+
+    def resend(self, order: SentOrder, now: float) -> None:
+        """Send the last message again, as it was: a vehicle that knows it ignores it (3.0, 6.1.4.5)."""
+        order.sending_time = now
+        self._outbox.add(Send(topic=Topic.ORDER, message=order.message))
+
+    def _has_dropped(self, order: SentOrder, state: State) -> bool:
+        """Whether the vehicle has another order or none, although it has not come to the end of this one."""
+        if state.order_id != order.message.order_id:
+            return True
+        return is_idle(state) and order.passed < order.decision_point.number
+
+    def _is_astray(self, passed: int) -> bool:
+        pose = self._vehicle.pose
+        stretch = [waypoint for waypoint in self.way if passed <= waypoint.number <= passed + 1]
+        if pose is None or not stretch:
+            return False
+        start, end = stretch[0], stretch[-1]
+        dx, dy = end.x - start.x, end.y - start.y
+        share = ((pose.x - start.x) * dx + (pose.y - start.y) * dy) / (dx * dx + dy * dy) if (dx, dy) != (0.0, 0.0) else 0.0
+        share = min(max(share, 0.0), 1.0)
+        return math.hypot(pose.x - start.x - share * dx, pose.y - start.y - share * dy) > ASTRAY
+
+    def _rest(self) -> Way:
+        """The way from the last waypoint that the vehicle has passed."""
+        passed = self._place.number if self._place is not None else self.way[0].number
+        passed = min(passed, base_end(self.way).number)
+        return tuple(waypoint for waypoint in self.way if waypoint.number >= passed)
+
+    def _here(self, state: State) -> Waypoint:
+        if self._place is not None:
+            return self._place
+        pose = self._vehicle.pose
+        x, y, level = (pose.x, pose.y, pose.level or 0.0) if pose is not None else (0.0, 0.0, 0.0)
+        return Waypoint(number=0, name=state.last_node_id or "Here", x=x, y=y, level=level, released=True)
+
+    def _send_order(self, way: Way, now: float, action: Action | None = None) -> None:
+        state, vehicle = self._vehicle.state, self._vehicle
+        assert state is not None, "orders are for vehicles that have said how they are"
+        way = way[: vehicle.most_nodes()]
+        writer = OrderWriter(frames=vehicle.frames, map_id=vehicle.map_id, pose=vehicle.pose)
+        message = writer.order(self._outbox.new_id(), 0, way, way[0].number, (action,) if action is not None else ())
+        end = base_end(way)
+        self.order = SentOrder(
+            message=message,
+            first=way[0].number,
+            decision_point=end,
+            horizon=tuple(waypoint for waypoint in way if waypoint.number > end.number),
+            sending_time=now,
+            passed=way[0].number,
+            action_id=action.action_id if action is not None else None,
+            earlier_errors=state.errors,
+        )
+        self.order.remember(way)
+        self._outbox.add(Send(topic=Topic.ORDER, message=message))
+
+    def _extend(self, order: SentOrder, now: float) -> None:
+        if now < order.sending_time + self._vehicle.order_interval():
+            return
+        end = order.decision_point
+        way = (end, *(waypoint for waypoint in self.way if waypoint.number > end.number))[: self._vehicle.most_nodes()]
+        if end.number >= self.way[0].number and way[1:] != order.horizon:
+            self._update(order, way, now)
+
+    def _update(self, order: SentOrder, way: Way, now: float) -> None:
+        """Send an update that begins at the decision point (3.0, 6.1.2)."""
+        state, vehicle = self._vehicle.state, self._vehicle
+        assert state is not None, "orders are for vehicles that have said how they are"
+        writer = OrderWriter(frames=vehicle.frames, map_id=vehicle.map_id, pose=vehicle.pose)
+        order.message = writer.order(order.message.order_id, order.message.order_update_id + 1, way, order.first)
+        order.decision_point, order.sending_time, order.is_acknowledged = base_end(way), now, False
+        order.horizon = tuple(waypoint for waypoint in way if waypoint.number > order.decision_point.number)
+        order.earlier_errors = state.errors
+        order.remember(way)
+        self._outbox.add(Send(topic=Topic.ORDER, message=order.message))

@@ -1,0 +1,121 @@
+"""What the state machine of a vehicle takes in, and what it has done about it. Times are in seconds since 1970."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from somrs.adapters.vda5050.frames import Pose
+from somrs.adapters.vda5050.messages.decoding import Received
+from somrs.adapters.vda5050.messages.factsheets import Factsheet
+from somrs.adapters.vda5050.messages.header import Topic
+from somrs.adapters.vda5050.messages.orders import ActionParameter, InstantActions, Order, Responses
+from somrs.devices.road_robot import Way
+
+
+class Arrived(Struct, frozen=True, kw_only=True):
+    """A message of the vehicle has arrived."""
+
+    topic: Topic
+    received: Received
+
+
+class Follow(Struct, frozen=True, kw_only=True):
+    """Drive along a way. It takes the place of the way before."""
+
+    way: Way
+
+
+class Halt(Struct, frozen=True):
+    """Stand still, and forget the way and the action. Answered by Halted."""
+
+
+class Perform(Struct, frozen=True, kw_only=True):
+    """Perform an action where the vehicle stands. Answered by ActionEnded."""
+
+    action_type: str
+    parameters: tuple[ActionParameter, ...] = ()
+
+
+class Charge(Struct, frozen=True):
+    """Charge until the battery is full. Answered by ActionEnded."""
+
+
+class Tick(Struct, frozen=True):
+    """Time has passed."""
+
+
+Input = Arrived | Follow | Halt | Perform | Charge | Tick
+
+
+class Send(Struct, frozen=True, kw_only=True):
+    """Send a message to the vehicle."""
+
+    topic: Topic
+    message: Order | InstantActions | Responses
+
+
+class Located(Struct, frozen=True, kw_only=True):
+    """The vehicle is at this pose on the map of the site."""
+
+    pose: Pose
+
+
+class Passed(Struct, frozen=True, kw_only=True):
+    """The vehicle has passed the waypoint of this number."""
+
+    number: int
+
+
+class GaveUp(Struct, frozen=True, kw_only=True):
+    """The vehicle does not drive along its way, and stands."""
+
+    description: str
+
+
+class Broken(Struct, frozen=True, kw_only=True):
+    """Why the vehicle cannot drive; None: it can."""
+
+    reason: str | None
+
+
+class Reachable(Struct, frozen=True, kw_only=True):
+    """Whether the vehicle can be reached."""
+
+    is_connected: bool
+
+
+class Halted(Struct, frozen=True):
+    """The vehicle stands, and has no order."""
+
+
+class ActionEnded(Struct, frozen=True, kw_only=True):
+    """The action has ended. `failure`: why it failed; None: it did not."""
+
+    failure: str | None
+
+
+class Warned(Struct, frozen=True, kw_only=True):
+    """The vehicle says something that does not stop it."""
+
+    description: str
+
+
+class Described(Struct, frozen=True, kw_only=True):
+    """The vehicle has said what it is."""
+
+    factsheet: Factsheet
+
+
+class Tolerated(Struct, frozen=True, kw_only=True):
+    """The vehicle did something that its version does not have, for the first time."""
+
+    deviation: str
+
+
+class Charged(Struct, frozen=True, kw_only=True):
+    """The state of charge, 0 to 100."""
+
+    level: float
+
+
+Effect = Send | Located | Passed | GaveUp | Broken | Reachable | Halted | ActionEnded | Warned | Described | Tolerated | Charged

@@ -1,0 +1,33 @@
+"""The order in which messages were sent, by their headers: MQTT may repeat them, and brokers may change their order."""
+
+from __future__ import annotations
+
+from somrs.adapters.vda5050.messages.header import Header, Topic, seconds_of
+
+WINDOW = 1000
+"""Header ids that are lower by as much are late; those of a vehicle that has restarted are lower by more, or have a later timestamp."""
+
+
+class HeaderLog:
+    """The last header of each topic. `lost`: how many messages of all topics never came; each state is whole, so that nothing is done
+    about it."""
+
+    def __init__(self) -> None:
+        self._headers: dict[Topic, Header] = {}
+        self.lost = 0
+
+    def is_old(self, topic: Topic, header: Header) -> bool:
+        """Whether a message was sent before one that has already come, or has come itself. Notes the header if not.
+
+        A connection message never is: the broker sends a last will with the header that it had when the vehicle connected (3.0, 6.5).
+        """
+        previous = self._headers.get(topic)
+        if topic is not Topic.CONNECTION and previous is not None and header.timestamp:
+            lag = (previous.header_id - header.header_id) % 2**32
+            moment, previous_moment = seconds_of(header.timestamp) or 0.0, seconds_of(previous.timestamp) or 0.0
+            if (lag == 0 and header.timestamp == previous.timestamp) or (0 < lag < WINDOW and moment <= previous_moment):
+                return True
+            gap = (header.header_id - previous.header_id) % 2**32
+            self.lost += gap - 1 if 1 < gap < WINDOW else 0
+        self._headers[topic] = header
+        return False

@@ -1,0 +1,39 @@
+"""What a vehicle does besides driving, and the end of what it does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from somrs.adapters.vda5050.control.exchange import Effect
+from somrs.adapters.vda5050.messages.orders import Action
+
+
+@dataclass(kw_only=True)
+class Job:
+    """An action at the place of the vehicle, in an order of its own. `charges`: it goes on until the battery is full. `skipped`: the id of
+    the instant action that has told the vehicle not to wait for another try."""
+
+    action: Action
+    charges: bool = False
+    skipped: str | None = None
+
+
+@dataclass(kw_only=True)
+class Charging:
+    """The battery is charged up to `full` (0 to 100). `stop_id`: of the action stopCharging, which was sent at `sending_time`."""
+
+    full: float
+    has_charged: bool = False
+    is_interrupted: bool = False
+    stop_id: str | None = None
+    sending_time: float = 0.0
+
+
+@dataclass(kw_only=True)
+class Cancellation:
+    """The order is being cancelled since `start_time`. `effects`: what to do when the vehicle stands."""
+
+    action: Action
+    start_time: float
+    sending_time: float
+    effects: list[Effect] = field(default_factory=list)

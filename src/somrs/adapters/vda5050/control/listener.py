@@ -1,0 +1,140 @@
+"""What a vehicle has said of itself so far, and what that means for those who want something from it."""
+
+from __future__ import annotations
+
+from somrs.adapters.vda5050.control.condition import hindrance, remarks
+from somrs.adapters.vda5050.control.exchange import Arrived, Broken, Charged, Described, Located, Reachable, Tolerated, Warned
+from somrs.adapters.vda5050.control.headers import HeaderLog
+from somrs.adapters.vda5050.control.outbox import Outbox
+from somrs.adapters.vda5050.frames import Frames, Pose
+from somrs.adapters.vda5050.messages.factsheets import Factsheet
+from somrs.adapters.vda5050.messages.header import Version
+from somrs.adapters.vda5050.messages.states import (
+    Connection,
+    ConnectionState,
+    EmergencyStop,
+    OperatingMode,
+    Position,
+    PowerSupply,
+    SafetyState,
+    State,
+    Visualization,
+)
+
+
+class Listener:
+    """`version`: in which the vehicle speaks, as far as it has said so."""
+
+    def __init__(self, frames: Frames, version: Version, outbox: Outbox) -> None:
+        self.frames, self.version, self._outbox = frames, version, outbox
+        self.headers = HeaderLog()
+        self.state: State | None = None
+        self.factsheet: Factsheet | None = None
+        self.pose: Pose | None = None
+        self.map_id = ""
+        self.is_connected = False
+        self.hindrance: str | None = None
+        """Why the vehicle cannot drive; None if it can."""
+        self._tolerated: set[str] = set()
+        self._remarks: frozenset[str] = frozenset()
+
+    def hear(self, arrived: Arrived) -> State | None:
+        """Take in a message. Returns the state, if it is a new one."""
+        received = arrived.received
+        for deviation in received.deviations:
+            self._tolerate(deviation)
+        if self.headers.is_old(arrived.topic, received.header):
+            return None
+        if received.header.version:
+            self.version = Version.closest(received.header.version, self.version.major)
+        match received.message:
+            case Connection(connection_state=connection_state):
+                self._hear_connection(connection_state)
+            case Factsheet() as factsheet:
+                self.factsheet = factsheet
+                self._outbox.add(Described(factsheet=factsheet))
+            case Visualization(mobile_robot_position=Position() as position):
+                self._locate(position)
+            case State() as state:
+                self._reach()
+                self._hear_state(state)
+                return state
+        return None
+
+    def assume_idle(self) -> None:
+        """Take the vehicle for one without an order, although it does not say so."""
+        self._tolerate("state: is not sent before the vehicle has an order")
+        self.state = State(
+            order_id="",
+            order_update_id=0,
+            last_node_id="",
+            last_node_sequence_id=0,
+            node_states=(),
+            edge_states=(),
+            driving=False,
+            action_states=(),
+            instant_action_states=(),
+            power_supply=PowerSupply(state_of_charge=100.0, charging=False),
+            operating_mode=OperatingMode.AUTOMATIC,
+            errors=(),
+            safety_state=SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False),
+        )
+
+    def _tolerate(self, deviation: str) -> None:
+        if deviation not in self._tolerated:
+            self._tolerated.add(deviation)
+            self._outbox.add(Tolerated(deviation=deviation))
+
+    def full_charge(self) -> float:
+        """The state of charge to which the battery is charged, 0 to 100."""
+        configuration = self.factsheet.mobile_robot_configuration if self.factsheet is not None else None
+        charging = configuration.battery_charging if configuration is not None else None
+        return (charging.maximum_desired_charging_level if charging is not None else None) or 99.0
+
+    def order_interval(self) -> float:
+        """Seconds that have to pass between two orders."""
+        return self.factsheet.protocol_limits.timing.minimum_order_interval if self.factsheet is not None else 0.0
+
+    def most_nodes(self) -> int | None:
+        """How many nodes an order may have, two at least; None: any number."""
+        if self.factsheet is None:
+            return None
+        lengths = self.factsheet.protocol_limits.maximum_array_lengths
+        limits = [lengths.order_nodes or None, lengths.order_edges + 1 if lengths.order_edges else None]
+        return max(2, min((limit for limit in limits if limit is not None), default=0)) if any(limits) else None
+
+    def _hear_connection(self, connection_state: ConnectionState) -> None:
+        if connection_state is ConnectionState.ONLINE:
+            self._reach()
+            self._outbox.instant("stateRequest")
+        elif self.is_connected:
+            self.is_connected = False
+            self._outbox.add(Reachable(is_connected=False))
+
+    def _reach(self) -> None:
+        """A state proves more than a connection message: the last will of a lost connection may come after the vehicle is back."""
+        if not self.is_connected:
+            self.is_connected = True
+            self._outbox.add(Reachable(is_connected=True))
+            if self.factsheet is None:
+                self._outbox.instant("factsheetRequest")
+
+    def _locate(self, position: Position) -> None:
+        self.map_id = position.map_id
+        if position.localized:
+            self.pose = self.frames.frame(position.map_id).to_site(position.x, position.y, position.theta)
+            self._outbox.add(Located(pose=self.pose))
+
+    def _hear_state(self, state: State) -> None:
+        previous, self.state = self.state, state
+        if state.mobile_robot_position is not None:
+            self._locate(state.mobile_robot_position)
+        if previous is None or previous.power_supply.state_of_charge != state.power_supply.state_of_charge:
+            self._outbox.add(Charged(level=state.power_supply.state_of_charge))
+        reason = hindrance(state)
+        if reason != self.hindrance:
+            self.hindrance = reason
+            self._outbox.add(Broken(reason=reason))
+        words = remarks(state)
+        self._outbox.add(*(Warned(description=word) for word in words if word not in self._remarks))
+        self._remarks = frozenset(words)

@@ -1,0 +1,112 @@
+"""Orders made of ways: the base is what is released, the horizon the rest; and what a vehicle has been told so far."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from somrs.adapters.vda5050.frames import Frames, Pose
+from somrs.adapters.vda5050.messages.orders import Action, Deviation, Edge, Node, NodePosition, Order
+from somrs.adapters.vda5050.messages.states import VehicleError
+from somrs.devices.road_robot import Way, Waypoint
+
+NEAR = 0.1
+"""Distance in metres within which a vehicle stands at a waypoint."""
+
+NOT_IN_IDS = re.compile(r"[^A-Za-z0-9_.:-]")
+"""Characters that identifiers should not have (3.0, 7.1.2)."""
+
+
+@dataclass(kw_only=True)
+class SentOrder:
+    """An order as a vehicle has been told it.
+
+    `first`: the number of the waypoint whose sequenceId is 0. `decision_point`: the last waypoint of the base. `horizon`: what follows it.
+    `passed`: the number of the last waypoint that the vehicle has passed. `earlier_errors`: those that the vehicle had when the last
+    message was sent. `cleared`: how many states in a row say that the vehicle has dropped the order.
+    """
+
+    message: Order
+    first: int
+    decision_point: Waypoint
+    horizon: Way
+    sending_time: float
+    passed: int
+    action_id: str | None = None
+    is_acknowledged: bool = False
+    earlier_errors: tuple[VehicleError, ...] = ()
+    cleared: int = 0
+    names: dict[int, str] = field(default_factory=dict)
+
+    def sequence_id(self, number: int) -> int:
+        return 2 * (number - self.first)
+
+    def waypoint_number(self, sequence_id: int, node_id: str) -> int | None:
+        """The number of the waypoint of a node; None if the order has no such node."""
+        number = self.first + sequence_id // 2
+        return number if sequence_id % 2 == 0 and self.names.get(number) == node_id else None
+
+    def remember(self, way: Way) -> None:
+        """Note the nodes of a message."""
+        self.names.update({waypoint.number: node_id(waypoint) for waypoint in way})
+
+
+def node_id(waypoint: Waypoint) -> str:
+    return NOT_IN_IDS.sub("_", waypoint.name) or "_"
+
+
+def base_end(way: Way) -> Waypoint:
+    """The last released waypoint of a way."""
+    return [waypoint for waypoint in way if waypoint.released][-1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrderWriter:
+    """Writes the nodes and edges of a vehicle. `map_id`: the map on which it is. `pose`: where it stands; None: not known."""
+
+    frames: Frames
+    map_id: str
+    pose: Pose | None
+
+    def order(self, order_id: str, update_id: int, way: Way, first: int, actions: tuple[Action, ...] = ()) -> Order:
+        """The order with the waypoints of a way. `actions`: at its first one. `first`: the number whose sequenceId is 0."""
+        nodes = tuple(
+            Node(
+                node_id=node_id(waypoint),
+                sequence_id=2 * (waypoint.number - first),
+                released=waypoint.released,
+                actions=actions if index == 0 else (),
+                node_position=self._position(waypoint, reaches_vehicle=index == 0 and update_id == 0),
+            )
+            for index, waypoint in enumerate(way)
+        )
+        edges = tuple(self._edge(start, end, first) for start, end in pairwise(way))
+        return Order(order_id=order_id, order_update_id=update_id, nodes=nodes, edges=edges)
+
+    def _position(self, waypoint: Waypoint, *, reaches_vehicle: bool) -> NodePosition:
+        """`reaches_vehicle`: the vehicle has to be within the deviation of the node, or it rejects the order (3.0, 6.1.3.1)."""
+        frame = self.frames.frame_at(waypoint.level, self.map_id)
+        x, y = frame.from_site(waypoint.x, waypoint.y)
+        deviation = None
+        if reaches_vehicle and self.pose is not None:
+            distance = math.hypot(self.pose.x - waypoint.x, self.pose.y - waypoint.y)
+            if distance > NEAR:
+                radius = math.ceil(10 * (1.2 * distance + NEAR)) / 10
+                deviation = Deviation(a=radius, b=radius, theta=0.0)
+        return NodePosition(x=round(x, 4), y=round(y, 4), map_id=frame.map_id, allowed_deviation_xy=deviation)
+
+    def _edge(self, start: Waypoint, end: Waypoint, first: int) -> Edge:
+        orientation = {"Forward": 0.0, "Backward": 3.14159265}.get(end.travel or "")
+        return Edge(
+            edge_id=f"{node_id(start)}-{node_id(end)}",
+            sequence_id=2 * (end.number - first) - 1,
+            released=start.released and end.released,
+            start_node_id=node_id(start),
+            end_node_id=node_id(end),
+            actions=(),
+            maximum_speed=end.speed_limit,
+            orientation=orientation,
+            orientation_type="TANGENTIAL" if orientation is not None else None,
+        )

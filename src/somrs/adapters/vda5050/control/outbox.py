@@ -1,0 +1,62 @@
+"""What a vehicle is told besides orders: instant actions, and responses to its requests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from somrs.adapters.vda5050.control.exchange import Effect, Send
+from somrs.adapters.vda5050.messages.header import Topic
+from somrs.adapters.vda5050.messages.orders import Action, ActionParameter, BlockingType, GrantType, InstantActions, Response, Responses
+from somrs.adapters.vda5050.messages.states import RequestStatus, State
+
+FINISHED_ACTIONS = 10
+"""Finished instant actions in the state of a vehicle, after which it is told to drop them (3.0, 7.8)."""
+
+
+class Outbox:
+    """The effects of the input that is being handled, in their order. `new_id`: makes identifiers that are never used again."""
+
+    def __init__(self, new_id: Callable[[], str]) -> None:
+        self.new_id = new_id
+        self.effects: list[Effect] = []
+        self._answered: frozenset[str] = frozenset()
+        self._clearing: str | None = None
+
+    def add(self, *effects: Effect) -> None:
+        self.effects.extend(effects)
+
+    def action(self, action_type: str, blocking: BlockingType, parameters: tuple[ActionParameter, ...] = ()) -> Action:
+        return Action(action_type=action_type, action_id=self.new_id(), blocking_type=blocking, action_parameters=parameters or None)
+
+    def instant(self, action_type: str, *parameters: ActionParameter) -> str:
+        """Send an instant action. Returns its id."""
+        action = self.action(action_type, BlockingType.NONE, parameters)
+        self.send_action(action)
+        return action.action_id
+
+    def send_action(self, action: Action) -> None:
+        self.add(Send(topic=Topic.INSTANT_ACTIONS, message=InstantActions(actions=(action,))))
+
+    def clear_instant_actions(self, state: State) -> None:
+        """Have the vehicle drop the instant actions that are finished. Not while it has others: it would drop them, too."""
+        if any(not action.action_status.is_final for action in state.instant_action_states):
+            return
+        is_pending = self._clearing is not None and state.action(self._clearing) is None
+        if len(state.instant_action_states) < FINISHED_ACTIONS:
+            self._clearing = None
+        elif not is_pending:
+            self._clearing = self.instant("clearInstantActions")
+
+    def answer_requests(self, state: State) -> None:
+        """Refuse zones and corridors, once each: this fleet control gives none away, so a vehicle that asks has them from somebody else."""
+        zones = [(request.request_id, request.request_status) for request in state.zone_requests or ()]
+        corridors = [(request.request_id, request.request_status) for request in state.edge_requests or ()]
+        open_requests = [request_id for request_id, status in (*zones, *corridors) if status is RequestStatus.REQUESTED]
+        responses = tuple(
+            Response(request_id=request_id, grant_type=GrantType.REJECTED)
+            for request_id in open_requests
+            if request_id not in self._answered
+        )
+        self._answered = frozenset(open_requests)
+        if responses:
+            self.add(Send(topic=Topic.RESPONSES, message=Responses(responses=responses)))

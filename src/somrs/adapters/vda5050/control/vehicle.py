@@ -1,0 +1,225 @@
+"""Fleet control of one vehicle: `VehicleControl.handle` takes what arrives, what is wanted and the time, and returns what to do.
+
+What is wanted (a way, or an action) is compared with what the vehicle has been told, whenever something happens, and the difference is
+sent. So a message that is lost, a vehicle that restarts, and one that was driven by hand need nothing of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from somrs.adapters.vda5050.control.condition import is_idle, stands, words_about
+from somrs.adapters.vda5050.control.driving import Driving
+from somrs.adapters.vda5050.control.exchange import (
+    ActionEnded,
+    Arrived,
+    Charge,
+    Effect,
+    Follow,
+    GaveUp,
+    Halt,
+    Halted,
+    Input,
+    Perform,
+    Tick,
+)
+from somrs.adapters.vda5050.control.job import Cancellation, Charging, Job
+from somrs.adapters.vda5050.control.listener import Listener
+from somrs.adapters.vda5050.control.orders import SentOrder
+from somrs.adapters.vda5050.control.outbox import Outbox
+from somrs.adapters.vda5050.frames import Frames
+from somrs.adapters.vda5050.messages.header import Version
+from somrs.adapters.vda5050.messages.orders import ActionParameter, BlockingType
+from somrs.adapters.vda5050.messages.states import ActionStatus, State
+
+RESEND = 3.0
+"""Seconds after which a message is sent again that the vehicle does not show to have received."""
+
+UNANSWERED = 3
+"""Requests for its state after which a vehicle that answers none is taken for one without an order."""
+
+
+class VehicleControl:
+    """`version`: in which the vehicle speaks, as far as it has said so. `new_id`: makes identifiers that are never used again."""
+
+    def __init__(self, frames: Frames, version: Version, new_id: Callable[[], str]) -> None:
+        self._outbox = Outbox(new_id)
+        self.vehicle = Listener(frames, version, self._outbox)
+        self._driving = Driving(self.vehicle, self._outbox)
+        self._cancellation: Cancellation | None = None
+        self._job: Job | None = None
+        self._charging: Charging | None = None
+        self._request_time, self._requests = 0.0, 0
+
+    def handle(self, input: Input, now: float) -> list[Effect]:
+        """Take in what happened. Returns what to do, in this order."""
+        self._outbox.effects = []
+        match input:
+            case Arrived():
+                state = self.vehicle.hear(input)
+                if state is not None:
+                    self._see(state, now)
+            case Follow(way=way):
+                self._driving.follow(way)
+            case Halt():
+                self._halt(now)
+            case Perform(action_type=action_type, parameters=parameters):
+                self._driving.way = ()
+                self._job = Job(action=self._outbox.action(action_type, BlockingType.HARD, parameters))
+            case Charge():
+                self._driving.way = ()
+                self._job = Job(action=self._outbox.action("startCharging", BlockingType.HARD), charges=True)
+            case Tick():
+                self._repeat(now)
+        self._reconcile(now)
+        return self._outbox.effects
+
+    def _see(self, state: State, now: float) -> None:
+        order = self._driving.order
+        if self._cancellation is not None:
+            self._see_cancellation(self._cancellation, state, now)
+        elif order is not None:
+            self._see_order(order, state, now)
+        elif self._charging is None and self.vehicle.hindrance is None and state.order_id and not is_idle(state):
+            # An order from before this program was started, or one that came after its end.
+            self._cancel(now)
+        if self._charging is not None:
+            self._see_charging(self._charging, state, now)
+        if self.vehicle.hindrance is None:
+            self._outbox.answer_requests(state)
+            self._outbox.clear_instant_actions(state)
+
+    def _see_order(self, order: SentOrder, state: State, now: float) -> None:
+        reason = self._driving.see(order, state)
+        if reason is not None:
+            self._fail(order, reason, state, now)
+        elif order.is_acknowledged and order.action_id is not None and self._job is not None:
+            self._see_action(self._job, order, state)
+
+    def _fail(self, order: SentOrder, reason: str, state: State, now: float) -> None:
+        """End the trip or the action, when the vehicle stands."""
+        is_action = order.action_id is not None and self._job is not None
+        effect: Effect = ActionEnded(failure=reason) if is_action else GaveUp(description=reason)
+        self._job, self._driving.way = None, ()
+        has_no_order = self._driving.order is None or state.order_id != order.message.order_id
+        if has_no_order and is_idle(state):
+            self._driving.order = None
+            self._outbox.add(effect)
+        else:
+            self._cancel(now, effect)
+
+    def _see_action(self, job: Job, order: SentOrder, state: State) -> None:
+        action = state.action(job.action.action_id)
+        if state.order_id != order.message.order_id:
+            self._end_job("the vehicle has lost the order")
+        elif action is None:
+            return
+        elif action.action_status is ActionStatus.FAILED:
+            self._end_job(words_about(state, action.action_id))
+        elif action.action_status is ActionStatus.RETRIABLE and job.skipped is None:
+            job.skipped = self._outbox.instant("skipRetry", ActionParameter(key="actionId", value=action.action_id))
+        elif action.action_status is ActionStatus.FINISHED and job.charges:
+            self._job, self._driving.order = None, None
+            self._charging = Charging(full=self.vehicle.full_charge())
+        elif action.action_status is ActionStatus.FINISHED and is_idle(state):
+            self._end_job(None)
+
+    def _end_job(self, reason: str | None) -> None:
+        self._job, self._driving.order = None, None
+        self._outbox.add(ActionEnded(failure=reason))
+
+    def _see_charging(self, charging: Charging, state: State, now: float) -> None:
+        power = state.power_supply
+        charging.has_charged = charging.has_charged or power.charging
+        if power.charging and power.state_of_charge >= charging.full and charging.stop_id is None:
+            self._stop_charging(charging, now)
+        action = state.action(charging.stop_id) if charging.stop_id is not None else None
+        has_stopped = charging.has_charged and not power.charging
+        if not has_stopped and (action is None or not action.action_status.is_final):
+            return
+        self._charging = None
+        if charging.is_interrupted:
+            self._outbox.add(Halted())
+        elif charging.stop_id is None and power.state_of_charge < charging.full - 5.0:
+            self._outbox.add(ActionEnded(failure=f"the vehicle stopped charging at {power.state_of_charge:.0f} %"))
+        else:
+            self._outbox.add(ActionEnded(failure=None))
+
+    def _stop_charging(self, charging: Charging, now: float) -> None:
+        charging.stop_id, charging.sending_time = self._outbox.instant("stopCharging"), now
+
+    # Halting (3.0, 6.1.3).
+
+    def _halt(self, now: float) -> None:
+        state, driving = self.vehicle.state, self._driving
+        driving.way, self._job = (), None
+        if self._charging is not None:
+            self._charging.is_interrupted = True
+            if self._charging.stop_id is None:
+                self._stop_charging(self._charging, now)
+        elif self._cancellation is not None:
+            self._cancellation.effects.append(Halted())
+        elif state is None or driving.is_complete() or (driving.order is None and is_idle(state)):
+            driving.order = None
+            self._outbox.add(Halted())
+        else:
+            self._cancel(now, Halted())
+
+    def _cancel(self, now: float, *effects: Effect) -> None:
+        order = self._driving.order
+        parameters: tuple[ActionParameter, ...] = ()
+        if self.vehicle.version is Version.V3_0 and order is not None and order.is_acknowledged:
+            parameters = (ActionParameter(key="orderId", value=order.message.order_id),)
+        action = self._outbox.action("cancelOrder", BlockingType.NONE, parameters)
+        self._cancellation = Cancellation(action=action, start_time=now, sending_time=now, effects=list(effects))
+        self._outbox.send_action(action)
+
+    def _see_cancellation(self, cancellation: Cancellation, state: State, now: float) -> None:
+        """A vehicle that says that its order is cancelled may still roll: only one that stands has halted."""
+        order = self._driving.order
+        if order is not None and state.order_id == order.message.order_id:
+            self._driving.see_progress(order, state)
+        action = state.action(cancellation.action.action_id)
+        is_ended = action is not None and action.action_status.is_final
+        is_unneeded = is_idle(state) and now >= cancellation.start_time + RESEND
+        if stands(state) and (is_ended or is_unneeded):
+            self._cancellation, self._driving.order = None, None
+            self._outbox.add(*cancellation.effects)
+
+    # What the vehicle is told.
+
+    def _reconcile(self, now: float) -> None:
+        if not self.vehicle.is_connected or self.vehicle.hindrance is not None:
+            return
+        if self._cancellation is not None or self._charging is not None:
+            return
+        if self._job is None:
+            self._driving.reconcile(now)
+        elif self._driving.order is None or self._driving.order.action_id != self._job.action.action_id:
+            self._driving.perform(self._job.action, now)
+
+    def _repeat(self, now: float) -> None:
+        """Send again what the vehicle does not show to have received."""
+        state, order, charging, cancellation = self.vehicle.state, self._driving.order, self._charging, self._cancellation
+        if not self.vehicle.is_connected:
+            return
+        if state is None:
+            self._ask_for_state(now)
+        elif cancellation is not None:
+            if now >= cancellation.sending_time + RESEND and state.action(cancellation.action.action_id) is None:
+                cancellation.sending_time = now
+                self._outbox.send_action(cancellation.action)
+        elif charging is not None and charging.stop_id is not None:
+            if now >= charging.sending_time + RESEND and state.action(charging.stop_id) is None:
+                self._stop_charging(charging, now)
+        elif order is not None and not order.is_acknowledged and self.vehicle.hindrance is None and now >= order.sending_time + RESEND:
+            self._driving.resend(order, now)
+
+    def _ask_for_state(self, now: float) -> None:
+        """Some vehicles send no state until they have an order: they are taken for idle after a few requests."""
+        if now < self._request_time + RESEND:
+            return
+        if self._requests >= UNANSWERED:
+            self.vehicle.assume_idle()
+        self._request_time, self._requests = now, self._requests + 1
+        self._outbox.instant("stateRequest")

@@ -1,0 +1,143 @@
+"""The body of a simulated vehicle: what it can do and sense."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+from msgspec import Struct
+
+
+class Sensed(Struct, frozen=True, kw_only=True):
+    """How the body is. Lengths in metres, angles in radians on the vehicle's map; `charge`: 0 to 100.
+
+    `finished`: the number of the last command that has ended, and `failure` why it failed; None: it did not.
+    """
+
+    x: float
+    y: float
+    yaw: float
+    charge: float
+    is_moving: bool
+    is_charging: bool
+    finished: int = 0
+    failure: str | None = None
+
+
+class Drive(Struct, frozen=True, kw_only=True):
+    """Drive through points in straight lines, and stop at the last one. `speed`: at most, in metres per second; None: as fast as it can."""
+
+    points: tuple[tuple[float, float], ...]
+    map_id: str
+    speed: float | None = None
+    backward: bool = False
+
+
+class Pick(Struct, frozen=True, kw_only=True):
+    """Take a load from a station."""
+
+    load: str
+    station: str
+
+
+class Drop(Struct, frozen=True, kw_only=True):
+    """Put the load down at a station."""
+
+    load: str
+    station: str
+
+
+class Charge(Struct, frozen=True):
+    """Connect with the charger."""
+
+
+class Rest(Struct, frozen=True):
+    """Stop what is being done, and the charging."""
+
+
+Command = Drive | Pick | Drop | Charge | Rest
+
+
+class Body(Protocol):
+    """A body carries out one command at a time; a new one takes the place of the one before."""
+
+    def begin(self, number: int, command: Command) -> None:
+        """Begin a command. Its number comes back in what is sensed, when it has ended."""
+
+    def sense(self, now: float) -> Sensed:
+        """How the body is now. `now`: in seconds, by a clock that only goes forward."""
+
+
+HANDLING = 4.0
+"""Seconds that the stand-in takes to pick or drop."""
+
+
+class StandInBody:
+    """A body that moves at a steady speed, turns at once, and always succeeds; for tests, and for vehicles without a simulated world."""
+
+    def __init__(self, x: float = 0.0, y: float = 0.0, yaw: float = 0.0, *, speed: float = 1.0, charge: float = 80.0) -> None:
+        self.x, self.y, self.yaw, self.speed, self.charge = x, y, yaw, speed, charge
+        self.obstacle: str | None = None
+        """What keeps the body from beginning anything; None: nothing."""
+        self._now: float | None = None
+        self._number = 0
+        self._command: Command | None = None
+        self._points: list[tuple[float, float]] = []
+        self._ends_at = 0.0
+        self._finished = 0
+        self._failure: str | None = None
+
+    def begin(self, number: int, command: Command) -> None:
+        self._number, self._command, self._failure = number, command, None
+        self._ends_at = (self._now or 0.0) + HANDLING
+        self._points = list(command.points) if isinstance(command, Drive) else []
+
+    def sense(self, now: float) -> Sensed:
+        passed = now - self._now if self._now is not None else 0.0
+        self._now = now
+        self._advance(passed)
+        return Sensed(
+            x=self.x,
+            y=self.y,
+            yaw=self.yaw,
+            charge=self.charge,
+            is_moving=isinstance(self._command, Drive) and self.obstacle is None,
+            is_charging=isinstance(self._command, Charge),
+            finished=self._finished,
+            failure=self._failure,
+        )
+
+    def _advance(self, passed: float) -> None:
+        match self._command:
+            case Drive(speed=speed, backward=backward):
+                self._drive(passed * min(self.speed, speed or self.speed), backward)
+            case Pick() | Drop():
+                if self.obstacle is not None or (self._now or 0.0) >= self._ends_at:
+                    self._end(self.obstacle)
+            case Charge():
+                self._finished = self._number
+                self.charge = min(100.0, self.charge + passed)
+            case Rest():
+                self._end(None)
+            case None:
+                return
+
+    def _drive(self, length: float, backward: bool) -> None:
+        if self.obstacle is not None:
+            self._end(self.obstacle)
+            return
+        while self._points:
+            x, y = self._points[0]
+            distance = math.hypot(x - self.x, y - self.y)
+            if distance > 0.0:
+                self.yaw = math.remainder(math.atan2(y - self.y, x - self.x) + (math.pi if backward else 0.0), math.tau)
+            if length < distance - 1e-9:
+                self.x += (x - self.x) * length / distance
+                self.y += (y - self.y) * length / distance
+                return
+            self.x, self.y, length = x, y, length - distance
+            del self._points[0]
+        self._end(None)
+
+    def _end(self, failure: str | None) -> None:
+        self._finished, self._failure, self._command = self._number, failure, None

@@ -1,0 +1,87 @@
+"""The factsheet of a simulated vehicle."""
+
+from __future__ import annotations
+
+from somrs.adapters.vda5050.messages.factsheets import (
+    ArrayLengths,
+    BatteryCharging,
+    Configuration,
+    Factsheet,
+    Geometry,
+    LoadSet,
+    LoadSpecification,
+    OptionalParameter,
+    PhysicalParameters,
+    ProtocolFeatures,
+    ProtocolLimits,
+    StringLengths,
+    SupportedAction,
+    Timing,
+    TypeSpecification,
+)
+
+NODE_ACTIONS = ("pick", "drop", "startCharging", "stopCharging", "waitForTrigger", "finePositioning", "detectObject")
+
+INSTANT_ACTIONS = (
+    "cancelOrder", "startPause", "stopPause", "stateRequest", "factsheetRequest", "stopCharging", "initializePosition",
+    "clearInstantActions", "trigger",
+)  # fmt: skip
+
+
+def factsheet(
+    *,
+    series: str = "SO-MRS simulated",
+    payload: float = 20.0,
+    speed: float = 1.0,
+    width: float = 0.6,
+    length: float = 0.8,
+    handles: bool = True,
+) -> Factsheet:
+    """The factsheet of a vehicle. `handles`: it can pick and drop loads."""
+    types = [action_type for action_type in NODE_ACTIONS if handles or action_type not in ("pick", "drop")]
+    actions = {
+        action_type: [*_scope(action_type, INSTANT_ACTIONS, "INSTANT"), *_scope(action_type, types, "NODE")] for action_type in types
+    }
+    actions |= {action_type: ["INSTANT"] for action_type in INSTANT_ACTIONS if action_type not in actions}
+    return Factsheet(
+        type_specification=TypeSpecification(
+            series_name=series,
+            mobile_robot_kinematics="DIFFERENTIAL",
+            mobile_robot_class="CARRIER",
+            maximum_load_mass=payload,
+            localization_types=("NATURAL",),
+            navigation_types=("VIRTUAL_LINE_GUIDED",),
+            supported_zones=(),
+        ),
+        physical_parameters=PhysicalParameters(
+            minimum_speed=0.0,
+            maximum_speed=speed,
+            maximum_acceleration=1.0,
+            maximum_deceleration=1.0,
+            minimum_height=0.3,
+            maximum_height=0.6,
+            width=width,
+            length=length,
+        ),
+        protocol_limits=ProtocolLimits(
+            maximum_string_lengths=StringLengths(),
+            maximum_array_lengths=ArrayLengths(),
+            timing=Timing(minimum_order_interval=0.0, minimum_state_interval=0.0, default_state_interval=1.0),
+        ),
+        protocol_features=ProtocolFeatures(
+            optional_parameters=(OptionalParameter(parameter="order.nodes.nodePosition.allowedDeviationXY", support="SUPPORTED"),),
+            mobile_robot_actions=tuple(
+                SupportedAction(action_type=action_type, action_scopes=tuple(scopes), pause_allowed=False, cancel_allowed=True)
+                for action_type, scopes in actions.items()
+            ),
+        ),
+        mobile_robot_geometry=Geometry(),
+        load_specification=LoadSpecification(load_positions=("top",), load_sets=(LoadSet(set_name="DEFAULT", load_type="DEFAULT"),))
+        if handles
+        else LoadSpecification(),
+        mobile_robot_configuration=Configuration(battery_charging=BatteryCharging(maximum_desired_charging_level=99.0)),
+    )
+
+
+def _scope(action_type: str, types: tuple[str, ...] | list[str], scope: str) -> list[str]:
+    return [scope] if action_type in types else []
