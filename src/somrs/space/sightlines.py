@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from somrs.space.distances import Array
 from somrs.space.solids import Solid
@@ -47,13 +46,25 @@ class Prisms:
         """Whether a prism, except those of the ignored names, is between two points."""
         if not len(self._boxes):
             return False
-        hits = self._hits(np.asarray(start), np.asarray(end))
+        enter, leave = self._spans(np.asarray(start), np.asarray(end))
+        hits = (enter <= leave) & (leave > 0.0) & (enter < 1.0)
         for name in ignored:
             hits[self._numbers.get(name, [])] = False
         return bool(hits.any())
 
-    def _hits(self, start: Array, end: Array) -> npt.NDArray[np.bool_]:
-        """For each prism, whether the line from start to end meets it."""
+    def share_until(self, start: Place, end: Place, ignored: set[str]) -> float:
+        """How much of the line from start to end is before the first prism, except those of the ignored names; 1.0 if none is on it."""
+        if not len(self._boxes):
+            return 1.0
+        enter, leave = self._spans(np.asarray(start), np.asarray(end))
+        shares = np.where((enter <= leave) & (leave > 0.0), np.clip(enter, 0.0, 1.0), 1.0)
+        for name in ignored:
+            shares[self._numbers.get(name, [])] = 1.0
+        return float(shares.min())
+
+    def _spans(self, start: Array, end: Array) -> tuple[Array, Array]:
+        """For each prism, where the line from start to end enters and leaves it, as shares of its length; if it does not meet it, it leaves
+        before it enters."""
         (along_u, along_v), (u, v) = self._turned(*(end - start)[:2]), self._turned(*(start[:2] - self._poses[:, :2]).T)
         enter, leave = _span(start[2] - self._poses[:, 2] - self._height / 2, np.full(len(u), end[2] - start[2]), self._height / 2)
         first_u, last_u = _span(u, along_u, self._half[:, 0])
@@ -61,7 +72,7 @@ class Prisms:
         first_round, last_round = _round_span(u, v, along_u, along_v, self._radius)
         enter = np.maximum(enter, np.where(self._boxes, np.maximum(first_u, first_v), first_round))
         leave = np.minimum(leave, np.where(self._boxes, np.minimum(last_u, last_v), last_round))
-        return np.asarray((enter <= leave) & (leave > 0.0) & (enter < 1.0))
+        return enter, leave
 
     def _turned(self, x: Array | float, y: Array | float) -> tuple[Array, Array]:
         """A vector in the frame of each prism."""

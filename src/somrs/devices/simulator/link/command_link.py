@@ -27,6 +27,7 @@ from somrs.devices.simulator.link.commands import (
     Point,
     PutDown,
     RobotState,
+    Scan,
     Sense,
     Status,
     Stop,
@@ -117,8 +118,13 @@ class CommandLink(ABC):
     async def weigh(self, object: str) -> CommandDone:
         return await self.command(Weigh(object=object))
 
-    async def sense(self, radius: float | None = None, like: Likeness | None = None, expected: Sequence[Point] = ()) -> CommandDone:
-        return await self.command(Sense(radius=radius, like=like, expected=tuple(expected)))
+    async def sense(
+        self, radius: float | None = None, like: Likeness | None = None, expected: Sequence[Point] = (), *, furniture: bool = False
+    ) -> CommandDone:
+        return await self.command(Sense(radius=radius, like=like, expected=tuple(expected), furniture=furniture))
+
+    async def scan(self, scan: Scan) -> CommandDone:
+        return await self.command(scan)
 
     async def look_at(
         self, x: float, y: float, z: float, object: str | None = None, like: Likeness | None = None, *, whole: bool = False

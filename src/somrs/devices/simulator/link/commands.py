@@ -6,9 +6,11 @@ times in seconds of simulated time.
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
+from typing import Annotated
 
-from msgspec import Struct, field
+from msgspec import Meta, Struct, field
 
 from somrs.ontology.types import Value
 
@@ -121,12 +123,27 @@ class Sense(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Report what the camera sees in its current pose: things, robots and furniture that nothing hides.
 
     `radius`: largest distance; None: as far as the camera sees. `like`: mark what is alike. `expected`: points at which something should
-    be; the result says which of them are in clear view. Does not interrupt the command in progress.
+    be; the result says which of them are in clear view. `furniture`: recognise furniture by its looks, too, for who does not know it by
+    name; no sighting names anything then. Does not interrupt the command in progress.
     """
 
     radius: float | None = None
     like: Likeness | None = None
     expected: tuple[Point, ...] = ()
+    furniture: bool = False
+
+
+class Scan(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Measure distances in a plane, as a laser scanner does. Does not interrupt the command in progress.
+
+    `rays`: how many, evenly over the field of `view`, rad: the number i, from 0, is at -view/2 + (i + 1/2) view / rays from the front.
+    `range`: the greatest distance, m. `height`: of the plane above the floor, m.
+    """
+
+    rays: Annotated[int, Meta(ge=1, le=1440)] = 360
+    view: Annotated[float, Meta(gt=0, le=math.tau)] = math.tau
+    range: Annotated[float, Meta(gt=0)] = 10.0
+    height: Annotated[float, Meta(ge=0)] = 0.2
 
 
 class LookAt(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
@@ -175,6 +192,7 @@ Command = (
     | PutDown
     | Weigh
     | Sense
+    | Scan
     | LookAt
     | LookAround
     | Stop
@@ -265,13 +283,15 @@ class Sighting(Struct, frozen=True, kw_only=True):
 class CommandDone(Struct, frozen=True, kw_only=True):
     """A command was carried out. `object_states`: the objects that it touched, and landmarks that it saw. `sightings`: what else it saw.
 
-    `clear`: the positions, in the command, of the expected points that nothing hides.
+    `clear`: the positions, in the command, of the expected points that nothing hides. `ranges`: the distance along each ray of a scan, m;
+    None: nothing is within its range.
     """
 
     state: RobotState
     object_states: tuple[ObjectState, ...] = ()
     sightings: tuple[Sighting, ...] = ()
     clear: tuple[int, ...] = ()
+    ranges: tuple[float | None, ...] = ()
 
 
 class CommandGivenUp(Struct, frozen=True, kw_only=True):

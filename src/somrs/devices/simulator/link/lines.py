@@ -261,6 +261,7 @@ class OrderDone(Struct, frozen=True, kw_only=True, tag="done", tag_field="say"):
     object_states: tuple[ObjectState, ...] = field(default=(), name="seen")
     sightings: tuple[Sighting, ...] = ()
     clear: tuple[int, ...] = ()
+    ranges: tuple[float | None, ...] = ()
 
 
 class OrderGivenUp(Struct, frozen=True, kw_only=True, tag="gave", tag_field="say"):

@@ -297,6 +297,7 @@ class Server:
                         object_states=result.object_states,
                         sightings=result.sightings,
                         clear=result.clear,
+                        ranges=result.ranges,
                     )
                 )
             else:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, LinkedDevice, ObjectState, RobotState, Sense, Status
+from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, LinkedDevice, ObjectState, RobotState, Scan, Sense, Status
 from somrs.devices.simulator.link.roads import Roadmap, TrafficState
 from somrs.devices.simulator.motion.door_drive import DoorDrive
 from somrs.devices.simulator.motion.lift_drive import LiftDrive
@@ -21,13 +21,14 @@ from somrs.devices.simulator.server.carrying_robots import put_at, why_no_room
 from somrs.devices.simulator.server.free_spaces import FreeSpaces
 from somrs.devices.simulator.server.moved_leaves import MovedLeaves
 from somrs.devices.simulator.server.robot_work import RobotWork
+from somrs.devices.simulator.server.sensing import sensed
 from somrs.devices.simulator.server.simulated_traffic import SimulatedTraffic
 from somrs.devices.simulator.server.traffic_view import roadmap_view, traffic_view
 from somrs.devices.simulator.world.kinds import WorldKind, make_scene
-from somrs.devices.simulator.world.recognition import landmarks, sightings
+from somrs.devices.simulator.world.scanning import scanned
 from somrs.devices.simulator.world.scene import RESTING
 from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
-from somrs.devices.simulator.world.vision import StationaryCamera, clear_points, view
+from somrs.devices.simulator.world.vision import StationaryCamera
 from somrs.devices.simulator.world.weighing_scale import WeighingScale
 from somrs.errors import UsageError
 from somrs.ontology.map import Map
@@ -150,10 +151,10 @@ class Simulation:
         if Fault.SILENT in device.faults:
             return
         if isinstance(command, Sense):
-            states = view(self.scene, robot, command.radius)
-            seen = landmarks(self.scene, states), sightings(self.scene, robot, states, command.like)
-            clear = clear_points(self.scene, robot, command.expected)
-            on_end(CommandDone(state=device.state(), object_states=seen[0], sightings=seen[1], clear=clear))
+            on_end(sensed(self.scene, device.state(), robot, command))
+            return
+        if isinstance(command, Scan) and isinstance(device, Robot):
+            on_end(CommandDone(state=device.state(), ranges=scanned(self.scene, robot, command)))
             return
         if not isinstance(device, Robot):
             device.command(command, on_end)

@@ -6,7 +6,7 @@ Furniture and parts of the building are landmarks, by which robots and cameras k
 from __future__ import annotations
 
 import random
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from somrs.devices.simulator.link.commands import Likeness, ObjectState, Sighting
 from somrs.devices.simulator.world.scene import Scene
@@ -15,6 +15,8 @@ from somrs.space.solids import Role, Solid
 
 RECOGNISED = (Role.THING, Role.ROBOT)
 """The roles of the objects that are recognised by their looks."""
+FURNITURE = (Role.SUPPORT, Role.STATIC)
+"""The roles of landmarks that who does not know them by name recognises by their looks, too."""
 
 SIZE_NOISE, TURN_NOISE = 0.25, 2.0
 """Standard deviation of a size in m, and of an angle in rad, as multiples of the camera's accuracy."""
@@ -27,13 +29,15 @@ def landmarks(scene: Scene, states: Iterable[ObjectState]) -> tuple[ObjectState,
     return tuple(state for state in states if scene.world.solids[state.object].role not in RECOGNISED)
 
 
-def sightings(scene: Scene, viewer: str, states: Sequence[ObjectState], like: Likeness | None) -> tuple[Sighting, ...]:
-    """What the camera recognises of the other objects, in the order of their poses. The same scene gives the same noise.
+def sightings(
+    scene: Scene, viewer: str, states: Sequence[ObjectState], like: Likeness | None, roles: Collection[Role] = RECOGNISED
+) -> tuple[Sighting, ...]:
+    """What the camera recognises of the objects with these roles, in the order of their poses. The same scene gives the same noise.
 
     `like`: what it looks for.
     """
     solids = scene.world.solids
-    recognised = sorted((s for s in states if s.object in solids and solids[s.object].role in RECOGNISED), key=lambda s: (s.x, s.y, s.z))
+    recognised = sorted((s for s in states if s.object in solids and solids[s.object].role in roles), key=lambda s: (s.x, s.y, s.z))
     numbers = {state.object: number for number, state in enumerate(recognised)}
     alike = set(look_alikes(scene, like)) if like is not None else set()
     return tuple(_sighting(scene, viewer, state, numbers, alike) for state in recognised)
