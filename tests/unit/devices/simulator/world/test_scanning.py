@@ -33,7 +33,7 @@ def test_a_scan_measures_walls_furniture_and_robots(world: WorldKind) -> None:
     above = answer(simulation, Scan(rays=1, view=0.1, range=20.0, height=0.5)).ranges[0]
     assert above == pytest.approx(8.0 - 1.5, abs=0.002)  # the wall behind it
     turned = Simulation(room((1.5, 1.5, math.pi / 2), (1.5, 4.5, 0.0)), ONTOLOGY, world)
-    (robot_ahead,) = answer(turned, Scan(rays=1, view=0.1, range=20.0)).ranges[0]
+    robot_ahead = answer(turned, Scan(rays=1, view=0.1, range=20.0)).ranges[0]
     assert robot_ahead is not None
     assert 2.5 < robot_ahead < 3.0
 
