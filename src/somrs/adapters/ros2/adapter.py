@@ -1,0 +1,30 @@
+"""The adapter for robots with ROS 2. One process of it serves a fleet; a second one, the bridge, has `rclpy`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+from somrs.adapters.adapter import Fleet
+from somrs.adapters.ros2.process import BridgeProcess
+from somrs.adapters.ros2.robot import robot_class
+from somrs.adapters.ros2.settings import read_binding, read_settings
+
+
+class Ros2Adapter:
+    """Connects the robots that the settings name, each by its binding file. Raises InputError if settings or bindings are not valid."""
+
+    def __init__(self, settings: Mapping[str, Any], folder: Path) -> None:
+        self._settings, self._folder = read_settings(settings), folder
+        self._bindings = {name: read_binding(folder / robot.binding) for name, robot in self._settings.robots.items()}
+
+    @property
+    def names(self) -> Collection[str]:
+        return self._settings.robots.keys()
+
+    async def run(self, fleet: Fleet) -> None:
+        bridge = BridgeProcess(self._settings, self._folder)
+        for name, robot in self._settings.robots.items():
+            fleet.add(robot_class(robot.type)(name, robot, self._bindings[name], bridge.session))
+        await bridge.run()

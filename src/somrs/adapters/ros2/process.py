@@ -1,0 +1,97 @@
+"""Runs the bridge to ROS 2 (`bridge.py`) in a process of its own, with the Python of the installed ROS."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+from pathlib import Path
+
+from somrs.adapters.ros2.lines import Ready, Request, decode_report, encode_request
+from somrs.adapters.ros2.session import Session
+from somrs.adapters.ros2.settings import Settings
+from somrs.errors import WireError
+
+log = logging.getLogger(__name__)
+
+BRIDGE = Path(__file__).with_name("bridge.py")
+PAUSES = (1.0, 2.0, 5.0, 10.0)
+"""Seconds before the bridge is started again: after its first end, its second, and so on, until it has run."""
+LONGEST_LINE = 256 * 2**20
+"""A map of 10,000 by 10,000 cells fits, bytes."""
+
+
+class BridgeProcess:
+    """The conversation with the bridge, and its process, which is started again when it ends. `folder`: what paths of settings refer to."""
+
+    def __init__(self, settings: Settings, folder: Path) -> None:
+        self._settings, self._folder = settings, folder
+        self._input: asyncio.StreamWriter | None = None
+        self.session = Session(self._send, log.warning)
+
+    def _send(self, request: Request) -> None:
+        if self._input is not None and not self._input.is_closing():
+            self._input.write(encode_request(request))
+
+    async def run(self) -> None:
+        """Run the bridge until this is cancelled."""
+        attempt = 0
+        while True:
+            try:
+                attempt = 0 if await self._run_once() else attempt + 1
+            except OSError as error:
+                attempt += 1
+                log.error("the bridge to ROS 2 cannot be started with %s: %s", self._settings.python, error)
+            await asyncio.sleep(PAUSES[min(attempt, len(PAUSES)) - 1 if attempt else 0])
+
+    async def _run_once(self) -> bool:
+        """Run the bridge until it ends. Returns whether it was ready."""
+        process = await asyncio.create_subprocess_exec(
+            *self._command(),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            env=self._environment(),
+            limit=LONGEST_LINE,
+            start_new_session=True,  # Ctrl-C ends this program, which closes the bridge's input
+        )
+        assert process.stdin is not None, "it is a pipe"
+        assert process.stdout is not None, "it is a pipe"
+        self._input = process.stdin
+        was_ready = False
+        try:
+            async for line in process.stdout:
+                was_ready = self._take(line) or was_ready
+            code = await process.wait()
+            log.error("the bridge to ROS 2 has ended with %s: is %s the Python of your ROS?", code, self._settings.python)
+        finally:
+            self._input = None
+            self.session.disconnected()
+            process.stdin.close()
+            with contextlib.suppress(asyncio.CancelledError):
+                await process.wait()
+        return was_ready
+
+    def _take(self, line: bytes) -> bool:
+        """Handle a line. Returns whether it says that the bridge is ready."""
+        try:
+            report = decode_report(line)
+        except WireError as error:
+            log.warning("%s", error)
+            return False
+        self.session.handle(report)
+        return isinstance(report, Ready)
+
+    def _command(self) -> list[str]:
+        command = [self._settings.python, str(BRIDGE)]
+        if self._settings.setup is not None:
+            return ["bash", "-c", 'source "$0" && exec "$@"', str(self._folder / self._settings.setup), *command]
+        return [str(self._folder / command[0]) if "/" in command[0] else command[0], command[1]]
+
+    def _environment(self) -> dict[str, str]:
+        environment = dict(os.environ)
+        if self._settings.domain is not None:
+            environment["ROS_DOMAIN_ID"] = str(self._settings.domain)
+        if self._settings.discovery is not None:
+            environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = self._settings.discovery
+        return environment

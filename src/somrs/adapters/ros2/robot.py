@@ -1,0 +1,80 @@
+"""The device of a robot with ROS 2, which a binding file describes: it needs no class of its own."""
+
+from __future__ import annotations
+
+import functools
+
+from somrs.adapters.ros2.connection import RobotConnection
+from somrs.adapters.ros2.frames import Pose
+from somrs.adapters.ros2.session import Session
+from somrs.adapters.ros2.settings import Binding, RobotSettings
+from somrs.devices.road_robot import CarryingRobot, RobotFailed, Way
+from somrs.ontology.types import Value
+from somrs.service_manager.sdk.values import as_term
+
+
+class Ros2Robot(CarryingRobot):
+    """A robot with ROS 2, in the traffic of its building."""
+
+    type = "MobileManipulator"
+
+    def __init__(self, name: str, settings: RobotSettings, binding: Binding, session: Session) -> None:
+        super().__init__(name)
+        self.can_charge, self.can_carry = binding.charge is not None, bool(binding.pick)
+        self._connection = RobotConnection(name, settings, binding, session, self)
+
+    async def open(self) -> None:
+        self.heard(False)
+        self._connection.open()
+        await super().open()
+
+    async def close(self) -> None:
+        await super().close()
+        self._connection.close()
+
+    # What traffic and the services tell the robot
+
+    async def follow(self, way: Way) -> None:
+        self._connection.follow(way)
+
+    async def halt(self) -> None:
+        await self._connection.halt()
+
+    async def pick(self, thing: str, support: str) -> None:
+        await self._connection.pick(thing, support, await self._object_pose(thing))
+
+    async def drop(self, thing: str, support: str) -> None:
+        await self._connection.drop(thing, support, await self._object_pose(support))
+
+    async def put_down(self, thing: str) -> tuple[float, float, float, str]:
+        return (*await self._connection.put_down(thing), "")
+
+    async def charge_at(self, charger: str) -> None:
+        await self._connection.charge(charger, await self._object_pose(charger))
+
+    async def interrupt(self) -> None:
+        await self._connection.interrupt()
+
+    # What the robot says
+
+    def measured(self, attribute: str, value: Value) -> None:
+        """An attribute of the robot has this value."""
+        if attribute == "Charge":
+            self.battery = float(value) if isinstance(value, int | float) else None
+        else:
+            self.observed(f"{self.name}.{attribute} = {as_term(value)}")
+
+    async def _object_pose(self, name: str) -> Pose:
+        """The pose of an object of the map. Raises RobotFailed."""
+        rows = await self.map.query(f"{name}.PositionX = ?X AND {name}.PositionY = ?Y", limit=1)
+        if not rows:
+            raise RobotFailed(f"the map does not say where {name} is")
+        turned = await self.map.query(f"{name}.RotationZ = ?Yaw", limit=1)
+        values = rows[0]["X"], rows[0]["Y"], turned[0]["Yaw"] if turned else 0.0
+        return Pose(*(float(value) for value in values if isinstance(value, int | float)))
+
+
+@functools.cache
+def robot_class(type_name: str) -> type[Ros2Robot]:
+    """The class of robots whose objects on the map have this type."""
+    return type(f"Ros2{type_name}", (Ros2Robot,), {"type": type_name})

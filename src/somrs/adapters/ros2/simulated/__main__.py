@@ -1,0 +1,77 @@
+"""Runs a simulated robot: `python -m somrs.adapters.ros2.simulated '{"namespace": "robot1", "pose": [0, 0, 0]}'`.
+
+Settings, in JSON: `namespace`; `pose`, `things`, `speed` and `battery` of a body that only moves; or `link`, `host:port/robot`, for a robot
+of the simulator; `grid`, width and height in cells, for a map. It ends when its input ends.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+import threading
+from typing import Any
+
+import msgspec
+import rclpy
+from msgspec import Struct
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from somrs.adapters.ros2.simulated.body import KinematicBody
+from somrs.adapters.ros2.simulated.link_body import LinkBody
+from somrs.adapters.ros2.simulated.nodes import SimulatedRobot, obey
+
+THREADS = 8
+"""A goal that is under way occupies one."""
+
+
+class RobotDescription(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The settings of a simulated robot."""
+
+    namespace: str = ""
+    link: str | None = None
+    pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    things: dict[str, tuple[float, float]] = {}
+    speed: float = 1.0
+    battery: float = 1.0
+    grid: tuple[int, int] | None = None
+
+
+async def run(description: RobotDescription, node: Any) -> None:
+    """Run the robot until the input ends."""
+    loop = asyncio.get_running_loop()
+    body: KinematicBody | LinkBody
+    if description.link is not None:
+        address, _, robot_name = description.link.partition("/")
+        host, _, port = address.rpartition(":")
+        body = LinkBody(host, int(port), robot_name)
+        await body.open()
+    else:
+        body = KinematicBody(description.pose, description.things, description.speed, description.battery)
+    robot = SimulatedRobot(node, description.namespace, body, loop, description.grid)
+    lines = asyncio.StreamReader()
+    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(lines), sys.stdin)
+    publishing = asyncio.create_task(robot.publish())
+    executor = MultiThreadedExecutor(THREADS)
+    executor.add_node(node)
+    threading.Thread(target=executor.spin, daemon=True).start()
+    print("ready", flush=True)
+    await obey(robot, lines)
+    publishing.cancel()
+    if isinstance(body, LinkBody):
+        await body.close()
+
+
+def main() -> None:
+    description = msgspec.json.decode(sys.argv[1], type=RobotDescription)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node(f"{description.namespace.strip('/').replace('/', '_') or 'robot'}_simulated")
+    asyncio.run(run(description, node))
+    node.destroy_node()
+    rclpy.shutdown()
+    os._exit(0)  # the threads of goals that are under way are not waited for
+
+
+if __name__ == "__main__":
+    main()

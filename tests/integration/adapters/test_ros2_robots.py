@@ -1,0 +1,242 @@
+"""The adapter's connection to robots with ROS 2: real nodes of Nav2's and ros2_control's types, in processes of their own."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+from typing import Any
+
+import pytest
+from msgspec import structs
+
+from somrs.adapters.ros2.frames import Pose
+from somrs.devices.road_robot import RobotFailed
+from tests.support.ros2.robots import RobotProcess, connected, in_event_loop, needs_ros2, running_bridge, way
+
+pytestmark = needs_ros2
+
+BINDING: dict[str, Any] = {
+    "pose": {},
+    "odometry": {},
+    "attributes": {
+        "Charge": {
+            "topic": "battery_state",
+            "type": "sensor_msgs/msg/BatteryState",
+            "field": "percentage",
+            "scale": 100,
+            "dead_band": 5,
+            "interval": 0.1,
+        },
+    },
+    "faults": [{"topic": "emergency_stop", "type": "std_msgs/msg/Bool", "field": "data", "latched": True, "reason": "its stop is pressed"}],
+}
+GRIPPER = {"action": "gripper_cmd", "type": "control_msgs/action/GripperCommand"}
+BY_GRIPPER = {
+    **BINDING,
+    "pick": [
+        {
+            **GRIPPER,
+            "goal": {"command": {"position": 0, "max_effort": 40}},
+            "succeeds": {"stalled": True},
+            "otherwise": "the gripper closed on nothing",
+        }
+    ],
+    "drop": [{**GRIPPER, "goal": {"command": {"position": 0.08}}}],
+}
+ARM = {"action": "move_object", "type": "manipulation_msgs/action/MoveObject", "succeeds": {"success": True}}
+BY_ARM = {
+    **BINDING,
+    "pick": [{**ARM, "goal": {"pick": True, "object": "{thing}", "support": "{support}"}}],
+    "drop": [{**ARM, "goal": {"object": "{thing}", "support": "{support}"}}],
+}
+
+
+@in_event_loop
+async def test_a_robot_drives_its_way_and_says_where_it_is() -> None:
+    async with RobotProcess(speed=4.0) as robot, connected(robot, BINDING) as (connection, witness):
+        connection.follow(way((0, 0), (1, 0), (2, 0), (2, 1)))
+        await witness.until(lambda: witness.passed_numbers == [1, 2, 3])
+        await witness.until(lambda: witness.pose[:2] == (2, 1))
+        assert witness.reasons == []
+
+
+@in_event_loop
+async def test_the_map_of_a_robot_is_turned_and_moved_onto_that_of_the_building() -> None:
+    level = {"x": 10.0, "y": 5.0, "yaw": 1.5707963267948966, "level": 3.0}
+    async with RobotProcess(speed=4.0) as robot, connected(robot, BINDING, {"levels": [level]}) as (connection, witness):
+        await witness.until(lambda: witness.pose == pytest.approx((10, 5, 1.5707963, 3.0)))
+        connection.follow(way((10, 5), (10, 7), level=3.0))
+        await witness.until(lambda: witness.passed_numbers == [1])
+        await witness.until(lambda: witness.pose == pytest.approx((10, 7, 1.5707963, 3.0), abs=1e-3))
+
+
+@in_event_loop
+async def test_a_pose_comes_from_transforms_if_no_topic_has_it() -> None:
+    binding = {"transform": {"tf": "tf", "tf_static": "tf_static"}}
+    async with RobotProcess(pose=[1, 2, 0.5]) as robot, connected(robot, binding) as (_, witness):
+        await witness.until(lambda: witness.pose == pytest.approx((1, 2, 0.5, 0.0)))
+
+
+@in_event_loop
+async def test_a_robot_that_is_halted_stands() -> None:
+    async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
+        connection.follow(way((0, 0), (50, 0)))
+        await witness.until(lambda: witness.pose[0] > 0.5)
+        await connection.halt()
+        await asyncio.sleep(0.3)
+        place = witness.pose
+        await asyncio.sleep(0.5)
+        assert witness.pose == place
+        assert (witness.passed_numbers, witness.reasons) == ([], [])
+
+
+@in_event_loop
+async def test_a_longer_way_is_driven_without_a_stop() -> None:
+    async with RobotProcess(speed=2.0) as robot, connected(robot, BINDING) as (connection, witness):
+        connection.follow(way((0, 0), (1, 0)))
+        await witness.until(lambda: witness.pose[0] > 0.5)
+        connection.follow(way((0, 0), (1, 0), (2, 0)))
+        await witness.until(lambda: witness.passed_numbers == [1, 2])
+        assert witness.reasons == []
+
+
+@in_event_loop
+async def test_what_the_navigation_says_when_it_gives_up_is_told() -> None:
+    async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
+        robot.tell("abort")
+        connection.follow(way((0, 0), (5, 0)))
+        await witness.until(lambda: bool(witness.reasons))
+        assert witness.reasons == ["the navigation of Robot1 aborted the goal P1: no valid path"]
+
+
+@in_event_loop
+async def test_a_goal_can_be_rejected() -> None:
+    async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
+        robot.tell("reject")
+        await asyncio.sleep(0.2)
+        connection.follow(way((0, 0), (5, 0)))
+        await witness.until(lambda: bool(witness.reasons))
+        assert witness.reasons == ["the navigation of Robot1 rejected the goal P1"]
+
+
+@in_event_loop
+async def test_a_robot_whose_node_dies_drives_on_when_it_is_started_again() -> None:
+    async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
+        connection.follow(way((0, 0), (1, 0), (2, 0)))
+        await witness.until(lambda: witness.passed_numbers == [1])
+        await robot.kill()
+        await witness.until(lambda: witness.presence == [True, False])
+        await robot.start(pose=[witness.pose[0], 0, 0])
+        await witness.until(lambda: witness.presence == [True, False, True])
+        await witness.until(lambda: witness.passed_numbers == [1, 2])
+        assert witness.reasons == []
+
+
+@in_event_loop
+async def test_a_node_that_is_back_before_its_absence_is_noticed_gets_its_goal_again() -> None:
+    async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
+        connection.follow(way((0, 0), (1, 0), (2, 0)))
+        await witness.until(lambda: witness.passed_numbers == [1])
+        await robot.kill()
+        await robot.start(pose=[witness.pose[0], 0, 0])
+        await witness.until(lambda: witness.passed_numbers == [1, 2])
+
+
+@in_event_loop
+async def test_a_robot_is_halted_by_an_adapter_that_is_started_again() -> None:
+    async with RobotProcess() as robot:
+        async with connected(robot, BINDING) as (connection, witness):
+            connection.follow(way((0, 0), (50, 0)))
+            await witness.until(lambda: witness.pose[0] > 0.5)
+        async with connected(robot, BINDING) as (_, witness):
+            await witness.until(lambda: witness.pose[0] > 0.5)
+            await asyncio.sleep(0.3)
+            place = witness.pose
+            await asyncio.sleep(0.5)
+            assert witness.pose == place
+
+
+@in_event_loop
+async def test_a_gripper_takes_a_thing_and_puts_it_down() -> None:
+    async with RobotProcess(things={"Jar1": [0.5, 0]}) as robot, connected(robot, BY_GRIPPER) as (connection, _):
+        await connection.pick("Jar1", "Table1", Pose(0.5, 0, 0))
+        await connection.drop("Jar1", "Table2", Pose(0.5, 0, 0))
+        await connection.pick("Jar1", "Table2", Pose(0, 0, 0))
+
+
+@in_event_loop
+async def test_a_gripper_that_closes_on_nothing_has_failed() -> None:
+    async with RobotProcess() as robot, connected(robot, BY_GRIPPER) as (connection, _):
+        with pytest.raises(RobotFailed, match="the gripper closed on nothing"):
+            await connection.pick("Jar1", "Table1", Pose(0.5, 0, 0))
+
+
+@in_event_loop
+async def test_an_arm_is_told_the_names_of_things() -> None:
+    things = {"Jar1": [0.5, 0], "Jar2": [0.1, 0]}
+    async with RobotProcess(things=things) as robot, connected(robot, BY_ARM) as (connection, _):
+        await connection.pick("Jar1", "Table1", Pose(0.5, 0, 0))
+        with pytest.raises(RobotFailed, match="move_object: success is False"):
+            await connection.pick("Jar2", "Table1", Pose(0.5, 0, 0))
+
+
+@in_event_loop
+async def test_what_an_arm_does_can_be_interrupted() -> None:
+    async with RobotProcess() as robot, connected(robot, BY_ARM) as (connection, _):
+        robot.tell("slow")
+        await asyncio.sleep(0.2)
+        picking = asyncio.create_task(connection.pick("Jar1", "Table1", Pose(0.5, 0, 0)))
+        await asyncio.sleep(0.3)
+        await connection.interrupt()
+        with pytest.raises(RobotFailed, match="the goal of move_object was canceled"):
+            await picking
+
+
+@in_event_loop
+async def test_an_arm_whose_node_dies_has_failed() -> None:
+    async with RobotProcess() as robot, connected(robot, BY_ARM) as (connection, _):
+        robot.tell("slow")
+        await asyncio.sleep(0.2)
+        picking = asyncio.create_task(connection.pick("Jar1", "Table1", Pose(0.5, 0, 0)))
+        await asyncio.sleep(0.3)
+        await robot.kill()
+        with pytest.raises(RobotFailed, match="the goal of move_object was lost: its server has ended"):
+            await picking
+
+
+@in_event_loop
+async def test_a_battery_is_charged_until_it_is_full() -> None:
+    service = {"service": "charge", "type": "std_srvs/srv/SetBool", "succeeds": {"success": True}}
+    charge = {"begin": [{**service, "request": {"data": True}}], "end": [{**service, "request": {"data": False}}]}
+    async with RobotProcess(battery=0.42) as robot, connected(robot, {**BINDING, "charge": charge}) as (connection, witness):
+        await witness.until(lambda: witness.values.get("Charge") == [42])
+        await connection.charge("Charger1", Pose(0, 0, 0))
+        assert witness.values["Charge"][-1] == 100
+
+
+@in_event_loop
+async def test_a_pressed_emergency_stop_is_told_with_its_reason() -> None:
+    async with RobotProcess() as robot, connected(robot, BINDING) as (_, witness):
+        robot.tell("press")
+        await witness.until(lambda: witness.faults == ["its stop is pressed"])
+        robot.tell("release")
+        await witness.until(lambda: witness.faults == ["its stop is pressed", None])
+
+
+@in_event_loop
+async def test_a_speed_limit_is_told_with_the_way_that_has_it() -> None:
+    limited = tuple(structs.replace(waypoint, speed_limit=0.5) for waypoint in way((0, 0), (1, 0)))
+    async with RobotProcess(speed=50.0) as robot, connected(robot, {**BINDING, "speed_limit": {}}) as (connection, witness):
+        connection.follow(limited)
+        await witness.until(lambda: 0.0 < witness.pose[0] < 1.0)
+        await witness.until(lambda: witness.passed_numbers == [1])
+
+
+@in_event_loop
+async def test_a_latched_map_comes_as_bytes() -> None:
+    async with RobotProcess(grid=[6, 4]) as robot, running_bridge() as bridge:
+        grids: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
+        bridge.session.subscribe(f"/{robot.namespace}/map", "nav_msgs/msg/OccupancyGrid", grids.put_nowait, latched=True)
+        grid = await grids.get()
+        assert (grid["info"]["width"], grid["info"]["height"], grid["info"]["resolution"]) == (6, 4, 0.5)
+        assert len(base64.b64decode(grid["data"])) == 24

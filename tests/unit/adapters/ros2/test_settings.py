@@ -1,0 +1,68 @@
+"""Settings and binding files, and what is said of those that are wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from somrs.adapters.ros2.adapter import Ros2Adapter
+from somrs.adapters.ros2.settings import full_name, read_binding, read_settings
+from somrs.errors import InputError
+
+
+def _problem(tmp_path: Path, text: str) -> str:
+    file = tmp_path / "robot.yaml"
+    file.write_text(text)
+    with pytest.raises(InputError) as info:
+        read_binding(file)
+    return str(info.value).replace(f"{tmp_path}/", "")
+
+
+def test_an_empty_binding_is_a_robot_with_nav2_that_only_drives(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text("")
+    binding = read_binding(file)
+    assert (binding.navigate.action, binding.navigate.type) == ("navigate_to_pose", "nav2_msgs/action/NavigateToPose")
+    assert (binding.pick, binding.charge) == ((), None)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("navigate:\n  acton: go\n", "robot.yaml:2: navigate.acton: there is no such key"),
+        ("attributes:\n  Charge:\n    topic: battery\n", "robot.yaml:2: attributes.Charge.type: Field required"),
+        ("navigate:\n  goal: {pose: '{z}'}\n", "navigate.goal has {z}; what it can have is {frame}, {qw}, {qz}, {robot}, {x}, {y}, {yaw}"),
+        ("pick:\n  - {action: a, type: p/action/A}\n", "a robot that carries things has `pick` and `drop`"),
+        ("charge: {}\n", "`charge` ends by the attribute Charge: bind it under `attributes`"),
+        ("drop:\n  - {action: a, topic: b, type: p/action/A}\n", "robot.yaml:2: drop.0: a step has one of `action`, `service` and `topic`"),
+        ("drop:\n  - {service: a, goal: {a: 1}, type: p/srv/A}\n", "a step with `service` has `request`, and no `goal`"),
+        ("pose: {field: 3a}\n", "robot.yaml:1: pose.field: '3a' is not a path of fields"),
+        ("pose: [\n", "robot.yaml:2: file: this is not YAML"),
+    ],
+)
+def test_a_binding_that_is_wrong_says_where_and_what(tmp_path: Path, text: str, problem: str) -> None:
+    assert problem in _problem(tmp_path, text)
+
+
+def test_settings_that_are_wrong_say_where_and_what() -> None:
+    with pytest.raises(InputError, match=r"adapters\.ros2\.robots\.Robot1\.binding: Field required"):
+        read_settings({"robots": {"Robot1": {}}})
+    with pytest.raises(InputError, match=r"adapters\.ros2\.domain: .*less than or equal to 232"):
+        read_settings({"domain": 500, "robots": {"Robot1": {"binding": "robot.yaml"}}})
+
+
+def test_an_adapter_serves_the_robots_that_its_settings_name(tmp_path: Path) -> None:
+    (tmp_path / "robot.yaml").write_text("odometry: {}\n")
+    robot = {"binding": "robot.yaml"}
+    assert {*Ros2Adapter({"robots": {"Robot1": robot, "Robot2": robot}}, tmp_path).names} == {"Robot1", "Robot2"}
+    with pytest.raises(InputError, match=r"nothing\.yaml: the binding of a robot cannot be read: No such file"):
+        Ros2Adapter({"robots": {"Robot1": {"binding": "nothing.yaml"}}}, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "namespace", "full"),
+    [("odom", "", "/odom"), ("odom", "/robot1/", "/robot1/odom"), ("/tf", "robot1", "/tf"), ("a/b", "x/y", "/x/y/a/b")],
+)
+def test_names_are_in_the_namespace_of_the_robot(name: str, namespace: str, full: str) -> None:
+    assert full_name(name, namespace) == full
