@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable
 
 from somrs.adapters.arcos.driver import Driver
@@ -38,6 +39,16 @@ Line = Callable[[bytes], bytes]
 def perfect(data: bytes) -> bytes:
     """A line that loses nothing."""
     return data
+
+
+def damaged(data: bytes, chance: random.Random, share: float) -> bytes:
+    """Bytes of which this share is lost, or has a wrong bit."""
+    received = bytearray()
+    for byte in data:
+        draw = chance.random()
+        if draw >= share / 2:
+            received.append(byte ^ (1 << chance.randrange(8)) if draw < share else byte)
+    return bytes(received)
 
 
 def way(*points: tuple[float, float], released: int | None = None, start: int = 1, travel: str | None = None) -> Way:

@@ -14,6 +14,8 @@ ALIGNED = math.radians(1.5)
 """A robot that has turned on the spot looks ahead with this error at most, rad."""
 ASKEW = math.radians(20)
 """With a larger error, the robot stops and turns on the spot, rad."""
+STILL = 0.02
+"""Slower, the robot does not drive, and does not turn, m/s and rad/s."""
 STRAIGHT = math.radians(15)
 """A robot drives through waypoints at which its way bends by less, rad."""
 ARRIVED, ASIDE = 0.012, 0.04
@@ -54,26 +56,29 @@ class Course:
         """Whether the robot has come to the end of what was released."""
         return self._target() is None
 
-    def steer(self, pose: Pose, speed: float, sonar: SonarMap, parameters: Parameters, now: float) -> tuple[Speeds, tuple[int, ...]]:
-        """The velocities for a pose, and the numbers of the waypoints that the robot has come to. `speed`: of the robot, m/s."""
+    def steer(self, pose: Pose, motion: Speeds, sonar: SonarMap, parameters: Parameters, now: float) -> tuple[Speeds, tuple[int, ...]]:
+        """The velocities for a pose, and the numbers of the waypoints that the robot has come to. `motion`: its velocities now."""
         numbers: list[int] = []
         self.gap = None
         while (target := self._target()) is not None:
             line = self._line(target, pose)
-            if not self._has_come(line, target, pose, speed):
-                return self._speeds(line, target, pose, speed, sonar, parameters, now), tuple(numbers)
+            if not self._has_come(line, target, pose, abs(motion.forward)):
+                return self._speeds(line, target, pose, motion, sonar, parameters, now), tuple(numbers)
             numbers.append(target.number)
             self._number = target.number
         return STAND, tuple(numbers)
 
     def _speeds(
-        self, line: Line, target: Waypoint, pose: Pose, speed: float, sonar: SonarMap, parameters: Parameters, now: float
+        self, line: Line, target: Waypoint, pose: Pose, motion: Speeds, sonar: SonarMap, parameters: Parameters, now: float
     ) -> Speeds:
         error = line.steering_error(pose)
         if abs(error) > ASKEW:
             self._aligning = True
         if self._aligning and abs(error) > ALIGNED:
-            return STAND if speed > 0.02 else turn_speeds(error, parameters)
+            return STAND if abs(motion.forward) > STILL else turn_speeds(error, parameters)
+        if self._aligning and abs(motion.turning) > STILL:
+            # It may not have heard yet that it is to turn no more, and is not to drive in a circle.
+            return STAND
         self._aligning = False
         distance = self._stopping_distance(line, target, pose)
         self.gap = sonar.gap(line, pose, distance, parameters.radius, now)

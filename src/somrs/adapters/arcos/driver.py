@@ -175,7 +175,7 @@ class Driver:
             return STAND
         if self._action is not None:
             return self._next_of_action(self._action, status, pose)
-        speeds, numbers = self._course.steer(pose, _forward_speed(status), self._sonar, parameters, now)
+        speeds, numbers = self._course.steer(pose, _motion(status, parameters), self._sonar, parameters, now)
         self._effects += [Passed(number) for number in numbers]
         if self._is_blocked(speeds, status, now):
             self._give_up(f"something is in the way, {100 * (self._course.gap or 0.0):.0f} cm ahead")
@@ -251,6 +251,7 @@ class Driver:
             self._effects.append(BatteryLevel(charge))
 
 
-def _forward_speed(status: Status) -> float:
-    """Of the centre, m/s, whatever its direction."""
-    return abs(status.left_speed + status.right_speed) / 2000
+def _motion(status: Status, parameters: Parameters) -> Speeds:
+    """The velocities that a report has."""
+    left_speed, right_speed = status.left_speed * parameters.speed_metres, status.right_speed * parameters.speed_metres
+    return Speeds(forward=(left_speed + right_speed) / 2, turning=(right_speed - left_speed) / parameters.axle)

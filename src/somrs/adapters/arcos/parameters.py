@@ -38,8 +38,8 @@ _REAR = (
 class Parameters(Struct, frozen=True, kw_only=True):
     """Factors from the robot's units to metres, radians and m/s, and the robot's body.
 
-    `radius`: of the circle around its centre that it needs, m. `speed`, `turning`: the largest velocities, m/s and rad/s; `acceleration`,
-    `turning_acceleration`: with which it brakes, m/s² and rad/s².
+    `radius`: of the circle around its centre that it needs, m. `axle`: the distance of its wheels, m. `speed`, `turning`: the largest
+    velocities, m/s and rad/s; `acceleration`, `turning_acceleration`: with which it brakes, m/s² and rad/s².
     """
 
     metres: float = 0.001
@@ -47,6 +47,7 @@ class Parameters(Struct, frozen=True, kw_only=True):
     speed_metres: float = 0.001
     range_metres: float = 0.001
     radius: float = 0.25
+    axle: float = 0.33
     sonar: tuple[SonarDisc, ...] = tuple(_disc(*place) for place in (*_FRONT, *_REAR))
     speed: float = 0.5
     turning: float = 1.0
@@ -57,8 +58,8 @@ class Parameters(Struct, frozen=True, kw_only=True):
 TYPES = {
     "p3dx": Parameters(metres=0.000485),
     "p3dx-sh": Parameters(),
-    "p3at": Parameters(metres=0.000465, radius=0.5),
-    "p3at-sh": Parameters(radius=0.5),
+    "p3at": Parameters(metres=0.000465, radius=0.5, axle=0.4),
+    "p3at-sh": Parameters(radius=0.5, axle=0.4),
 }
 """Parameters by the subclass that a robot says when a session begins."""
 

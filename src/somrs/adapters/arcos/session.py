@@ -149,9 +149,7 @@ class Session:
                 self.send(Command.STOP)
 
     def _begin(self) -> None:
-        """Begin a session anew. A robot that is in one hears first that it is to stop, and that the session is over."""
-        self.send(Command.ESTOP)
-        self.send(Command.CLOSE)
+        """Begin a session anew."""
         self._motors_were_on, self._gripper_requests = False, 0
         self._enter(SessionState.SYNC0)
         self._say_state()
@@ -164,8 +162,13 @@ class Session:
         self._repeated = 0.0
         if self.state is SessionState.OPENING:
             self.send(Command.OPEN)
-        else:
-            self.outgoing += sync(_SYNC_NUMBER[self.state])
+            return
+        if self.state is SessionState.SYNC0:
+            # A robot that is in a session takes this packet for PULSE, and goes on with the velocities that it has. It hears
+            # first, and twice, that it is to stop, and that the session is over.
+            for number in (Command.ESTOP, Command.CLOSE) * 2:
+                self.send(number)
+        self.outgoing += sync(_SYNC_NUMBER[self.state])
 
     def _hear_reply(self, reply: SyncReply) -> None:
         if _SYNC_NUMBER.get(self.state) != reply.number:

@@ -15,12 +15,16 @@ from somrs.adapters.arcos.parameters import Parameters
 
 LOOK_AHEAD = 0.5
 """The robot steers to the point of the line this far ahead of it, m."""
-CREEPING = 0.03
-"""Speed of the final approach, m/s."""
+BLIND_TIME = 2.2
+"""Seconds for which a robot may drive on with its last velocities: the time of its watchdog, and of a report and a command."""
+ALLOWANCE = 0.1
+"""How far a robot whose driver died may come past the end of what it may drive, m. Without it, it would never arrive."""
+CREEPING = 0.05
+"""A robot that is slower hardly moves aside, m/s."""
 SLOWEST_TURN = math.radians(3)
 """Slower, the motors hardly turn, rad/s."""
 BRAKING = 0.5
-"""Share of the robot's deceleration that plans use: reports and commands are on their way for a tenth of a second."""
+"""Share of the robot's deceleration with which turns end: reports and commands are on their way for a tenth of a second."""
 
 
 class Speeds(Struct, frozen=True, kw_only=True):
@@ -41,10 +45,16 @@ def turn_speeds(error: float, parameters: Parameters) -> Speeds:
 
 
 def speed_for(distance: float, parameters: Parameters, limit: float) -> float:
-    """The speed from which the robot comes to stand within `distance`, m/s, at most `limit`."""
+    """The speed at which the robot may be this far before a place at which it has to stand, m/s, at most `limit`.
+
+    A robot that is told nothing more from now on drives on until its watchdog stops it, and brakes: it stands before the place then, or
+    hardly past it.
+    """
     if distance <= 0:
         return 0.0
-    return min(limit, parameters.speed, max(CREEPING, min(distance, math.sqrt(2 * BRAKING * parameters.acceleration * distance))))
+    way, braking = distance + ALLOWANCE, parameters.acceleration
+    blind = braking * (math.sqrt(BLIND_TIME**2 + 2 * way / braking) - BLIND_TIME)
+    return min(limit, parameters.speed, blind)
 
 
 class Line(Struct, frozen=True, kw_only=True):
@@ -79,8 +89,12 @@ class Line(Struct, frozen=True, kw_only=True):
 
 
 def line_speeds(line: Line, pose: Pose, speed: float, parameters: Parameters) -> Speeds:
-    """The velocities along a line, at most `speed`. Who looks elsewhere drives slower."""
+    """The velocities along a line, at most `speed`.
+
+    Who looks elsewhere drives slower, and who drives fast turns slowly: a robot that is told nothing more leaves the line by a circle.
+    """
     error = line.steering_error(pose)
-    turning = max(-parameters.turning, min(parameters.turning, 1.5 * error))
-    forward = speed * max(0.0, math.cos(2 * error)) if abs(error) < math.pi / 4 else 0.0
+    forward = min(speed, ALLOWANCE / (BLIND_TIME * max(abs(error), 0.01))) if abs(error) < math.pi / 4 else 0.0
+    limit = min(parameters.turning, 2 * ALLOWANCE / (max(forward, CREEPING) * BLIND_TIME**2))
+    turning = max(-limit, min(limit, 1.5 * error))
     return Speeds(forward=-forward if line.backward else forward, turning=turning)

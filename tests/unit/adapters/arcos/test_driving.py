@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from somrs.adapters.arcos.events import ActionDone, Broken, Follow, GaveUp, Passed, TurnTo
 from somrs.adapters.arcos.odometry import wrap
 from somrs.adapters.arcos.simulated.body import Obstacle
-from tests.support.pioneers import Pioneer, way
+from tests.support.pioneers import Pioneer, damaged, way
 
 POINTS = st.tuples(st.floats(-4, 4), st.floats(-4, 4))
 
@@ -127,21 +127,11 @@ def test_lost_and_damaged_bytes_delay_a_robot_and_do_no_harm(seed: int) -> None:
     """One byte of two hundred is lost or damaged in each direction."""
     chance = random.Random(seed)
     pioneer = Pioneer().ready()
-    pioneer.to_robot = pioneer.from_robot = lambda data: _damaged(data, chance, 0.005)
+    pioneer.to_robot = pioneer.from_robot = lambda data: damaged(data, chance, 0.005)
     pioneer.give(Follow(way((0.0, 0.0), (2.0, 0.0), (2.0, 1.5))))
     assert pioneer.run(240, lambda: Passed(3) in pioneer.effects and pioneer.stands())
     assert pioneer.distance_to(2.0, 1.5) < 0.06
     assert not [effect for effect in pioneer.effects if isinstance(effect, GaveUp | Broken)]
-
-
-def _damaged(data: bytes, chance: random.Random, share: float) -> bytes:
-    damaged = bytearray()
-    for byte in data:
-        draw = chance.random()
-        if draw < share / 2:
-            continue
-        damaged.append(byte ^ (1 << chance.randrange(8)) if draw < share else byte)
-    return bytes(damaged)
 
 
 def test_a_robot_stops_for_what_stands_in_its_way_and_goes_on_when_it_is_gone() -> None:
@@ -179,6 +169,14 @@ def test_an_obstacle_beside_the_way_is_passed() -> None:
     pioneer = Pioneer().ready()
     pioneer.body.obstacles = (Obstacle(x=1.0, y=0.6, radius=0.2), Obstacle(x=1.0, y=-0.6, radius=0.2))
     assert pioneer.drive(way((0.0, 0.0), (2.0, 0.0)))
+
+
+def test_a_robot_drives_through_doorways() -> None:
+    """Sonar hears the posts of a door that is 0.9 m wide in front of the robot, and not beside it."""
+    posts = tuple(Obstacle(x=2.0, y=side * (0.45 + 0.1 + 0.2 * index), radius=0.1) for side in (-1, 1) for index in range(8))
+    pioneer = Pioneer(obstacles=posts).ready()
+    assert pioneer.drive(way((0.0, 0.0), (4.0, 0.0)), 30)
+    assert pioneer.distance_to(4.0, 0.0) < 0.05
 
 
 def test_wheels_slip_and_the_robot_is_near_its_goal_all_the_same() -> None:

@@ -7,6 +7,9 @@ from typing import Protocol
 
 from msgspec import Struct
 
+SONAR_CONE = math.radians(15)
+"""Half of the angle in which a sonar disc hears echoes, rad."""
+
 
 class Place(Struct, frozen=True, kw_only=True):
     """Where a body is, in metres and radians on the map."""
@@ -112,7 +115,7 @@ class PlaneBody:
     def echo(self, x: float, y: float, heading: float) -> float:
         cosine, sine = math.cos(self.place.yaw), math.sin(self.place.yaw)
         start = self.place.x + x * cosine - y * sine, self.place.y + x * sine + y * cosine
-        return min((ray(start, self.place.yaw + heading, obstacle) for obstacle in self.obstacles), default=math.inf)
+        return min((echo_range(start, self.place.yaw + heading, obstacle) for obstacle in self.obstacles), default=math.inf)
 
     def grip(self) -> None:
         self._is_holding = self.has_thing
@@ -151,12 +154,18 @@ class PlaneBody:
         return self.place.x + self.reach * math.cos(self.place.yaw), self.place.y + self.reach * math.sin(self.place.yaw)
 
 
-def ray(start: tuple[float, float], direction: float, obstacle: Obstacle) -> float:
-    """The distance from a point to an obstacle in a direction, m; infinite if it is not there."""
+def echo_range(start: tuple[float, float], direction: float, obstacle: Obstacle) -> float:
+    """The range of the echo of an obstacle that a sonar disc hears at a point, in a direction, m; infinite if it hears none.
+
+    A disc hears what is in a cone of `SONAR_CONE` to each side, and takes it for straight ahead.
+    """
     dx, dy = obstacle.x - start[0], obstacle.y - start[1]
-    ahead = dx * math.cos(direction) + dy * math.sin(direction)
-    aside = dy * math.cos(direction) - dx * math.sin(direction)
-    if abs(aside) >= obstacle.radius:
+    distance = math.hypot(dx, dy)
+    if distance <= obstacle.radius:
+        return 0.0
+    aside = abs(math.remainder(math.atan2(dy, dx) - direction, 2 * math.pi))
+    if aside >= SONAR_CONE + math.asin(obstacle.radius / distance):
         return math.inf
-    distance = ahead - math.sqrt(obstacle.radius**2 - aside**2)
-    return distance if distance > 0 else math.inf
+    # The nearest point in the cone: towards the middle of the obstacle, or at the edge of the cone.
+    bend = max(0.0, aside - SONAR_CONE)
+    return distance * math.cos(bend) - math.sqrt(max(0.0, obstacle.radius**2 - (distance * math.sin(bend)) ** 2))

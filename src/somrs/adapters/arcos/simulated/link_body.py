@@ -9,7 +9,7 @@ import math
 from collections.abc import AsyncIterator, Coroutine, Mapping
 from typing import Any
 
-from somrs.adapters.arcos.simulated.body import Obstacle, Place, ray
+from somrs.adapters.arcos.simulated.body import Obstacle, Place, echo_range
 from somrs.adapters.arcos.simulated.firmware import Firmware
 from somrs.adapters.arcos.simulated.server import SimulatedRobot, serving_tcp
 from somrs.devices.link_security import link_credentials
@@ -122,7 +122,7 @@ class LinkBody:
         cosine, sine = math.cos(place.yaw), math.sin(place.yaw)
         start = place.x + x * cosine - y * sine, place.y + x * sine + y * cosine
         obstacles = self._world.obstacles(self._link.robot)
-        return min((ray(start, place.yaw + heading, obstacle) for obstacle in obstacles), default=math.inf)
+        return min((echo_range(start, place.yaw + heading, obstacle) for obstacle in obstacles), default=math.inf)
 
     def grip(self) -> None:
         thing = self._nearest(self._world.things())
