@@ -39,6 +39,8 @@ class Course:
     def __init__(self) -> None:
         self._way: Way = ()
         self._number: int | None = None
+        self._stop_number: int | None = None
+        """The waypoint at which the robot has stopped, and turns."""
         self._aligning = True
         self.gap: float | None = None
 
@@ -49,7 +51,7 @@ class Course:
             self._number, self._aligning = way[0].number, True
 
     def clear(self) -> None:
-        self._way, self._number, self.gap, self._aligning = (), None, None, True
+        self._way, self._number, self._stop_number, self.gap, self._aligning = (), None, None, None, True
 
     @property
     def is_complete(self) -> bool:
@@ -62,11 +64,23 @@ class Course:
         self.gap = None
         while (target := self._target()) is not None:
             line = self._line(target, pose)
-            if not self._has_come(line, target, pose, abs(motion.forward)):
+            if self._stop_number != target.number and not self._has_come(line, target, pose, abs(motion.forward)):
                 return self._speeds(line, target, pose, motion, sonar, parameters, now), tuple(numbers)
+            if (speeds := self._turn_at_stop(target, pose, motion, parameters)) is not None:
+                return speeds, tuple(numbers)
             numbers.append(target.number)
             self._number = target.number
         return STAND, tuple(numbers)
+
+    def _turn_at_stop(self, target: Waypoint, pose: Pose, motion: Speeds, parameters: Parameters) -> Speeds | None:
+        """The velocities to the heading that the robot is to have where it stops; None if it has it."""
+        if target.yaw is None or self._following(target) is not None:
+            return None
+        self._stop_number = target.number
+        error = wrap(target.yaw - pose.yaw)
+        if abs(error) > ALIGNED:
+            return STAND if abs(motion.forward) > STILL else turn_speeds(error, parameters)
+        return STAND if abs(motion.turning) > STILL else None
 
     def _speeds(
         self, line: Line, target: Waypoint, pose: Pose, motion: Speeds, sonar: SonarMap, parameters: Parameters, now: float
@@ -108,9 +122,13 @@ class Course:
             return ahead <= PASSED and abs(aside) <= OFF_LINE
         return ahead <= ARRIVED and math.hypot(ahead, aside) <= ASIDE and speed <= SLOW
 
+    def _following(self, target: Waypoint) -> Waypoint | None:
+        """The waypoint after another one, if it is released."""
+        return next((waypoint for waypoint in self._way if waypoint.number == target.number + 1 and waypoint.released), None)
+
     def _straight_on(self, line: Line, target: Waypoint) -> Waypoint | None:
         """The waypoint after the next one, if the robot drives on to it without stopping."""
-        following = next((waypoint for waypoint in self._way if waypoint.number == target.number + 1 and waypoint.released), None)
+        following = self._following(target)
         if following is None:
             return None
         continuation = _line_between(target, following)

@@ -42,6 +42,8 @@ from somrs.adapters.arcos.parameters import TYPES, Parameters
 from somrs.adapters.arcos.session import Session, SessionState
 from somrs.adapters.arcos.steering import STAND, Speeds
 
+STOPPED_AFTER = 4.0
+"""Seconds after the last report in which its watchdog has stopped a robot: two, and the time in which it brakes."""
 PATIENCE = 10.0
 """Seconds for which a robot waits for something in its way."""
 STUCK_REPORTS = 30
@@ -81,6 +83,7 @@ class Driver:
         self._voltage: float | None = None
         self._charge: int | None = None
         self._is_connected = False
+        self._report_time = -STOPPED_AFTER
         self._effects: list[Effect] = []
 
     @property
@@ -103,6 +106,8 @@ class Driver:
                     self._update(status, now)
             case Tick():
                 self.session.tick(now)
+                if self._is_halting and now - self._report_time >= STOPPED_AFTER:
+                    self._note_halt()
             case Follow(way):
                 self._course.follow(way)
                 self._waits_since, self._stuck_reports = None, 0
@@ -141,7 +146,7 @@ class Driver:
             return
         if self._speed_limit is not None:
             parameters = replace(parameters, speed=self._speed_limit)
-        self.parameters = parameters
+        self.parameters, self._report_time = parameters, now
         self._note_contact()
         pose = self._odometry.update(status, parameters)
         self._effects.append(Located(pose))
@@ -150,9 +155,12 @@ class Driver:
         self._note_health(status)
         speeds = self._next_speeds(status, pose, parameters, now)
         if self._is_halting and is_standing(status):
-            self._is_halting = False
-            self._effects.append(Halted())
+            self._note_halt()
         self._command(speeds, status)
+
+    def _note_halt(self) -> None:
+        self._is_halting = False
+        self._effects.append(Halted())
 
     def _own_parameters(self) -> Parameters | None:
         """Those of the type that the robot has said."""

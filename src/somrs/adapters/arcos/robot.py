@@ -95,16 +95,21 @@ class ArcosRobot(CarryingRobot):
             await self._act(MoveGripper(GripperCommand.LIFT_UP))
         await self._back_up(start)
         if not approach.is_occupied:
-            raise RobotFailed(f"there is nothing between the paddles of {self.name} where {thing} should be")
+            raise RobotFailed(f"there is nothing between the paddles of {self.name} where {thing} should be", is_lost=True)
         if not closing.is_occupied:
-            raise RobotFailed(f"{thing} slipped out of the paddles of {self.name}")
+            raise RobotFailed(f"{thing} slipped out of the paddles of {self.name}", is_lost=True)
 
     async def drop(self, thing: str, support: str) -> None:
+        # The robot looks at the support: that is how it was told to stand there.
         self._need_gripper()
-        await self._face(support)
         await self._act(MoveGripper(GripperCommand.LIFT_DOWN))
         await self._act(MoveGripper(GripperCommand.OPEN))
         self.holding = None
+
+    async def put_down(self, thing: str) -> tuple[float, float, float, str]:
+        await self.drop(thing, "")
+        spot = self._open_line().driver.pose.moved(self.settings.reach)
+        return spot.x, spot.y, self.road.level, ""
 
     async def charge_at(self, charger: str) -> None:
         """Charge the battery at the charger at which the robot stands. Returns when it is full. Raises RobotFailed."""

@@ -101,6 +101,21 @@ def test_a_robot_drives_backwards_where_it_has_to() -> None:
     assert abs(wrap(pioneer.body.place.yaw)) < math.radians(3)
 
 
+def test_a_robot_turns_to_the_heading_that_it_is_to_have_at_its_stop() -> None:
+    pioneer = Pioneer().ready()
+    *points, stop = way((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    assert pioneer.drive((*points, replace(stop, yaw=-2.0)))
+    assert pioneer.distance_to(1.0, 1.0) < 0.05
+    assert abs(wrap(pioneer.body.place.yaw + 2.0)) < math.radians(3)
+
+
+def test_a_heading_of_a_place_on_the_way_does_not_matter() -> None:
+    pioneer = Pioneer().ready()
+    start, middle, stop = way((0.0, 0.0), (1.0, 0.0), (2.0, 0.0))
+    assert pioneer.drive((start, replace(middle, yaw=math.pi), stop), 12)
+    assert abs(wrap(pioneer.body.place.yaw)) < math.radians(3)
+
+
 def test_a_robot_keeps_to_the_speed_limit() -> None:
     pioneer = Pioneer().ready()
     pioneer.give(Follow(tuple(replace(waypoint, speed_limit=0.15) for waypoint in way((0.0, 0.0), (2.0, 0.0)))))

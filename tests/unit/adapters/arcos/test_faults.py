@@ -101,6 +101,13 @@ def test_a_driver_that_quits_stops_its_robot_and_ends_the_session() -> None:
     assert pioneer.firmware.step(0.2) == b""
 
 
+def test_a_robot_that_cannot_be_reached_has_stopped_by_itself_when_it_is_told_to() -> None:
+    pioneer = under_way()
+    pioneer.disconnect()
+    pioneer.halt()
+    assert pioneer.stands()
+
+
 def test_a_stalled_robot_says_so_and_stands() -> None:
     pioneer = under_way()
     pioneer.body.is_stuck = True

@@ -27,8 +27,10 @@ LASTS = 0.5
 REACH = 1.0
 """How far from the robot's centre its arm takes things, m."""
 ASIDE = math.radians(20)
-"""How far aside of where the robot looks a thing or a support may be, rad."""
-ROBOT_RADIUS, THING_RADIUS = 0.22, 0.1
+"""How far aside of where the robot looks a thing may be, rad."""
+SUPPORT_ASIDE = math.radians(80)
+"""The same for the middle of a support, which may be wide, rad."""
+ROBOT_RADIUS = 0.22
 """What echoes come from, m."""
 STILL_BLOCKED = 0.5
 """Seconds for which the wheels count as blocked after the simulator said that something is in the way."""
@@ -158,20 +160,28 @@ class LinkBody:
                 log.info("%s: %s", self._link.robot, failure)
 
     async def _put_away(self) -> CommandDone:
-        """Put what the robot holds on the piece of furniture that it looks at, or on the floor."""
+        """Put what the robot holds on the piece of furniture before it, or on the floor if none is in reach."""
         view = await self._link.sense(radius=2 * REACH)
-        support = self._nearest({landmark.object: (landmark.x, landmark.y) for landmark in view.object_states}, 2 * REACH)
-        return await (self._link.place(support) if support is not None else self._link.put_down_object())
+        landmarks = {landmark.object: (landmark.x, landmark.y) for landmark in view.object_states}
+        for support in self._ahead(landmarks, 2 * REACH, SUPPORT_ASIDE):
+            try:
+                return await self._link.place(support)
+            except RobotGaveUp as failure:
+                log.debug("%s does not put it on %s: %s", self._link.robot, support, failure)
+        return await self._link.put_down_object()
 
-    def _nearest(self, points: Mapping[str, tuple[float, float]], reach: float = REACH) -> str | None:
-        """The object in reach that is straightest ahead; None if nothing is."""
+    def _nearest(self, points: Mapping[str, tuple[float, float]]) -> str | None:
+        return next(iter(self._ahead(points, REACH, ASIDE)), None)
+
+    def _ahead(self, points: Mapping[str, tuple[float, float]], reach: float, aside: float) -> list[str]:
+        """The objects in reach, those first that are straightest ahead."""
         place = self.place
         bearings = {}
         for name, (x, y) in points.items():
             bearing = abs(math.remainder(math.atan2(y - place.y, x - place.x) - place.yaw, 2 * math.pi))
-            if bearing < ASIDE and math.dist((x, y), (place.x, place.y)) < reach:
+            if bearing < aside and math.dist((x, y), (place.x, place.y)) < reach:
                 bearings[name] = bearing
-        return min(bearings, key=lambda name: bearings[name], default=None)
+        return sorted(bearings, key=lambda name: bearings[name])
 
 
 @contextlib.asynccontextmanager
