@@ -7,7 +7,7 @@ import math
 from somrs.adapters.arcos.obstacles import MARGIN, SonarMap
 from somrs.adapters.arcos.odometry import Pose, wrap
 from somrs.adapters.arcos.parameters import Parameters
-from somrs.adapters.arcos.steering import STAND, Line, Speeds, line_speeds, speed_for, turn_speeds
+from somrs.adapters.arcos.steering import ALLOWANCE, STAND, Line, Speeds, line_speeds, speed_for, turn_speeds
 from somrs.devices.road_robot import Way, Waypoint
 
 ALIGNED = math.radians(1.5)
@@ -136,12 +136,15 @@ class Course:
         return following if is_straight and continuation.backward == line.backward else None
 
     def _stopping_distance(self, line: Line, target: Waypoint, pose: Pose) -> float:
-        """How far the robot drives before it has to stand, m."""
-        distance = line.offset(pose)[0]
-        while (following := self._straight_on(line, target)) is not None:
-            line, target = _line_between(target, following), following
-            distance += line.length
-        return distance
+        """How far the robot drives before it has to stand, m; if it drove straight on at a bend, before it left its way."""
+        distance, limit = line.offset(pose)[0], math.inf
+        direction, end = line.yaw, line
+        while (following := self._straight_on(end, target)) is not None:
+            end, target = _line_between(target, following), following
+            bend = abs(math.sin(wrap(end.yaw - direction))) if end.length else 0.0
+            limit = min(limit, distance + ALLOWANCE / max(bend, 0.01))
+            distance += end.length
+        return min(distance, limit)
 
 
 def _line_between(start: Waypoint, end: Waypoint) -> Line:
