@@ -10,6 +10,7 @@ import sysconfig
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Self
 
 from somrs.ports import listen_at
 from somrs.runtime.bus_address import BusAddress
@@ -30,7 +31,7 @@ class NatsServer:
         )
         self._process: subprocess.Popen[bytes] | None = None
 
-    def __enter__(self) -> NatsServer:
+    def __enter__(self) -> Self:
         self.start()
         return self
 

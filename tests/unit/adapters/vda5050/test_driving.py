@@ -5,15 +5,18 @@ from __future__ import annotations
 import random
 from typing import Any
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from somrs.adapters.vda5050.control.exchange import Broken, GaveUp, Halted, Located, Passed, Reachable, Warned
+from somrs.adapters.vda5050.control.exchange import Broken, Delayed, Follow, GaveUp, Halted, Located, Passed, Reachable, Warned
 from somrs.adapters.vda5050.messages.header import Topic, Version
+from somrs.adapters.vda5050.messages.orders import Action, BlockingType, InstantActions
 from somrs.adapters.vda5050.messages.states import ErrorLevel, OperatingMode, State, VehicleError
-from somrs.adapters.vda5050.simulated.exchange import Faulted, Misbehaves, Repaired, Restarted, Switched
-from tests.support.vda5050_pair import Pair
+from somrs.adapters.vda5050.simulated.body import Rest
+from somrs.adapters.vda5050.simulated.exchange import Faulted, Instructed, Misbehaves, Repaired, Restarted, Switched
+from tests.support.vda5050_pair import Pair, way
 
 VERSIONS = pytest.mark.parametrize("version", [Version.V2_1, Version.V3_0])
 
@@ -222,29 +225,30 @@ def test_a_vehicle_that_restarts_gets_the_rest_of_its_order(version: Version) ->
 
 
 @VERSIONS
-def test_a_vehicle_that_was_driven_by_hand_goes_on(version: Version) -> None:
+def test_a_vehicle_that_was_driven_by_hand_does_not_go_on_by_itself(version: Version) -> None:
     pair = Pair(version)
     pair.follow("A", "B", "C", "D")
     pair.run(3)
     pair.tell(Switched(mode=OperatingMode.MANUAL))
-    pair.body.y = 0.4
     pair.run(1)
-    assert pair.of(Broken) == [Broken(reason="is in the operating mode MANUAL")]
+    position = pair.body.x
     pair.tell(Switched(mode=OperatingMode.AUTOMATIC))
-    pair.run(15)
-    assert pair.of(Broken)[1:] == [Broken(reason=None)]
+    pair.run(10)
+    assert pair.of(Broken) == [Broken(reason="is in the operating mode MANUAL"), Broken(reason=None)]
+    assert pair.body.x == position
+    pair.follow("B", "C", "D", first=1)
+    pair.run(10)
     assert pair.body.x == 6.0
 
 
 @VERSIONS
-def test_a_vehicle_that_was_moved_away_is_not_told_to_drive_there_on_its_own(version: Version) -> None:
+def test_a_vehicle_that_was_moved_away_while_it_restarted_is_not_told_to_drive_on(version: Version) -> None:
     pair = Pair(version)
     pair.follow("A", "B", "C", "D")
     pair.run(3)
-    pair.tell(Switched(mode=OperatingMode.MANUAL))
     pair.body.y = 5.0
-    pair.run(1)
-    pair.tell(Switched(mode=OperatingMode.AUTOMATIC))
+    pair.tell(Restarted())
+    pair.body.begin(10_000, Rest())
     assert pair.run_until(GaveUp) == GaveUp(description="was moved away from its way")
     pair.run(5)
     assert pair.body.y == 5.0
@@ -255,7 +259,7 @@ def fault(level: ErrorLevel) -> Faulted:
 
 
 @VERSIONS
-def test_a_fatal_error_breaks_the_vehicle_until_it_is_mended(version: Version) -> None:
+def test_a_fatal_error_breaks_the_vehicle_and_it_does_not_go_on_by_itself_when_it_is_mended(version: Version) -> None:
     pair = Pair(version)
     pair.follow("A", "B", "C")
     pair.run(1)
@@ -267,6 +271,9 @@ def test_a_fatal_error_breaks_the_vehicle_until_it_is_mended(version: Version) -
     pair.tell(Repaired())
     pair.run(10)
     assert pair.of(Broken) == [Broken(reason=None)]
+    assert pair.body.x < 2.0
+    pair.follow("A", "B", "C", first=10)
+    pair.run(10)
     assert pair.body.x == 4.0
 
 
@@ -347,3 +354,28 @@ def test_a_long_way_is_sent_in_pieces_that_the_vehicle_takes(version: Version) -
     pair.run(30)
     assert pair.body.x == 10.0
     assert max(len(order.nodes) for order in pair.orders()) == 3
+
+
+@VERSIONS
+def test_a_pause_at_the_vehicle_delays_it(version: Version) -> None:
+    pair = Pair(version)
+    pair.follow("A", "B")
+    pause = Action(action_type="startPause", action_id="button", blocking_type=BlockingType.NONE)
+    pair.tell(Instructed(actions=InstantActions(actions=(pause,))))
+    assert pair.run_until(Delayed) == Delayed(reason="is paused")
+    pair.run(5)
+    assert pair.body.x < 0.5
+    resume = Action(action_type="stopPause", action_id="button2", blocking_type=BlockingType.NONE)
+    pair.tell(Instructed(actions=InstantActions(actions=(resume,))))
+    pair.run(5)
+    assert pair.of(Delayed)[1:] == [Delayed(reason=None)]
+    assert pair.body.x == 2.0
+
+
+@VERSIONS
+def test_a_heading_matters_where_the_way_ends(version: Version) -> None:
+    pair = Pair(version)
+    start, end = way("A", "B")
+    pair.do(Follow(way=(start, msgspec.structs.replace(end, yaw=1.5))))
+    (order,) = pair.orders()
+    assert [node.node_position.theta for node in order.nodes if node.node_position is not None] == [None, 1.5]

@@ -9,6 +9,9 @@ from somrs.adapters.vda5050.messages.states import ActionState, EmergencyStop, E
 IN_CONTROL = frozenset({OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC})
 """Modes in which fleet control is in control (3.0, table 11)."""
 
+CLEARING = frozenset({OperatingMode.MANUAL, OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN})
+"""Modes in which the vehicle drops its order, and takes no instant actions (3.0, table 11)."""
+
 REJECTIONS = frozenset(
     {
         "VALIDATIONERROR", "ORDERERROR", "ORDERUPDATEERROR", "NOROUTEERROR", "VALIDATIONFAILURE", "UNSUPPORTEDPARAMETER",
@@ -42,13 +45,16 @@ def hindrance(state: State) -> str | None:
 
 
 def remarks(state: State) -> list[str]:
-    """What the vehicle says that does not stop it for good."""
-    words = [str(error) for error in state.errors if error.error_level in (ErrorLevel.WARNING, ErrorLevel.URGENT)]
-    if state.paused:
-        words.append("is paused")
-    if state.safety_state.field_violation:
-        words.append("something is in its protective field")
-    return words
+    """The errors that do not stop the vehicle."""
+    return [str(error) for error in state.errors if error.error_level in (ErrorLevel.WARNING, ErrorLevel.URGENT)]
+
+
+def delay(state: State) -> str | None:
+    """What keeps the vehicle from going on, and will pass without fleet control; None: nothing."""
+    reasons = ["is paused"] if state.paused else []
+    if state.safety_state.field_violation or state.safety_state.active_emergency_stop is EmergencyStop.AUTOACK:
+        reasons.append("something is in its protective field")
+    return "; ".join(reasons) or None
 
 
 def is_idle(state: State) -> bool:

@@ -131,7 +131,7 @@ class Driving:
         assert state is not None, "orders are for vehicles that have said how they are"
         way = way[: vehicle.most_nodes()]
         writer = OrderWriter(frames=vehicle.frames, map_id=vehicle.map_id, pose=vehicle.pose)
-        message = writer.order(self._outbox.new_id(), 0, way, way[0].number, (action,) if action is not None else ())
+        message = writer.new_order(self._outbox.new_id(), way, (action,) if action is not None else ())
         end = base_end(way)
         self.order = SentOrder(
             message=message,
@@ -143,7 +143,7 @@ class Driving:
             action_id=action.action_id if action is not None else None,
             earlier_errors=state.errors,
         )
-        self.order.remember(way)
+        self.order.remember()
         self._outbox.add(Send(topic=Topic.ORDER, message=message))
 
     def _extend(self, order: SentOrder, now: float) -> None:
@@ -159,9 +159,9 @@ class Driving:
         state, vehicle = self._vehicle.state, self._vehicle
         assert state is not None, "orders are for vehicles that have said how they are"
         writer = OrderWriter(frames=vehicle.frames, map_id=vehicle.map_id, pose=vehicle.pose)
-        order.message = writer.order(order.message.order_id, order.message.order_update_id + 1, way, order.first)
+        order.message = writer.update(order, way)
         order.decision_point, order.sending_time, order.is_acknowledged = base_end(way), now, False
         order.horizon = tuple(waypoint for waypoint in way if waypoint.number > order.decision_point.number)
         order.earlier_errors = state.errors
-        order.remember(way)
+        order.remember()
         self._outbox.add(Send(topic=Topic.ORDER, message=order.message))

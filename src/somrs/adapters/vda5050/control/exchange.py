@@ -19,6 +19,10 @@ class Arrived(Struct, frozen=True, kw_only=True):
     received: Received
 
 
+class Disconnected(Struct, frozen=True):
+    """The broker is gone."""
+
+
 class Follow(Struct, frozen=True, kw_only=True):
     """Drive along a way. It takes the place of the way before."""
 
@@ -44,7 +48,7 @@ class Tick(Struct, frozen=True):
     """Time has passed."""
 
 
-Input = Arrived | Follow | Halt | Perform | Charge | Tick
+Input = Arrived | Disconnected | Follow | Halt | Perform | Charge | Tick
 
 
 class Send(Struct, frozen=True, kw_only=True):
@@ -100,6 +104,12 @@ class Warned(Struct, frozen=True, kw_only=True):
     description: str
 
 
+class Delayed(Struct, frozen=True, kw_only=True):
+    """What keeps the vehicle from going on, and will pass without fleet control; None: nothing does any more."""
+
+    reason: str | None
+
+
 class Described(Struct, frozen=True, kw_only=True):
     """The vehicle has said what it is."""
 
@@ -118,4 +128,4 @@ class Charged(Struct, frozen=True, kw_only=True):
     level: float
 
 
-Effect = Send | Located | Passed | GaveUp | Broken | Reachable | Halted | ActionEnded | Warned | Described | Tolerated | Charged
+Effect = Send | Located | Passed | GaveUp | Broken | Reachable | Halted | ActionEnded | Warned | Delayed | Described | Tolerated | Charged

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from somrs.adapters.vda5050.control.condition import hindrance, remarks
-from somrs.adapters.vda5050.control.exchange import Arrived, Broken, Charged, Described, Located, Reachable, Tolerated, Warned
+from somrs.adapters.vda5050.control.condition import delay, hindrance, remarks
+from somrs.adapters.vda5050.control.exchange import Arrived, Broken, Charged, Delayed, Described, Located, Reachable, Tolerated, Warned
 from somrs.adapters.vda5050.control.headers import HeaderLog
 from somrs.adapters.vda5050.control.outbox import Outbox
 from somrs.adapters.vda5050.frames import Frames, Pose
@@ -35,6 +35,8 @@ class Listener:
         self.is_connected = False
         self.hindrance: str | None = None
         """Why the vehicle cannot drive; None if it can."""
+        self.delay: str | None = None
+        """What keeps the vehicle from going on, and will pass; None: nothing."""
         self._tolerated: set[str] = set()
         self._remarks: frozenset[str] = frozenset()
 
@@ -107,7 +109,12 @@ class Listener:
         if connection_state is ConnectionState.ONLINE:
             self._reach()
             self._outbox.instant("stateRequest")
-        elif self.is_connected:
+        else:
+            self.lose()
+
+    def lose(self) -> None:
+        """The vehicle cannot be reached."""
+        if self.is_connected:
             self.is_connected = False
             self._outbox.add(Reachable(is_connected=False))
 
@@ -135,6 +142,9 @@ class Listener:
         if reason != self.hindrance:
             self.hindrance = reason
             self._outbox.add(Broken(reason=reason))
+        if (passing := delay(state)) != self.delay:
+            self.delay = passing
+            self._outbox.add(Delayed(reason=passing))
         words = remarks(state)
         self._outbox.add(*(Warned(description=word) for word in words if word not in self._remarks))
         self._remarks = frozenset(words)

@@ -7,6 +7,8 @@ import re
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+import msgspec
+
 from somrs.adapters.vda5050.frames import Frames, Pose
 from somrs.adapters.vda5050.messages.orders import Action, Deviation, Edge, Node, NodePosition, Order
 from somrs.adapters.vda5050.messages.states import VehicleError
@@ -38,19 +40,17 @@ class SentOrder:
     is_acknowledged: bool = False
     earlier_errors: tuple[VehicleError, ...] = ()
     cleared: int = 0
-    names: dict[int, str] = field(default_factory=dict)
-
-    def sequence_id(self, number: int) -> int:
-        return 2 * (number - self.first)
+    nodes: dict[int, Node] = field(default_factory=dict)
 
     def waypoint_number(self, sequence_id: int, node_id: str) -> int | None:
         """The number of the waypoint of a node; None if the order has no such node."""
         number = self.first + sequence_id // 2
-        return number if sequence_id % 2 == 0 and self.names.get(number) == node_id else None
+        node = self.nodes.get(number)
+        return number if sequence_id % 2 == 0 and node is not None and node.node_id == node_id else None
 
-    def remember(self, way: Way) -> None:
-        """Note the nodes of a message."""
-        self.names.update({waypoint.number: node_id(waypoint) for waypoint in way})
+    def remember(self) -> None:
+        """Note the nodes of the message, by the numbers of their waypoints."""
+        self.nodes.update({self.first + node.sequence_id // 2: node for node in self.message.nodes})
 
 
 def node_id(waypoint: Waypoint) -> str:
@@ -70,32 +70,50 @@ class OrderWriter:
     map_id: str
     pose: Pose | None
 
-    def order(self, order_id: str, update_id: int, way: Way, first: int, actions: tuple[Action, ...] = ()) -> Order:
-        """The order with the waypoints of a way. `actions`: at its first one. `first`: the number whose sequenceId is 0."""
-        nodes = tuple(
-            Node(
-                node_id=node_id(waypoint),
-                sequence_id=2 * (waypoint.number - first),
-                released=waypoint.released,
-                actions=actions if index == 0 else (),
-                node_position=self._position(waypoint, reaches_vehicle=index == 0 and update_id == 0),
-            )
-            for index, waypoint in enumerate(way)
-        )
-        edges = tuple(self._edge(start, end, first) for start, end in pairwise(way))
-        return Order(order_id=order_id, order_update_id=update_id, nodes=nodes, edges=edges)
+    def new_order(self, order_id: str, way: Way, actions: tuple[Action, ...] = ()) -> Order:
+        """The order with the waypoints of a way. `actions`: at its first one."""
+        first = way[0].number
+        nodes = [self._node(waypoint, first, is_end=waypoint is way[-1]) for waypoint in way]
+        position = self._reaching_vehicle(way[0], nodes[0].node_position)
+        nodes[0] = msgspec.structs.replace(nodes[0], node_position=position, actions=actions)
+        return Order(order_id=order_id, order_update_id=0, nodes=tuple(nodes), edges=self._edges(way, first))
 
-    def _position(self, waypoint: Waypoint, *, reaches_vehicle: bool) -> NodePosition:
-        """`reaches_vehicle`: the vehicle has to be within the deviation of the node, or it rejects the order (3.0, 6.1.3.1)."""
+    def update(self, order: SentOrder, way: Way) -> Order:
+        """The update of an order, from its decision point on, which is the first waypoint of the way, and is not changed (3.0, 6.1.2)."""
+        previous = order.message
+        nodes = [self._node(waypoint, order.first, is_end=waypoint is way[-1]) for waypoint in way[1:]]
+        return Order(
+            order_id=previous.order_id,
+            order_update_id=previous.order_update_id + 1,
+            nodes=(order.nodes[way[0].number], *nodes),
+            edges=self._edges(way, order.first),
+        )
+
+    def _node(self, waypoint: Waypoint, first: int, *, is_end: bool) -> Node:
+        """`is_end`: the vehicle stops there, so that its heading matters."""
         frame = self.frames.frame_at(waypoint.level, self.map_id)
         x, y = frame.from_site(waypoint.x, waypoint.y)
-        deviation = None
-        if reaches_vehicle and self.pose is not None:
-            distance = math.hypot(self.pose.x - waypoint.x, self.pose.y - waypoint.y)
-            if distance > NEAR:
-                radius = math.ceil(10 * (1.2 * distance + NEAR)) / 10
-                deviation = Deviation(a=radius, b=radius, theta=0.0)
-        return NodePosition(x=round(x, 4), y=round(y, 4), map_id=frame.map_id, allowed_deviation_xy=deviation)
+        theta = round(math.remainder(waypoint.yaw - frame.yaw, math.tau), 4) if is_end and waypoint.yaw is not None else None
+        return Node(
+            node_id=node_id(waypoint),
+            sequence_id=2 * (waypoint.number - first),
+            released=waypoint.released,
+            actions=(),
+            node_position=NodePosition(x=round(x, 4), y=round(y, 4), map_id=frame.map_id, theta=theta),
+        )
+
+    def _reaching_vehicle(self, waypoint: Waypoint, position: NodePosition | None) -> NodePosition | None:
+        """The position of a first node: the vehicle has to be within its deviation, or it rejects the order (3.0, 6.1.3.1)."""
+        if self.pose is None or position is None:
+            return position
+        distance = math.hypot(self.pose.x - waypoint.x, self.pose.y - waypoint.y)
+        if distance <= NEAR:
+            return msgspec.structs.replace(position, theta=None)
+        radius = math.ceil(10 * (1.2 * distance + NEAR)) / 10
+        return msgspec.structs.replace(position, theta=None, allowed_deviation_xy=Deviation(a=radius, b=radius, theta=0.0))
+
+    def _edges(self, way: Way, first: int) -> tuple[Edge, ...]:
+        return tuple(self._edge(start, end, first) for start, end in pairwise(way))
 
     def _edge(self, start: Waypoint, end: Waypoint, first: int) -> Edge:
         orientation = {"Forward": 0.0, "Backward": 3.14159265}.get(end.travel or "")

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from somrs.adapters.vda5050.control.condition import is_idle, stands, words_about
+from somrs.adapters.vda5050.control.condition import CLEARING, is_idle, stands, words_about
 from somrs.adapters.vda5050.control.driving import Driving
 from somrs.adapters.vda5050.control.exchange import (
     ActionEnded,
     Arrived,
     Charge,
+    Disconnected,
     Effect,
     Follow,
     GaveUp,
@@ -59,6 +60,8 @@ class VehicleControl:
                 state = self.vehicle.hear(input)
                 if state is not None:
                     self._see(state, now)
+            case Disconnected():
+                self.vehicle.lose()
             case Follow(way=way):
                 self._driving.follow(way)
             case Halt():
@@ -75,6 +78,8 @@ class VehicleControl:
         return self._outbox.effects
 
     def _see(self, state: State, now: float) -> None:
+        if self.vehicle.hindrance is not None:
+            self._give_up(self.vehicle.hindrance, state, now)
         order = self._driving.order
         if self._cancellation is not None:
             self._see_cancellation(self._cancellation, state, now)
@@ -88,6 +93,23 @@ class VehicleControl:
         if self.vehicle.hindrance is None:
             self._outbox.answer_requests(state)
             self._outbox.clear_instant_actions(state)
+
+    def _give_up(self, hindrance: str, state: State, now: float) -> None:
+        """Drop what is wanted from a vehicle that cannot drive: it would go on by itself, when somebody has mended it."""
+        self._driving.way = ()
+        if self._job is not None or self._charging is not None:
+            self._job = self._charging = None
+            self._outbox.add(ActionEnded(failure=hindrance))
+        if state.operating_mode in CLEARING:
+            effects = self._cancellation.effects if self._cancellation is not None and not state.driving else []
+            if effects or self._cancellation is None:
+                self._cancellation, self._driving.order = None, None
+            self._outbox.add(*effects)
+        elif self._cancellation is None and self._driving.order is not None:
+            if self._driving.is_complete():
+                self._driving.order = None
+            else:
+                self._cancel(now)
 
     def _see_order(self, order: SentOrder, state: State, now: float) -> None:
         reason = self._driving.see(order, state)

@@ -25,12 +25,14 @@ class Sensed(Struct, frozen=True, kw_only=True):
 
 
 class Drive(Struct, frozen=True, kw_only=True):
-    """Drive through points in straight lines, and stop at the last one. `speed`: at most, in metres per second; None: as fast as it can."""
+    """Drive through points in straight lines, stop at the last one, and turn to `yaw` there; None: any. `speed`: at most, in metres per
+    second; None: as fast as it can."""
 
     points: tuple[tuple[float, float], ...]
     map_id: str
     speed: float | None = None
     backward: bool = False
+    yaw: float | None = None
 
 
 class Pick(Struct, frozen=True, kw_only=True):
@@ -137,6 +139,8 @@ class StandInBody:
                 return
             self.x, self.y, length = x, y, length - distance
             del self._points[0]
+        if isinstance(self._command, Drive) and self._command.yaw is not None:
+            self.yaw = self._command.yaw
         self._end(None)
 
     def _end(self, failure: str | None) -> None:

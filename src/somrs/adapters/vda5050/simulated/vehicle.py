@@ -327,7 +327,8 @@ class SimulatedVehicle:
         self._blocked_at = None
         points = tuple((node.node_position.x, node.node_position.y) for node in nodes if node.node_position is not None)
         backward = edges[0].orientation is not None and abs(edges[0].orientation) > math.pi / 2
-        command = Drive(points=points, map_id=self.map_id, speed=edges[0].maximum_speed, backward=backward)
+        yaw = nodes[-1].node_position.theta if nodes[-1].node_position is not None else None
+        command = Drive(points=points, map_id=self.map_id, speed=edges[0].maximum_speed, backward=backward, yaw=yaw)
         if isinstance(self._busy, Drive) and self._busy.points[-1:] == points[-1:]:
             return
         for action in edges[0].actions:

@@ -1,0 +1,111 @@
+"""The adapter for vehicles with VDA 5050: one connection to the broker, and a device for each vehicle that is heard."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+from somrs.adapters.adapter import Fleet
+from somrs.adapters.vda5050.control.exchange import Tick
+from somrs.adapters.vda5050.messages.header import Topic
+from somrs.adapters.vda5050.mqtt import Connection, Message, broker_address
+from somrs.adapters.vda5050.robot import DrivenVda5050Vehicle, Vda5050Vehicle
+from somrs.adapters.vda5050.session import VehicleSession
+from somrs.adapters.vda5050.settings import read_settings
+from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
+
+log = logging.getLogger(__name__)
+
+FROM_VEHICLES = {Topic.CONNECTION: 1, Topic.STATE: 0, Topic.FACTSHEET: 0, Topic.VISUALIZATION: 0}
+"""The topics on which vehicles publish, and the quality of service of each (2.1, 6.2)."""
+
+TICK = 1.0
+"""Seconds between two looks at what has to be sent again."""
+
+FACTSHEET_TICKS = 10
+"""Looks after which a vehicle that has sent a state and no factsheet is taken for one that only drives."""
+
+
+class Vda5050Adapter:
+    """Fleet control of all vehicles at a broker."""
+
+    def __init__(self, settings: Mapping[str, Any], folder: Path) -> None:
+        self._settings = read_settings(settings)
+        self._address = broker_address(self._settings.broker, self._settings.certificates, folder)
+        self._frames = self._settings.frames
+        self.sessions: dict[VehicleAddress, VehicleSession] = {}
+        """All vehicles that were heard."""
+        self._waited: dict[VehicleAddress, int] = {}
+        self._connection: Connection | None = None
+
+    @property
+    def names(self) -> Collection[str]:
+        return self._settings.vehicles.keys()
+
+    async def run(self, fleet: Fleet) -> None:
+        topics = [
+            (f"{interface}/{major}/+/+/{topic}", quality)
+            for interface in self._settings.interfaces
+            for major in ("v2", "v3")
+            for topic, quality in FROM_VEHICLES.items()
+        ]
+        self._connection = Connection(self._address, topics, self._receive, self._notice_broker)
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._connection.run())
+            group.create_task(self._tick(fleet))
+
+    async def _tick(self, fleet: Fleet) -> None:
+        while True:
+            await asyncio.sleep(TICK)
+            for session in [*self.sessions.values()]:
+                session.give(Tick())
+                self._add_when_known(fleet, session)
+
+    def _receive(self, text: str, payload: bytes) -> None:
+        addressed = read_topic(text)
+        if addressed is None:
+            return
+        address, topic = addressed
+        session = self.sessions.get(address)
+        if session is None:
+            if self._settings.name(address) is None:
+                return
+            session = self.sessions[address] = VehicleSession(address, self._frames, self._send)
+            self._waited[address] = 0
+        session.receive(topic, payload)
+
+    def _send(self, topic: str, payload: bytes) -> None:
+        if self._connection is not None:
+            self._connection.publish(Message(topic=topic, payload=payload))
+
+    def _notice_broker(self, is_connected: bool) -> None:
+        """Without the broker, no vehicle can be reached; with it, each says itself that it is there."""
+        if not is_connected:
+            for session in self.sessions.values():
+                session.lose_connection()
+
+    def _add_when_known(self, fleet: Fleet, session: VehicleSession) -> None:
+        """Add a device when it is known where the vehicle is, and what it can do."""
+        waited = self._waited.get(session.address)
+        vehicle = session.control.vehicle
+        if waited is None or vehicle.pose is None:
+            return
+        self._waited[session.address] = waited + 1
+        name = self._settings.name(session.address)
+        assert name is not None, "others have no session"
+        named = self._settings.vehicles.get(name)
+        actions = named.actions if named is not None else None
+        if actions is None and vehicle.factsheet is not None:
+            actions = tuple(action.action_type for action in vehicle.factsheet.protocol_features.mobile_robot_actions)
+        if actions is None:
+            if waited < FACTSHEET_TICKS:
+                return
+            log.warning("%s: has sent no factsheet, so that it only drives: give its `actions` in the settings", session.address)
+            actions = ()
+        del self._waited[session.address]
+        kind = Vda5050Vehicle if {"pick", "drop"} <= set(actions) else DrivenVda5050Vehicle
+        log.info("%s is %s", session.address, name)
+        fleet.add(kind(name, session, self._settings, frozenset(actions)))

@@ -1,0 +1,165 @@
+"""A connection to an MQTT broker that comes back whenever it is lost."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import ssl
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import aiomqtt
+from msgspec import Struct
+
+from somrs.errors import UsageError
+
+log = logging.getLogger(__name__)
+
+PASSWORD = "SOMRS_MQTT_PASSWORD"
+"""The environment variable with the password at the broker."""
+
+PAUSE = 2.0
+"""Seconds between two attempts to connect."""
+
+PORTS = {"mqtt": 1883, "mqtts": 8883}
+
+
+class Certificates(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Files in PEM, from the folder of the site file. `authority`: who signed the broker's certificate; None: the authorities of the
+    system. `certificate`, `key`: of this program, if the broker wants one."""
+
+    authority: str | None = None
+    certificate: str | None = None
+    key: str | None = None
+
+
+class BrokerAddress(Struct, frozen=True, kw_only=True):
+    """Where a broker is. `security`: for TLS; None: without."""
+
+    host: str
+    port: int
+    user: str | None = None
+    password: str | None = None
+    security: ssl.SSLContext | None = None
+
+
+def broker_address(url: str, certificates: Certificates, folder: Path) -> BrokerAddress:
+    """Read `mqtt://host:port` or `mqtts://user@host:port`. Raises UsageError."""
+    parts = urlsplit(url)
+    try:
+        port = parts.port or PORTS.get(parts.scheme)
+    except ValueError:
+        port = None
+    if parts.scheme not in PORTS or not parts.hostname or port is None or parts.path not in ("", "/"):
+        raise UsageError(f"{url!r} is no address of a broker: write mqtt://HOST:PORT, or mqtts://USER@HOST:PORT with TLS")
+    if parts.password is not None:
+        raise UsageError(f"the address of the broker has a password: take it out, and set {PASSWORD} in the environment")
+    security = _security(certificates, folder) if parts.scheme == "mqtts" else None
+    return BrokerAddress(
+        host=parts.hostname,
+        port=port,
+        user=parts.username,
+        password=os.environ.get(PASSWORD) if parts.username else None,
+        security=security,
+    )
+
+
+def _security(certificates: Certificates, folder: Path) -> ssl.SSLContext:
+    try:
+        context = ssl.create_default_context(cafile=str(folder / certificates.authority) if certificates.authority else None)
+        if certificates.certificate is not None:
+            key = str(folder / certificates.key) if certificates.key else None
+            context.load_cert_chain(str(folder / certificates.certificate), key)
+    except (OSError, ssl.SSLError) as error:
+        raise UsageError(f"certificates: {error}: give `authority`, `certificate` and `key` as paths of PEM files") from None
+    return context
+
+
+class Message(Struct, frozen=True, kw_only=True):
+    """A message at a topic. `quality`: MQTT's quality of service. `is_retained`: the broker keeps it for those who subscribe afterwards."""
+
+    topic: str
+    payload: bytes
+    quality: int = 0
+    is_retained: bool = False
+
+
+class Connection:
+    """`topics`: those that are subscribed to. `on_message` gets each message; `on_connection`, whether the broker is there."""
+
+    def __init__(
+        self,
+        address: BrokerAddress,
+        topics: Sequence[tuple[str, int]],
+        on_message: Callable[[str, bytes], None],
+        on_connection: Callable[[bool], None],
+        *,
+        last_will: Message | None = None,
+        name: str | None = None,
+    ) -> None:
+        self._address, self._topics, self._on_message, self._on_connection = address, topics, on_message, on_connection
+        self._last_will, self._name = last_will, name
+        self._outgoing: deque[Message] = deque()
+        self._wake = asyncio.Event()
+        self.is_connected = False
+
+    def publish(self, message: Message) -> None:
+        """Send a message as soon as possible. It is lost if the broker is not there, as messages with a quality of 0 are."""
+        if self.is_connected:
+            self._outgoing.append(message)
+            self._wake.set()
+
+    async def run(self) -> None:
+        """Connect, and connect again whenever the connection is lost, until cancelled."""
+        is_told = False
+        while True:
+            try:
+                async with self._client() as client:
+                    is_told = False
+                    for topic, quality in self._topics:
+                        await client.subscribe(topic, qos=quality)
+                    self._outgoing.clear()
+                    self.is_connected = True
+                    self._on_connection(True)
+                    async with asyncio.TaskGroup() as group:
+                        group.create_task(self._send(client))
+                        group.create_task(self._receive(client))
+            except* (aiomqtt.MqttError, OSError) as errors:
+                if not is_told:
+                    is_told = True
+                    log.warning("%s:%d: the broker is waited for: %s", self._address.host, self._address.port, errors.exceptions[0])
+            finally:
+                if self.is_connected:
+                    self.is_connected = False
+                    self._on_connection(False)
+            await asyncio.sleep(PAUSE)
+
+    def _client(self) -> aiomqtt.Client:
+        will = self._last_will
+        return aiomqtt.Client(
+            self._address.host,
+            self._address.port,
+            username=self._address.user,
+            password=self._address.password,
+            identifier=self._name,
+            tls_context=self._address.security,
+            will=aiomqtt.Will(will.topic, will.payload, will.quality, will.is_retained) if will is not None else None,
+            max_queued_outgoing_messages=0,
+        )
+
+    async def _send(self, client: aiomqtt.Client) -> None:
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            while self._outgoing:
+                message = self._outgoing.popleft()
+                await client.publish(message.topic, message.payload, qos=message.quality, retain=message.is_retained)
+
+    async def _receive(self, client: aiomqtt.Client) -> None:
+        async for message in client.messages:
+            if isinstance(message.payload, bytes):
+                self._on_message(message.topic.value, message.payload)
+        raise aiomqtt.MqttError("the broker has closed the connection")

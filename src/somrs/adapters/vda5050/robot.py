@@ -1,0 +1,158 @@
+"""A vehicle with VDA 5050 as a device: it drives where traffic lets it, picks and drops loads, and charges."""
+
+from __future__ import annotations
+
+import asyncio
+
+from somrs.adapters.vda5050.control.exchange import (
+    ActionEnded,
+    Broken,
+    Charge,
+    Charged,
+    Delayed,
+    Effect,
+    Follow,
+    GaveUp,
+    Halt,
+    Halted,
+    Located,
+    Passed,
+    Perform,
+    Reachable,
+)
+from somrs.adapters.vda5050.messages.factsheets import Factsheet
+from somrs.adapters.vda5050.messages.orders import ActionParameter
+from somrs.adapters.vda5050.session import VehicleSession
+from somrs.adapters.vda5050.settings import Settings
+from somrs.devices.road_robot import CarryingRobot, RobotFailed, Way
+from somrs.ontology.types import Value
+
+
+class Vda5050Vehicle(CarryingRobot):
+    """A vehicle that carries loads. `actions`: what it can do, of `pick`, `drop` and `startCharging`."""
+
+    type = "MobileManipulator"
+
+    def __init__(self, name: str, session: VehicleSession, settings: Settings, actions: frozenset[str]) -> None:
+        super().__init__(name)
+        self.session, self.settings = session, settings
+        self.can_carry = {"pick", "drop"} <= actions
+        self.can_charge = "startCharging" in actions
+        state = session.control.vehicle.state
+        self.battery = state.power_supply.state_of_charge if state is not None else None
+        self.values = described(session)
+        self._ended: asyncio.Future[str | None] | None = None
+        self._halts: list[asyncio.Future[None]] = []
+
+    async def open(self) -> None:
+        vehicle = self.session.control.vehicle
+        self.session.on_effect = self._take_effect
+        self.heard(vehicle.is_connected)
+        if vehicle.pose is not None:
+            self._take_effect(Located(pose=vehicle.pose))
+        if vehicle.hindrance is not None:
+            self._take_effect(Broken(reason=vehicle.hindrance))
+        await super().open()
+
+    # What traffic and the services tell the vehicle
+
+    async def follow(self, way: Way) -> None:
+        self.session.give(Follow(way=way))
+
+    async def halt(self) -> None:
+        halted: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._halts.append(halted)
+        self.session.give(Halt())
+        await halted
+
+    async def interrupt(self) -> None:
+        await self.halt()
+
+    async def pick(self, thing: str, support: str) -> None:
+        await self._perform(Perform(action_type="pick", parameters=self._parameters("pick", thing, support)))
+        self.holding = thing
+
+    async def drop(self, thing: str, support: str) -> None:
+        await self._perform(Perform(action_type="drop", parameters=self._parameters("drop", thing, support)))
+        self.holding = None
+
+    async def charge_at(self, charger: str) -> None:
+        await self._perform(Charge())
+
+    async def _perform(self, command: Perform | Charge) -> None:
+        """Have an action performed. Raises RobotFailed with the words of the vehicle."""
+        ended: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
+        self._ended = ended
+        self.session.give(command)
+        failure = await ended
+        if failure is not None:
+            raise RobotFailed(f"{self.name} gave up: {failure}")
+
+    def _parameters(self, action_type: str, thing: str, support: str) -> tuple[ActionParameter, ...]:
+        """The parameters of pick and drop (3.0, table 4): of those that the factsheet lists, or of all if it lists none."""
+        factsheet = self.session.control.vehicle.factsheet
+        load_sets = factsheet.load_specification.load_sets if factsheet is not None else None
+        load_type = self.settings.load_type or (load_sets[0].load_type if load_sets else "DEFAULT")
+        values = {"stationType": self.settings.station_type, "stationName": support, "loadType": load_type, "loadId": thing}
+        supported = factsheet.action(action_type) if factsheet is not None else None
+        listed = supported.action_parameters if supported is not None else None
+        keys = {parameter.key for parameter in listed} if listed else values.keys()
+        return tuple(ActionParameter(key=key, value=value) for key, value in values.items() if key in keys)
+
+    # What the vehicle says
+
+    def _take_effect(self, effect: Effect) -> None:
+        match effect:
+            case Located(pose=pose):
+                self.located(pose.x, pose.y, pose.yaw, pose.level)
+            case Passed(number=number):
+                self.passed(number)
+            case GaveUp(description=description):
+                self.gave_up(f"{self.name} does not drive on: {description}")
+            case Broken(reason=reason):
+                self.broken(f"{self.name} cannot drive: {reason}" if reason is not None else None)
+            case Reachable(is_connected=is_connected):
+                self.heard(is_connected)
+            case Charged(level=level):
+                self.battery = level
+            case Delayed(reason=reason):
+                self.hindrance = f"{self.name} {reason}" if reason is not None else None
+            case ActionEnded(failure=failure) if self._ended is not None and not self._ended.done():
+                self._ended.set_result(failure)
+            case Halted():
+                for halted in self._halts:
+                    if not halted.done():
+                        halted.set_result(None)
+                self._halts = []
+
+
+class DrivenVda5050Vehicle(Vda5050Vehicle):
+    """A vehicle that only drives."""
+
+    type = "MobileRobot"
+
+
+def described(session: VehicleSession) -> dict[str, Value]:
+    """The attributes of a vehicle that is not on the map yet: where it is, and what its factsheet says."""
+    vehicle = session.control.vehicle
+    values: dict[str, Value] = {}
+    if vehicle.pose is not None:
+        values |= {"PositionX": vehicle.pose.x, "PositionY": vehicle.pose.y, "RotationZ": vehicle.pose.yaw}
+        values |= {"PositionZ": vehicle.pose.level} if vehicle.pose.level is not None else {}
+    if vehicle.factsheet is not None:
+        values |= _measures(vehicle.factsheet)
+    return values
+
+
+def _measures(factsheet: Factsheet) -> dict[str, Value]:
+    """Traffic takes robots for discs: around the length and the width."""
+    physical, payload = factsheet.physical_parameters, factsheet.type_specification.maximum_load_mass
+    measures: dict[str, Value] = {}
+    if physical.length > 0 and physical.width > 0 and physical.maximum_height > 0:
+        radius = round(((physical.length**2 + physical.width**2) ** 0.5) / 2, 3)
+        measures |= {"Shape.Form": "Cylinder", "Shape.Radius": radius, "Shape.Height": physical.maximum_height}
+    if physical.maximum_speed > 0:
+        measures["Speed"] = physical.maximum_speed
+    if payload > 0:
+        measures["Payload"] = payload
+    return measures

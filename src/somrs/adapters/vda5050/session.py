@@ -1,0 +1,65 @@
+"""The messages of one vehicle: they are read and written here, and handled by its state machine."""
+
+from __future__ import annotations
+
+import logging
+import time
+import uuid
+from collections.abc import Callable
+
+from somrs.adapters.vda5050.control.exchange import Arrived, Disconnected, Effect, Input, Send, Tolerated, Warned
+from somrs.adapters.vda5050.control.vehicle import VehicleControl
+from somrs.adapters.vda5050.frames import Frames
+from somrs.adapters.vda5050.messages.decoding import decode
+from somrs.adapters.vda5050.messages.encoding import encode
+from somrs.adapters.vda5050.messages.header import Topic, Version
+from somrs.adapters.vda5050.topics import HeaderWriter, VehicleAddress
+from somrs.errors import InputError
+
+log = logging.getLogger(__name__)
+
+
+def _ignore(effect: Effect) -> None:
+    """Do nothing: there is no device yet."""
+
+
+class VehicleSession:
+    """`send`: publishes a message at a topic. `on_effect`: gets what the state machine has found; set by the device."""
+
+    def __init__(self, address: VehicleAddress, frames: Frames, send: Callable[[str, bytes], None]) -> None:
+        self.address = address
+        self.control = VehicleControl(frames, Version.closest("", address.major), lambda: uuid.uuid4().hex)
+        self.on_effect: Callable[[Effect], None] = _ignore
+        self._send = send
+        self._headers = HeaderWriter(address)
+        self._complaints: set[str] = set()
+
+    def receive(self, topic: Topic, payload: bytes) -> None:
+        """Take in a message of the vehicle. One that cannot be read is told once, and is as good as lost."""
+        try:
+            received = decode(topic, payload, self.control.vehicle.version)
+        except InputError as error:
+            if str(error) not in self._complaints:
+                self._complaints.add(str(error))
+                log.warning("%s: a message cannot be read: %s", self.address, error)
+            return
+        self.give(Arrived(topic=topic, received=received))
+
+    def lose_connection(self) -> None:
+        """The broker is gone, and the vehicle cannot be reached."""
+        self.give(Disconnected())
+
+    def give(self, input: Input) -> None:
+        """Hand something to the state machine, and do what follows."""
+        now = time.time()
+        for effect in self.control.handle(input, now):
+            match effect:
+                case Send(topic=topic, message=message):
+                    version = self.control.vehicle.version
+                    payload = encode(message, self._headers.header(topic, version, now), version)
+                    self._send(self.address.topic(topic), payload)
+                case Tolerated(deviation=deviation):
+                    log.warning("%s: is not as VDA 5050 has it: %s", self.address, deviation)
+                case Warned(description=description):
+                    log.info("%s: %s", self.address, description)
+            self.on_effect(effect)

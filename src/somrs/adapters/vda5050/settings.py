@@ -1,0 +1,97 @@
+"""The settings of the adapter in a site file: `adapters: vda5050:`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+
+from somrs.adapters.vda5050.frames import Frame, Frames
+from somrs.adapters.vda5050.mqtt import Certificates
+from somrs.adapters.vda5050.topics import VehicleAddress
+from somrs.errors import UsageError
+
+
+class VehicleSettings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown_fields=True):
+    """A vehicle. `actions`: what it can do, if it sends no factsheet, such as `[pick, drop, startCharging]`."""
+
+    manufacturer: str
+    serial_number: str
+    actions: tuple[str, ...] | None = None
+
+
+class MapSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A map of the vehicles. `level`: the height of its floor in metres. `at`: where its origin lies on the map of the site, in metres.
+    `turned`: how it is turned there, in degrees, counterclockwise."""
+
+    level: float | None = None
+    at: tuple[float, float] = (0.0, 0.0)
+    turned: float = 0.0
+
+
+class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown_fields=True):
+    """`broker`: `mqtt://HOST:PORT` or `mqtts://USER@HOST:PORT`. `interface`: the first levels of the topics. `vehicles`: by their names on
+    the map; others are named after manufacturer and serial number, unless `named_only`. `maps`: by mapId. `station_type`, `load_type`:
+    parameters of `pick` and `drop`."""
+
+    broker: str
+    interface: tuple[str, ...] | str = ("uagv", "vda5050")
+    certificates: Certificates = Certificates()
+    vehicles: dict[str, VehicleSettings] = {}
+    named_only: bool = False
+    maps: dict[str, MapSettings] = {}
+    station_type: str = "floor"
+    load_type: str | None = None
+
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        return (self.interface,) if isinstance(self.interface, str) else self.interface
+
+    @property
+    def frames(self) -> Frames:
+        return Frames(
+            [
+                Frame(map_id=map_id, x=frame.at[0], y=frame.at[1], yaw=math.radians(frame.turned), level=frame.level)
+                for map_id, frame in self.maps.items()
+            ]
+        )
+
+    def name(self, address: VehicleAddress) -> str | None:
+        """The name of a vehicle on the map; None if it is not served."""
+        for name, vehicle in self.vehicles.items():
+            if (vehicle.manufacturer, vehicle.serial_number) == (address.manufacturer, address.serial_number):
+                return name
+        return None if self.named_only else made_name(address)
+
+
+def made_name(address: VehicleAddress) -> str:
+    """A name for a vehicle that the settings do not name, such as `Acme0007` for 0007 of acme."""
+    word = "".join(
+        character for character in f"{address.manufacturer}{address.serial_number}" if character.isascii() and character.isalnum()
+    )
+    if not word or not word[0].isalpha():
+        word = f"Vehicle{word}"
+    return word[0].upper() + word[1:]
+
+
+def read_settings(settings: Mapping[str, Any]) -> Settings:
+    """The settings as they are in the site file. Raises UsageError, which says where."""
+    try:
+        read = msgspec.convert(dict(settings), Settings)
+    except msgspec.ValidationError as error:
+        raise UsageError(f"adapters: vda5050: {error}. It needs at least the address of the broker: broker: mqtt://HOST:PORT") from None
+    for interface in read.interfaces:
+        if not interface or any(character in interface for character in "+#$") or interface.strip("/") != interface:
+            raise UsageError(f"adapters: vda5050: interface: {interface!r} cannot begin a topic: write it as the vehicles do, such as uagv")
+    serials: dict[tuple[str, str], str] = {}
+    for name, vehicle in read.vehicles.items():
+        twin = serials.setdefault((vehicle.manufacturer, vehicle.serial_number), name)
+        if twin != name:
+            raise UsageError(
+                f"adapters: vda5050: vehicles: {name}: is {vehicle.manufacturer} {vehicle.serial_number}, as {twin} is: "
+                "give each its own serialNumber"
+            )
+    return read

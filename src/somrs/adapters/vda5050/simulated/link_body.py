@@ -1,0 +1,98 @@
+"""A body in the simulator of SO-MRS: it drives, grips and charges by the robot link."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import AsyncIterator, Sequence
+
+from somrs.adapters.vda5050.messages.header import Version
+from somrs.adapters.vda5050.mqtt import BrokerAddress
+from somrs.adapters.vda5050.simulated.body import Charge, Command, Drive, Drop, Pick, Rest, Sensed
+from somrs.adapters.vda5050.simulated.factsheet import factsheet
+from somrs.adapters.vda5050.simulated.program import MqttVehicle, address_of, serve
+from somrs.adapters.vda5050.simulated.vehicle import SimulatedVehicle
+from somrs.devices.link_security import link_credentials
+from somrs.devices.simulator.link.commands import RobotState
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.devices.simulator.link.link import RobotLink, link_address
+
+log = logging.getLogger(__name__)
+
+
+class LinkBody:
+    """The body of a robot of the simulator, which takes part in traffic from outside of it."""
+
+    def __init__(self, link: RobotLink, state: RobotState) -> None:
+        self._link, self._first_state = link, state
+        self._number = self._finished = 0
+        self._failure: str | None = None
+        self._command: Command | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    def begin(self, number: int, command: Command) -> None:
+        if self._task is not None:
+            self._task.cancel()
+        self._number, self._command, self._failure = number, command, None
+        self._task = asyncio.create_task(self._carry_out(number, command))
+
+    def sense(self, now: float) -> Sensed:
+        state = self._link.state or self._first_state
+        is_charging = isinstance(self._command, Charge)
+        return Sensed(
+            x=state.x,
+            y=state.y,
+            yaw=state.yaw,
+            charge=state.charge if state.charge is not None else 100.0,
+            is_moving=isinstance(self._command, Drive),
+            is_charging=is_charging,
+            finished=self._number if is_charging else self._finished,
+            failure=self._failure,
+        )
+
+    async def _carry_out(self, number: int, command: Command) -> None:
+        failure = None
+        try:
+            match command:
+                case Drive(points=points, speed=speed, backward=backward, yaw=yaw):
+                    await self._link.drive_along(points, yaw, speed=speed, backward=backward)
+                case Pick(load=load):
+                    await self._link.grip(load)
+                case Drop(station=station):
+                    await self._link.place(station)
+                case Charge():
+                    await self._link.charge()
+                case Rest():
+                    await self._link.stop()
+        except RobotGaveUp as failed:
+            failure = failed.description
+        if number == self._number:
+            self._finished, self._failure = number, failure
+            self._command = None if not isinstance(command, Charge) else command
+
+
+@contextlib.asynccontextmanager
+async def simulated_vehicles(
+    robots: Sequence[str], simulator: str, broker: BrokerAddress, version: Version, manufacturer: str = "SOMRS"
+) -> AsyncIterator[list[MqttVehicle]]:
+    """Put robots of the simulator at an address behind a broker, as vehicles whose serial numbers are their names. Run them by `serve`."""
+    host, port, map = link_address(simulator)
+    credentials = link_credentials(simulator, None)
+    async with contextlib.AsyncExitStack() as stack:
+        vehicles = []
+        for name in robots:
+            link = RobotLink(host, port, name, rate=20, map=map, outside=True, credentials=credentials)
+            await stack.enter_async_context(link)
+            body = LinkBody(link, (await link.status()).state)
+            vehicle = SimulatedVehicle(version, factsheet(), map_id=map or "map")
+            vehicles.append(MqttVehicle(address_of(name, version, manufacturer), vehicle, body, broker))
+        yield vehicles
+
+
+async def serve_simulated(robots: Sequence[str], simulator: str, broker: BrokerAddress, version: Version) -> None:
+    """Run `simulated_vehicles` until cancelled."""
+    async with simulated_vehicles(robots, simulator, broker, version) as vehicles:
+        for vehicle in vehicles:
+            log.info("%s: VDA 5050 %s", vehicle.address, version)
+        await serve(vehicles)

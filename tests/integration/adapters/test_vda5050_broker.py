@@ -1,0 +1,112 @@
+"""Fleet control and simulated vehicles at a real broker."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+
+import pytest
+
+from somrs.adapters.vda5050.control.exchange import Passed, Reachable
+from somrs.adapters.vda5050.messages.header import Version
+from somrs.adapters.vda5050.mqtt import Certificates, broker_address
+from somrs.adapters.vda5050.simulated.body import StandInBody
+from somrs.adapters.vda5050.simulated.factsheet import factsheet
+from somrs.adapters.vda5050.simulated.program import MqttVehicle, address_of
+from somrs.adapters.vda5050.simulated.vehicle import SimulatedVehicle
+from tests.support.mqtt_broker import MqttBroker
+from tests.support.vda5050_fleet import fleet_control, wait_until
+
+
+@pytest.fixture
+def broker(tmp_path: Path) -> Iterator[MqttBroker]:
+    with MqttBroker(tmp_path) as server:
+        yield server
+
+
+@contextlib.asynccontextmanager
+async def vehicle(broker: MqttBroker, name: str, version: Version, *, handles: bool = True) -> AsyncIterator[MqttVehicle]:
+    address = broker_address(broker.url, Certificates(), Path())
+    simulated = SimulatedVehicle(version, factsheet(handles=handles), map_id="hall")
+    running = MqttVehicle(address_of(name, version, "acme"), simulated, StandInBody(), address)
+    task = asyncio.create_task(running.run())
+    try:
+        yield running
+    finally:
+        task.cancel()
+        await asyncio.wait({task})
+
+
+def test_vehicles_of_both_versions_are_discovered_and_driven(broker: MqttBroker) -> None:
+    async def test() -> None:
+        settings = {"broker": broker.url, "vehicles": {"Forklift1": {"manufacturer": "acme", "serialNumber": "0001"}}}
+        async with (
+            fleet_control(settings) as fleet,
+            vehicle(broker, "0001", Version.V2_1),
+            vehicle(broker, "0002", Version.V3_0, handles=False) as second,
+        ):
+            await wait_until(lambda: set(fleet.devices) == {"Forklift1", "Acme0002"})
+            assert set(fleet.devices["Forklift1"].services()) == {"move_to", "charge", "transfer"}
+            assert set(fleet.devices["Acme0002"].services()) == {"move_to", "charge"}
+            assert fleet.devices["Acme0002"].values["Speed"] == 1.0
+            fleet.drive("Forklift1", "A", "B", spacing=0.5)
+            fleet.drive("Acme0002", "A", "B", "C", spacing=0.5)
+            await wait_until(lambda: fleet.has("Forklift1", Passed(number=1)) and fleet.has("Acme0002", Passed(number=2)))
+            assert second.body.sense(0.0).x == 1.0
+
+    asyncio.run(test())
+
+
+def test_a_vehicle_that_takes_its_leave_is_not_reachable_any_more(broker: MqttBroker) -> None:
+    async def test() -> None:
+        async with fleet_control({"broker": broker.url}) as fleet:
+            async with vehicle(broker, "0001", Version.V2_1):
+                await wait_until(lambda: "Acme0001" in fleet.devices)
+            await wait_until(lambda: fleet.has("Acme0001", Reachable(is_connected=False)))
+            async with vehicle(broker, "0001", Version.V2_1):
+                await wait_until(lambda: fleet.has("Acme0001", Reachable(is_connected=True)))
+
+    asyncio.run(test())
+
+
+def test_the_broker_says_that_a_vehicle_was_cut_off(broker: MqttBroker) -> None:
+    async def test() -> None:
+        command = [sys.executable, "-m", "somrs.adapters.vda5050.simulated", "0001", "--broker", broker.url]
+        async with fleet_control({"broker": broker.url}) as fleet:
+            process = subprocess.Popen(command)
+            try:
+                await wait_until(lambda: "SOMRS0001" in fleet.devices)
+            finally:
+                process.kill()
+                process.wait()
+            await wait_until(lambda: fleet.has("SOMRS0001", Reachable(is_connected=False)))
+
+    asyncio.run(test())
+
+
+def test_all_goes_on_when_the_broker_is_back(broker: MqttBroker) -> None:
+    async def test() -> None:
+        async with fleet_control({"broker": broker.url}) as fleet, vehicle(broker, "0001", Version.V3_0):
+            await wait_until(lambda: "Acme0001" in fleet.devices)
+            broker.kill()
+            await wait_until(lambda: fleet.has("Acme0001", Reachable(is_connected=False)))
+            fleet.drive("Acme0001", "A", "B", spacing=0.5)
+            broker.start()
+            await wait_until(lambda: fleet.has("Acme0001", Passed(number=1)))
+
+    asyncio.run(test())
+
+
+def test_fleet_control_waits_for_a_broker_that_is_not_there_yet(broker: MqttBroker) -> None:
+    async def test() -> None:
+        broker.kill()
+        async with fleet_control({"broker": broker.url}) as fleet, vehicle(broker, "0001", Version.V2_1):
+            await asyncio.sleep(0.3)
+            broker.start()
+            await wait_until(lambda: "Acme0001" in fleet.devices)
+
+    asyncio.run(test())

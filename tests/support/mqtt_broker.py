@@ -1,0 +1,41 @@
+"""An MQTT broker for tests: a NATS server, which is one."""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+from pathlib import Path
+
+from somrs.ports import listen_at
+from tests.support.hang import HANG_TIME
+from tests.support.nats_server import NatsServer
+
+
+class MqttBroker(NatsServer):
+    """A context manager. It can be killed and started again with what it has stored."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        with listen_at("127.0.0.1", 0) as free:
+            self.mqtt_port: int = free.getsockname()[1]
+        settings = json.loads(self._settings.read_text())
+        settings["server_name"] = "broker"
+        settings["mqtt"] = {"host": "127.0.0.1", "port": self.mqtt_port}
+        self._settings.write_text(json.dumps(settings))
+
+    @property
+    def url(self) -> str:
+        return f"mqtt://127.0.0.1:{self.mqtt_port}"
+
+    def start(self) -> None:
+        super().start()
+        deadline = time.monotonic() + HANG_TIME
+        while True:
+            try:
+                socket.create_connection(("127.0.0.1", self.mqtt_port)).close()
+            except ConnectionRefusedError:
+                assert time.monotonic() < deadline, "it cannot be reached by MQTT"
+                time.sleep(0.02)
+            else:
+                return

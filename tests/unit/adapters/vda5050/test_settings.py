@@ -1,0 +1,69 @@
+"""The settings of the adapter say what is wrong with them, and where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from somrs.adapters.vda5050.adapter import Vda5050Adapter
+from somrs.adapters.vda5050.messages.header import Topic
+from somrs.adapters.vda5050.mqtt import Certificates, broker_address
+from somrs.adapters.vda5050.settings import made_name, read_settings
+from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
+from somrs.errors import InputError
+
+BROKER = {"broker": "mqtt://10.0.0.5:1883"}
+
+
+@pytest.mark.parametrize(
+    ("settings", "problem"),
+    [
+        ({}, "broker: mqtt://HOST:PORT"),
+        ({"broker": "10.0.0.5"}, "'10.0.0.5' is no address of a broker"),
+        ({"broker": "mqtt://10.0.0.5:port"}, "is no address of a broker"),
+        ({"broker": "mqtt://me:secret@10.0.0.5"}, "SOMRS_MQTT_PASSWORD"),
+        (BROKER | {"interface": "uagv/#"}, "interface: 'uagv/#'"),
+        (BROKER | {"vehicle": {}}, "`vehicle`"),
+        (BROKER | {"vehicles": {"Robot1": {"manufacturer": "acme"}}}, "serialNumber"),
+        (
+            BROKER | {"vehicles": {name: {"manufacturer": "acme", "serialNumber": "1"} for name in ("Robot1", "Robot2")}},
+            "vehicles: Robot2: is acme 1, as Robot1 is",
+        ),
+        ({"broker": "mqtts://10.0.0.5", "certificates": {"authority": "none.pem"}}, "certificates: "),
+    ],
+)
+def test_a_mistake_is_named(settings: dict[str, Any], problem: str) -> None:
+    with pytest.raises(InputError) as error:
+        Vda5050Adapter(settings, Path("/nowhere"))
+    assert problem in str(error.value)
+
+
+def test_the_address_of_a_broker() -> None:
+    plain = broker_address("mqtt://broker", Certificates(), Path())
+    assert (plain.host, plain.port, plain.user, plain.security) == ("broker", 1883, None, None)
+    secure = broker_address("mqtts://fleet@broker:8884", Certificates(), Path())
+    assert (secure.host, secure.port, secure.user) == ("broker", 8884, "fleet")
+    assert secure.security is not None
+
+
+def test_names_of_vehicles() -> None:
+    settings = read_settings(BROKER | {"vehicles": {"Robot1": {"manufacturer": "acme", "serialNumber": "7"}}})
+    assert settings.name(address("acme", "7")) == "Robot1"
+    assert settings.name(address("acme", "8")) == "Acme8"
+    assert read_settings(BROKER | {"namedOnly": True}).name(address("acme", "8")) is None
+    assert made_name(address("3m", "x-7")) == "Vehicle3mx7"
+
+
+def address(manufacturer: str, serial_number: str) -> VehicleAddress:
+    return VehicleAddress(interface="uagv", major=2, manufacturer=manufacturer, serial_number=serial_number)
+
+
+def test_topics() -> None:
+    assert address("acme", "7").topic(Topic.ORDER) == "uagv/v2/acme/7/order"
+    assert read_topic("uagv/v2/acme/7/order") == (address("acme", "7"), Topic.ORDER)
+    deep = read_topic("site/hall/v3/acme/7/state")
+    assert deep is not None
+    assert (deep[0].interface, deep[0].major) == ("site/hall", 3)
+    assert [read_topic(text) for text in ("uagv/v1/acme/7/state", "v2/acme/7/state", "uagv/v2/acme/7/telemetry")] == [None] * 3
