@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-import base64
+from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from msgspec import structs
 
+from somrs.adapters.ros2 import save_map
 from somrs.adapters.ros2.frames import Pose
 from somrs.devices.road_robot import RobotFailed
-from tests.support.ros2.robots import RobotProcess, connected, in_event_loop, needs_ros2, running_bridge, way
+from somrs.sites.occupancy.reading import read_grid
+from tests.support.ros2.robots import DOMAIN, PYTHON, RobotProcess, connected, in_event_loop, needs_ros2, way
 
 pytestmark = needs_ros2
 
@@ -30,19 +33,7 @@ BINDING: dict[str, Any] = {
     },
     "faults": [{"topic": "emergency_stop", "type": "std_msgs/msg/Bool", "field": "data", "latched": True, "reason": "its stop is pressed"}],
 }
-GRIPPER = {"action": "gripper_cmd", "type": "control_msgs/action/GripperCommand"}
-BY_GRIPPER = {
-    **BINDING,
-    "pick": [
-        {
-            **GRIPPER,
-            "goal": {"command": {"position": 0, "max_effort": 40}},
-            "succeeds": {"stalled": True},
-            "otherwise": "the gripper closed on nothing",
-        }
-    ],
-    "drop": [{**GRIPPER, "goal": {"command": {"position": 0.08}}}],
-}
+BY_GRIPPER: dict[str, Any] = yaml.safe_load(Path("examples/ros2_robot.yaml").read_text())
 ARM = {"action": "move_object", "type": "manipulation_msgs/action/MoveObject", "succeeds": {"success": True}}
 BY_ARM = {
     **BINDING,
@@ -157,7 +148,7 @@ async def test_a_robot_is_halted_by_an_adapter_that_is_started_again() -> None:
 
 
 @in_event_loop
-async def test_a_gripper_takes_a_thing_and_puts_it_down() -> None:
+async def test_the_gripper_of_the_example_takes_a_thing_and_puts_it_down() -> None:
     async with RobotProcess(things={"Jar1": [0.5, 0]}) as robot, connected(robot, BY_GRIPPER) as (connection, _):
         await connection.pick("Jar1", "Table1", Pose(0.5, 0, 0))
         await connection.drop("Jar1", "Table2", Pose(0.5, 0, 0))
@@ -232,11 +223,14 @@ async def test_a_speed_limit_is_told_with_the_way_that_has_it() -> None:
         await witness.until(lambda: witness.passed_numbers == [1])
 
 
-@in_event_loop
-async def test_a_latched_map_comes_as_bytes() -> None:
-    async with RobotProcess(grid=[6, 4]) as robot, running_bridge() as bridge:
-        grids: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
-        bridge.session.subscribe(f"/{robot.namespace}/map", "nav_msgs/msg/OccupancyGrid", grids.put_nowait, latched=True)
-        grid = await grids.get()
-        assert (grid["info"]["width"], grid["info"]["height"], grid["info"]["resolution"]) == (6, 4, 0.5)
-        assert len(base64.b64decode(grid["data"])) == 24
+def test_the_map_of_a_robot_is_saved_for_the_import(tmp_path: Path) -> None:
+    async def robot_with_map() -> None:
+        async with RobotProcess(grid=[6, 4]) as robot:
+            out = ["--out", str(tmp_path / "floor"), "--topic", f"/{robot.namespace}/map"]
+            ros = ["--python", str(PYTHON), "--domain", str(DOMAIN), "--discovery", "LOCALHOST"]
+            await asyncio.to_thread(save_map.main, [*out, *ros])
+
+    asyncio.run(robot_with_map())
+    grid = read_grid(tmp_path / "floor.yaml")
+    assert (grid.shape, grid.resolution) == ((4, 6), 0.5)
+    assert grid.states.tolist()[:2] == [[1, 1, 1, 1, 1, 1], [1, -1, 0, 0, 0, 1]]

@@ -144,6 +144,7 @@ class Witness:
 
 @contextlib.asynccontextmanager
 async def running_bridge() -> AsyncIterator[BridgeProcess]:
+    """The bridge, with the Python of .venv-ros2."""
     settings = {"python": str(PYTHON), "domain": DOMAIN, "discovery": "LOCALHOST", "robots": {"Robot1": {"binding": "none.yaml"}}}
     bridge = BridgeProcess(read_settings(settings), ROOT)
     running = asyncio.create_task(bridge.run())

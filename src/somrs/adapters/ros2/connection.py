@@ -87,7 +87,7 @@ class RobotConnection:
         self._entering: asyncio.Task[None] | None = None
         self._busy = asyncio.Lock()
         self._charger: tuple[str, Pose] | None = None
-        """The charger at which it is to be charged, or is."""
+        """The charger at which it is charged."""
         self._is_interrupted = False
         self._located_at = -math.inf
 
@@ -160,8 +160,9 @@ class RobotConnection:
         if charging is None:
             raise RobotFailed(f"the binding of {self.name} does not say how it is charged")
         async with self._busy:
-            self._charger, self._is_interrupted = (charger, pose), False
+            self._is_interrupted = False
             await self._carry_out(charging.begin, pose, {"charger": charger})
+            self._charger = charger, pose
             while not self._is_interrupted and not self._has_charge(charging.full):
                 self._changed.clear()
                 await self._changed.wait()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from pathlib import Path
 
 import pytest
+import yaml
 
 from somrs.adapters.ros2.adapter import Ros2Adapter
-from somrs.adapters.ros2.settings import full_name, read_binding, read_settings
+from somrs.adapters.ros2.settings import Binding, RobotSettings, full_name, read_binding, read_settings
 from somrs.errors import InputError
 
 
@@ -66,3 +69,21 @@ def test_an_adapter_serves_the_robots_that_its_settings_name(tmp_path: Path) -> 
 )
 def test_names_are_in_the_namespace_of_the_robot(name: str, namespace: str, full: str) -> None:
     assert full_name(name, namespace) == full
+
+
+def test_the_example_is_a_binding() -> None:
+    binding = read_binding(Path("examples/ros2_robot.yaml"))
+    assert (len(binding.pick), len(binding.drop), [*binding.attributes]) == (1, 1, ["Charge"])
+
+
+def test_what_the_guide_shows_is_valid() -> None:
+    guide = Path("docs/how-to/connect-ros2-robots.md").read_text()
+    blocks = [yaml.safe_load(textwrap.dedent(block)) for block in re.findall(r"```yaml\n(.*?)```", guide, re.DOTALL)]
+    settings = [block["adapters"]["ros2"] for block in blocks if "adapters" in block]
+    levels = [block for block in blocks if "levels" in block]
+    bindings = [block for block in blocks if block.keys() & {"attributes", "pick"}]
+    assert [len(found) for found in (settings, levels, bindings)] == [1, 1, 2]
+    read_settings(settings[0])
+    RobotSettings.model_validate({"binding": "robot.yaml", **levels[0]})
+    for binding in bindings:
+        Binding.model_validate({**binding, **({"drop": binding["pick"]} if "pick" in binding else {})})

@@ -1,0 +1,67 @@
+"""Robots of the simulator whose own programs are ROS 2 nodes: they drive, pick and drop as those that are driven by the robot link."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import AsyncIterator
+from typing import Any
+
+from somrs.adapters.ros2.connection import RobotConnection
+from somrs.adapters.ros2.frames import Pose
+from somrs.devices.simulator.link.link import OperatorLink
+from somrs.devices.simulator.world.kinds import WorldKind
+from tests.support.building import building
+from tests.support.robot_lab import simulator
+from tests.support.ros2.robots import RobotProcess, Witness, connected, in_event_loop, needs_ros2, way
+
+pytestmark = needs_ros2
+
+SITE = (
+    building("Lab", 8, 6, "")
+    + """
+  Table1: {type: Table, at: [1, 4, 0], Shape: {Form: Box, Width: 0.6, Depth: 1, Height: 0.7}}
+  Jar1: {type: Jar, at: [1.15, 4, 0.7]}
+  Robot1: {type: PioneerP3DX, at: [3, 3, 0], Speed: 0.8}
+facts:
+  - Jar1 isOn Table1
+"""
+)
+ARM = {"action": "move_object", "type": "manipulation_msgs/action/MoveObject", "succeeds": {"success": True}}
+BINDING: dict[str, Any] = {
+    "pose": {},
+    "odometry": {},
+    "pick": [{**ARM, "goal": {"pick": True, "object": "{thing}"}}],
+    "drop": [{**ARM, "goal": {"object": "{thing}", "support": "{support}"}}],
+}
+
+
+@contextlib.asynccontextmanager
+async def robot_of_simulator() -> AsyncIterator[tuple[RobotConnection, Witness, OperatorLink]]:
+    """Robot1, at (3, 3)."""
+    async with (
+        simulator(1, SITE, WorldKind.KINEMATIC) as server,
+        OperatorLink(server.host, server.port) as operator,
+        RobotProcess(link=f"{server.host}:{server.port}/Robot1") as robot,
+        connected(robot, BINDING) as (connection, witness),
+    ):
+        yield connection, witness, operator
+
+
+@in_event_loop
+async def test_a_simulated_robot_drives_by_nav2() -> None:
+    async with robot_of_simulator() as (connection, witness, operator):
+        connection.follow(way((3, 3), (4, 3), (4, 3.8)))
+        await witness.until(lambda: witness.passed_numbers == [1, 2])
+        state = (await operator.robots())["Robot1"]
+        assert (abs(state.x - 4.0) < 0.05, abs(state.y - 3.8) < 0.05) == (True, True)
+
+
+@in_event_loop
+async def test_a_simulated_robot_picks_and_drops_by_its_arm() -> None:
+    async with robot_of_simulator() as (connection, witness, operator):
+        connection.follow(way((3, 3), (1.7, 4)))
+        await witness.until(lambda: witness.passed_numbers == [1])
+        await connection.pick("Jar1", "Table1", Pose(1.15, 4, 0))
+        assert (await operator.robots())["Robot1"].holding == "Jar1"
+        await connection.drop("Jar1", "Table1", Pose(1, 4, 0))
+        assert (await operator.observe("Jar1")).support == "Table1"

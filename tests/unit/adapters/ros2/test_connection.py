@@ -1,0 +1,228 @@
+"""What a robot is told, and what becomes of its answers: the lines of the bridge, without a bridge."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import pytest
+from msgspec import structs
+
+from somrs.adapters.ros2.connection import RobotConnection
+from somrs.adapters.ros2.frames import Pose
+from somrs.adapters.ros2.lines import (
+    ActionPresence,
+    CallService,
+    CancelGoal,
+    GoalEnded,
+    GoalStatus,
+    Message,
+    OpenAction,
+    Publish,
+    Ready,
+    Replied,
+    Request,
+    SendGoal,
+    Subscribe,
+)
+from somrs.adapters.ros2.session import Session
+from somrs.adapters.ros2.settings import Binding, RobotSettings
+from somrs.devices.road_robot import RobotFailed
+from tests.support.ros2.robots import Witness, way
+
+ARM = {"action": "arm", "type": "x/action/Pick", "goal": {"object": "{thing}", "x": "{x}"}, "succeeds": {"success": True}}
+CHARGE = {"topic": "battery", "type": "sensor_msgs/msg/BatteryState", "field": "percentage", "scale": 100}
+LOAD = {"service": "map_server/load_map", "type": "nav2_msgs/srv/LoadMap", "request": {"map_url": "first.yaml"}, "succeeds": {"result": 0}}
+INITIAL = {"topic": "initialpose", "type": "x/msg/Pose", "message": {"x": "{x}", "y": "{y}", "frame": "{frame}"}}
+FLOORS: list[dict[str, Any]] = [{"level": 0.0}, {"level": 3.0, "x": 100.0, "frame": "map1", "enter": [LOAD, INITIAL]}]
+
+
+def in_event_loop(test: Callable[[], Coroutine[Any, Any, None]]) -> Callable[[], None]:
+    def run() -> None:
+        asyncio.run(test())
+
+    return run
+
+
+class Conversation:
+    """A robot whose bridge the test plays."""
+
+    def __init__(self, binding: dict[str, Any], levels: list[dict[str, Any]] | None = None) -> None:
+        self.requests: list[Request] = []
+        self.session = Session(self.requests.append, lambda problem: None)
+        self.witness = Witness()
+        settings = RobotSettings.model_validate({"binding": "x.yaml", "namespace": "r1", "levels": levels or [{}]})
+        bound = Binding.model_validate({"pose": {}, **binding})
+        self.connection = RobotConnection("Robot1", settings, bound, self.session, self.witness)
+        self.session.handle(Ready())
+        self.connection.open()
+        for opened in [request for request in self.requests if isinstance(request, OpenAction)]:
+            self.session.handle(ActionPresence(id=opened.id, present=True))
+        self.requests_before = len(self.requests)
+
+    def subscription(self, topic: str) -> int:
+        return next(request.id for request in self.requests if isinstance(request, Subscribe) and request.topic == topic)
+
+    def be_at(self, x: float, y: float) -> None:
+        pose = {"position": {"x": x, "y": y}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+        self.session.handle(Message(id=self.subscription("/r1/amcl_pose"), value={"pose": {"pose": pose}}))
+
+    async def request(self) -> Request:
+        """The next request."""
+        while len(self.requests) == self.requests_before:
+            await asyncio.sleep(0)
+        self.requests_before += 1
+        return self.requests[self.requests_before - 1]
+
+    async def goal(self) -> SendGoal:
+        request = await self.request()
+        assert isinstance(request, SendGoal)
+        return request
+
+    def end(self, goal: SendGoal, status: GoalStatus = GoalStatus.SUCCEEDED, **result: Any) -> None:
+        self.session.handle(GoalEnded(id=goal.id, status=status, value=result))
+
+
+@in_event_loop
+async def test_goals_are_in_the_map_of_the_robot() -> None:
+    conversation = Conversation({}, [{"x": 10.0, "y": 5.0, "yaw": math.pi / 2, "frame": "hall"}])
+    conversation.connection.follow(way((10, 5), (10, 7)))
+    pose = (await conversation.goal()).goal["pose"]
+    assert pose["header"]["frame_id"] == "hall"
+    assert pose["pose"]["position"] == pytest.approx({"x": 2.0, "y": 0.0})
+    assert pose["pose"]["orientation"] == pytest.approx({"z": 0.0, "w": 1.0})
+
+
+@in_event_loop
+async def test_a_robot_arrives_with_the_heading_that_it_is_to_have() -> None:
+    conversation = Conversation({})
+    there = way((0, 0), (1, 0))
+    conversation.connection.follow((there[0], structs.replace(there[1], yaw=math.pi)))
+    assert (await conversation.goal()).goal["pose"]["pose"]["orientation"] == pytest.approx({"z": 1.0, "w": 0.0})
+
+
+@in_event_loop
+async def test_a_robot_in_a_lift_gets_the_map_of_the_other_floor() -> None:
+    conversation = Conversation({}, FLOORS)
+    conversation.be_at(4, 0)
+    conversation.connection.follow((*way((4, 0)), *way((4, 0), (4, 2), first=1, level=3.0)))
+    load = await conversation.request()
+    assert isinstance(load, CallService)
+    assert (load.service, load.request) == ("/r1/map_server/load_map", {"map_url": "first.yaml"})
+    conversation.session.handle(Replied(id=load.id, value={"result": 0}))
+    start = await conversation.request()
+    assert isinstance(start, Publish)
+    assert start.message == {"x": -96.0, "y": 0.0, "frame": "map1"}
+    conversation.session.handle(Replied(id=start.id, value={}))
+    goal = await conversation.goal()
+    assert conversation.witness.passed_numbers == [1]
+    assert goal.goal["pose"]["pose"]["position"] == {"x": -96.0, "y": 2.0}
+    conversation.be_at(-96, 1)
+    assert conversation.witness.pose == (4, 1, 0, 3.0)
+
+
+@in_event_loop
+async def test_a_robot_that_does_not_load_a_map_gives_up() -> None:
+    conversation = Conversation({}, FLOORS)
+    conversation.connection.follow((*way((4, 0)), *way((4, 0), first=1, level=3.0)))
+    load = await conversation.request()
+    assert isinstance(load, CallService)
+    conversation.session.handle(Replied(id=load.id, value={"result": 1}))
+    await conversation.witness.until(lambda: bool(conversation.witness.reasons))
+    assert conversation.witness.reasons == ["Robot1 does not use its map of the floor at 3 m: map_server/load_map: result is 1"]
+
+
+@in_event_loop
+async def test_a_thing_is_picked_where_the_map_has_it_as_the_robot_sees_it() -> None:
+    conversation = Conversation({"pick": [ARM], "drop": [ARM]}, [{"x": 1.0}])
+    picking = asyncio.create_task(conversation.connection.pick("Jar1", "Table1", Pose(5, 0, 0)))
+    goal = await conversation.goal()
+    assert goal.goal == {"object": "Jar1", "x": 4.0}
+    conversation.end(goal, success=True)
+    await picking
+
+
+@pytest.mark.parametrize(
+    ("status", "result", "is_lost"),
+    [
+        (GoalStatus.ABORTED, {}, True),
+        (GoalStatus.LOST, {}, True),
+        (GoalStatus.REJECTED, {}, False),
+        (GoalStatus.SUCCEEDED, {"success": False}, True),
+    ],
+)
+def test_a_thing_that_an_arm_may_have_moved_is_lost(status: GoalStatus, result: dict[str, Any], is_lost: bool) -> None:
+    @in_event_loop
+    async def pick() -> None:
+        conversation = Conversation({"pick": [ARM], "drop": [ARM]})
+        picking = asyncio.create_task(conversation.connection.pick("Jar1", "Table1", Pose(5, 0, 0)))
+        conversation.end(await conversation.goal(), status, **result)
+        with pytest.raises(RobotFailed) as info:
+            await picking
+        assert info.value.is_lost == is_lost
+
+    pick()
+
+
+@in_event_loop
+async def test_an_interrupted_arm_is_waited_for_until_it_rests() -> None:
+    conversation = Conversation({"pick": [ARM, ARM], "drop": [ARM]})
+    picking = asyncio.create_task(conversation.connection.pick("Jar1", "Table1", Pose(5, 0, 0)))
+    goal = await conversation.goal()
+    picking.cancel()
+    await asyncio.wait({picking})
+    interruption = asyncio.create_task(conversation.connection.interrupt())
+    assert await conversation.request() == CancelGoal(id=goal.id)
+    assert not interruption.done()
+    conversation.end(goal, GoalStatus.CANCELED)
+    await interruption
+    assert len(conversation.requests) == conversation.requests_before
+
+
+@in_event_loop
+async def test_a_robot_leaves_the_charger_when_it_is_interrupted() -> None:
+    dock = {"action": "dock", "type": "x/action/Dock", "goal": {"dock_id": "{charger}"}}
+    undock = {"action": "undock", "type": "x/action/Undock"}
+    conversation = Conversation({"charge": {"begin": [dock], "end": [undock]}, "attributes": {"Charge": CHARGE}})
+    charging = asyncio.create_task(conversation.connection.charge("Charger1", Pose(0, 0, 0)))
+    docking = await conversation.goal()
+    assert docking.goal == {"dock_id": "Charger1"}
+    conversation.end(docking)
+    interruption = asyncio.create_task(conversation.connection.interrupt())
+    conversation.end(await conversation.goal())
+    await interruption
+    with pytest.raises(RobotFailed, match="charging was interrupted"):
+        await charging
+
+
+@in_event_loop
+async def test_a_speed_limit_is_published_when_it_changes() -> None:
+    conversation = Conversation({"speed_limit": {}})
+    slow, fast = way((0, 0), (1, 0)), way((1, 0), (2, 0), first=1)
+    conversation.connection.follow((slow[0], structs.replace(slow[1], speed_limit=0.3), fast[1]))
+    limit = await conversation.request()
+    assert isinstance(limit, Publish)
+    assert (limit.topic, limit.message) == ("/r1/speed_limit", {"speed_limit": 0.3})
+    goal = await conversation.goal()
+    conversation.end(goal)
+    limit = await conversation.request()
+    assert isinstance(limit, Publish)
+    assert limit.message == {"speed_limit": 0.0}
+
+
+@in_event_loop
+async def test_a_bridge_that_ends_is_a_robot_that_cannot_be_reached() -> None:
+    conversation = Conversation({})
+    conversation.connection.follow(way((0, 0), (1, 0)))
+    goal = await conversation.goal()
+    conversation.session.disconnected()
+    assert conversation.witness.presence == [True, False]
+    conversation.session.handle(Ready())
+    opened = next(request for request in reversed(conversation.requests) if isinstance(request, OpenAction))
+    conversation.session.handle(ActionPresence(id=opened.id, present=True))
+    again = conversation.requests[-1]
+    assert isinstance(again, SendGoal)
+    assert (again.goal, again.id != goal.id) == (goal.goal, True)
+    assert conversation.witness.reasons == []
