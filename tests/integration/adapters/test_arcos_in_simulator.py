@@ -7,7 +7,19 @@ import contextlib
 from collections.abc import AsyncIterator
 
 from somrs.adapters.arcos.driver import Driver
-from somrs.adapters.arcos.events import Action, ActionDone, ActionFailed, Advance, Effect, Follow, Heard, MoveGripper, Passed, TurnTo
+from somrs.adapters.arcos.events import (
+    Action,
+    ActionDone,
+    ActionFailed,
+    Advance,
+    Effect,
+    Follow,
+    GaveUp,
+    Heard,
+    MoveGripper,
+    Passed,
+    TurnTo,
+)
 from somrs.adapters.arcos.line import RobotLine
 from somrs.adapters.arcos.messages import GripperCommand
 from somrs.adapters.arcos.odometry import Pose
@@ -97,5 +109,18 @@ def test_a_simulated_robot_picks_and_drops_by_arcos() -> None:
             await robot.act(MoveGripper(GripperCommand.OPEN))
             assert (await robot.operator.robots())["Robot1"].holding is None
             assert (await robot.operator.observe("Jar1")).support == "Table1"
+
+    run(test())
+
+
+def test_the_sonar_of_a_simulated_robot_stops_it_before_another_one() -> None:
+    async def test() -> None:
+        site = SITE.replace("at: [6, 1.5, 0]", "at: [5, 3.05, 0]")
+        async with simulator(1, site, WorldKind.KINEMATIC) as server, pioneer(server) as robot:
+            robot.line.give(Follow(way((3.0, 3.0), (6.0, 3.0))))
+            await wait_until(lambda: any(isinstance(effect, GaveUp) for effect in robot.effects))
+            (refusal,) = [effect for effect in robot.effects if isinstance(effect, GaveUp)]
+            assert "in the way" in refusal.description
+            assert 4.1 < (await robot.operator.robots())["Robot1"].x < 5.0 - 0.44
 
     run(test())

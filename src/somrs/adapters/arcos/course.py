@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from somrs.adapters.arcos.obstacles import MARGIN, SonarMap
+from somrs.adapters.arcos.obstacles import GAP, SonarMap
 from somrs.adapters.arcos.odometry import Pose, wrap
 from somrs.adapters.arcos.parameters import Parameters
 from somrs.adapters.arcos.steering import ALLOWANCE, STAND, Line, Speeds, line_speeds, speed_for, turn_speeds
@@ -95,8 +95,8 @@ class Course:
             return STAND
         self._aligning = False
         distance = self._stopping_distance(line, target, pose)
-        self.gap = sonar.gap(line, pose, distance, parameters.radius, now)
-        distance = max(distance, ARRIVED) if self.gap is None else self.gap - MARGIN
+        self.gap = sonar.gap(line, pose, distance, parameters.half_width, now)
+        distance = max(distance, ARRIVED) if self.gap is None else self.gap - GAP
         if distance <= 0:
             return STAND
         limit = target.speed_limit if target.speed_limit is not None else parameters.speed

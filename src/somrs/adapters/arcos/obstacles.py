@@ -13,8 +13,10 @@ FRESH = 1.5
 """Seconds for which an echo counts. Each of the discs fires at least three times a second."""
 LARGEST_RANGE = 2.5
 """Echoes from farther away are too uncertain to stop for, m."""
+GAP = 0.15
+"""The robot stops this far from an obstacle, m."""
 MARGIN = 0.05
-"""The robot stops this far from an obstacle, m, and takes what is at most so far beyond its goal for what it was sent to."""
+"""What is at most so much nearer than the robot comes, m, it was sent to."""
 
 
 class SonarMap:
@@ -36,15 +38,16 @@ class SonarMap:
             x, y = disc.x + distance * math.cos(disc.heading), disc.y + distance * math.sin(disc.heading)
             self._echoes[number] = pose.x + x * cosine - y * sine, pose.y + x * sine + y * cosine, now
 
-    def gap(self, line: Line, pose: Pose, distance: float, radius: float, now: float) -> float | None:
-        """How far the robot can drive along the line before it touches something, m; None if there is nothing within `distance`, m."""
+    def gap(self, line: Line, pose: Pose, distance: float, half_width: float, now: float) -> float | None:
+        """How far the robot can drive along the line before it touches something, m; None if there is nothing within `distance`, m.
+        `half_width`: of the robot, m, whose front is round."""
         direction = line.yaw + (math.pi if line.backward else 0.0)
         cosine, sine = math.cos(direction), math.sin(direction)
         gaps = []
         for x, y, time in self._echoes.values():
             dx, dy = x - pose.x, y - pose.y
             ahead, aside = dx * cosine + dy * sine, dy * cosine - dx * sine
-            if now - time <= FRESH and ahead > 0 and abs(aside) < radius:
-                gaps.append(ahead - math.sqrt(radius**2 - aside**2))
+            if now - time <= FRESH and ahead > 0 and abs(aside) < half_width:
+                gaps.append(ahead - math.sqrt(half_width**2 - aside**2))
         nearest = min(gaps, default=math.inf)
         return max(0.0, nearest) if nearest < distance - MARGIN else None

@@ -38,15 +38,15 @@ _REAR = (
 class Parameters(Struct, frozen=True, kw_only=True):
     """Factors from the robot's units to metres, radians and m/s, and the robot's body.
 
-    `radius`: of the circle around its centre that it needs, m. `axle`: the distance of its wheels, m. `speed`, `turning`: the largest
-    velocities, m/s and rad/s; `acceleration`, `turning_acceleration`: with which it brakes, m/s² and rad/s².
+    `half_width`: of the lane that it needs when it drives straight on, m. `axle`: the distance of its wheels, m. `speed`, `turning`: the
+    largest velocities, m/s and rad/s; `acceleration`, `turning_acceleration`: with which it brakes, m/s² and rad/s².
     """
 
     metres: float = 0.001
     radians: float = 2 * math.pi / 4096
     speed_metres: float = 0.001
     range_metres: float = 0.001
-    radius: float = 0.25
+    half_width: float = 0.21
     axle: float = 0.33
     sonar: tuple[SonarDisc, ...] = tuple(_disc(*place) for place in (*_FRONT, *_REAR))
     speed: float = 0.5
@@ -58,13 +58,13 @@ class Parameters(Struct, frozen=True, kw_only=True):
 TYPES = {
     "p3dx": Parameters(metres=0.000485),
     "p3dx-sh": Parameters(),
-    "p3at": Parameters(metres=0.000465, radius=0.5, axle=0.4),
-    "p3at-sh": Parameters(radius=0.5, axle=0.4),
+    "p3at": Parameters(metres=0.000465, half_width=0.25, axle=0.4),
+    "p3at-sh": Parameters(half_width=0.25, axle=0.4),
 }
 """Parameters by the subclass that a robot says when a session begins."""
 
 _NUMBER = re.compile(r"^\s*(\w+)\s+(-?[\d.]+(?:[eE][-+]?\d+)?)")
-_FACTORS = {"DistConvFactor": "metres", "VelConvFactor": "speed_metres", "RangeConvFactor": "range_metres", "RobotRadius": "radius"}
+_FACTORS = {"DistConvFactor": "metres", "VelConvFactor": "speed_metres", "RangeConvFactor": "range_metres"}
 
 
 def read_parameters(text: str, defaults: Parameters) -> Parameters:
@@ -82,6 +82,8 @@ def read_parameters(text: str, defaults: Parameters) -> Parameters:
             name, number = match[1], float(match[2])
             if name in _FACTORS:
                 changes[_FACTORS[name]] = number / 1000
+            elif name == "RobotWidth":
+                changes["half_width"] = number / 2000
             elif name == "AngleConvFactor":
                 changes["radians"] = _exact_angle(number)
     for field, number in changes.items():

@@ -155,6 +155,7 @@ def test_a_robot_stops_for_what_stands_in_its_way_and_goes_on_when_it_is_gone() 
     pioneer.give(Follow(way((0.0, 0.0), (4.0, 0.0))))
     assert pioneer.run(30, lambda: pioneer.body.place.x > 0.9 and pioneer.stands())
     assert pioneer.body.place.x < 2.0 - 0.2 - 0.25
+    assert pioneer.body.contact is None
     pioneer.body.obstacles = ()
     assert pioneer.run(60, lambda: Passed(2) in pioneer.effects)
 

@@ -16,7 +16,7 @@ AngleConvFactor 0.00153  ; radians per angular unit (2PI/4096)
 DistConvFactor 0.48500   ; multiplier to mm from robot units
 VelConvFactor 1.00000
 RangeConvFactor 0.268
-RobotRadius 250.00000    ; radius in mm
+RobotWidth 425.00000    ; width in mm
 Section Sonar parameters
 SonarNum 2
 SonarUnit 0 69 136 90
@@ -28,7 +28,7 @@ def test_a_file_has_factors_and_sonar() -> None:
     parameters = read_parameters(FILE, Parameters())
     assert parameters.metres == pytest.approx(0.000485)
     assert parameters.range_metres == pytest.approx(0.000268)
-    assert parameters.radius == 0.25
+    assert parameters.half_width == 0.2125
     assert [(disc.x, disc.y) for disc in parameters.sonar] == [(0.069, 0.136), (0.114, 0.119)]
 
 

@@ -154,11 +154,18 @@ class PlaneBody:
         return self.place.x + self.reach * math.cos(self.place.yaw), self.place.y + self.reach * math.sin(self.place.yaw)
 
 
-def echo_range(start: tuple[float, float], direction: float, obstacle: Obstacle) -> float:
-    """The range of the echo of an obstacle that a sonar disc hears at a point, in a direction, m; infinite if it hears none.
+def point_range(start: tuple[float, float], direction: float, point: tuple[float, float]) -> float:
+    """The range of the echo of a point that a sonar disc hears, m; infinite if it hears none.
 
-    A disc hears what is in a cone of `SONAR_CONE` to each side, and takes it for straight ahead.
+    A disc hears what is in a cone of `SONAR_CONE` to each side of its direction, and takes it for straight ahead.
     """
+    dx, dy = point[0] - start[0], point[1] - start[1]
+    aside = abs(math.remainder(math.atan2(dy, dx) - direction, 2 * math.pi))
+    return math.hypot(dx, dy) if aside <= SONAR_CONE else math.inf
+
+
+def echo_range(start: tuple[float, float], direction: float, obstacle: Obstacle) -> float:
+    """The range of the echo of a round obstacle, as `point_range`."""
     dx, dy = obstacle.x - start[0], obstacle.y - start[1]
     distance = math.hypot(dx, dy)
     if distance <= obstacle.radius:

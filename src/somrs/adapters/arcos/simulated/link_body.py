@@ -9,11 +9,11 @@ import math
 from collections.abc import AsyncIterator, Coroutine, Mapping
 from typing import Any
 
-from somrs.adapters.arcos.simulated.body import Obstacle, Place, echo_range
+from somrs.adapters.arcos.simulated.body import Place, point_range
 from somrs.adapters.arcos.simulated.firmware import Firmware
 from somrs.adapters.arcos.simulated.server import SimulatedRobot, serving_tcp
 from somrs.devices.link_security import link_credentials
-from somrs.devices.simulator.link.commands import CommandDone, RobotState
+from somrs.devices.simulator.link.commands import CommandDone, RobotState, Scan
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Mover
 from somrs.devices.simulator.link.link import OperatorLink, RobotLink, link_address
@@ -30,14 +30,16 @@ ASIDE = math.radians(20)
 """How far aside of where the robot looks a thing may be, rad."""
 SUPPORT_ASIDE = math.radians(80)
 """The same for the middle of a support, which may be wide, rad."""
-ROBOT_RADIUS = 0.22
-"""What echoes come from, m."""
+SCAN = Scan(rays=90, range=2.5)
+"""What sonar would hear: the nearest things around."""
+SCAN_PERIOD = 0.2
+"""Seconds between two scans."""
 STILL_BLOCKED = 0.5
 """Seconds for which the wheels count as blocked after the simulator said that something is in the way."""
 
 
 class World:
-    """Where everything is that can move, as the simulator tells its operator: what sonar and beams sense."""
+    """Where the things are, as the simulator tells its operator: what the beams of grippers sense."""
 
     def __init__(self, link: OperatorLink) -> None:
         self._link = link
@@ -59,15 +61,6 @@ class World:
                 log.info("the simulator is gone, and is waited for: %s", failure)
                 await asyncio.sleep(1.0)
 
-    def obstacles(self, robot: str) -> list[Obstacle]:
-        """The other robots on the floor of a robot, as discs."""
-        level = self._poses.get(robot, (0.0, 0.0, 0.0))[2]
-        return [
-            Obstacle(x=pose[0], y=pose[1], radius=ROBOT_RADIUS)
-            for name, pose in self._poses.items()
-            if name != robot and len(pose) in (4, 9) and abs(pose[2] - level) < 1.0
-        ]
-
     def things(self) -> Mapping[str, tuple[float, float]]:
         """The points of the things, by name."""
         return {name: (pose[0], pose[1]) for name, pose in self._poses.items() if len(pose) == 6}
@@ -86,6 +79,8 @@ class LinkBody:
         self._handling: asyncio.Task[None] | None = None
         self._charging: asyncio.Task[None] | None = None
         self._driving: set[asyncio.Task[None]] = set()
+        self._echoes: tuple[tuple[float, float], ...] = ()
+        """The points of the last scan."""
         self.contact: str | None = None
 
     @property
@@ -123,8 +118,21 @@ class LinkBody:
         place = self.place
         cosine, sine = math.cos(place.yaw), math.sin(place.yaw)
         start = place.x + x * cosine - y * sine, place.y + x * sine + y * cosine
-        obstacles = self._world.obstacles(self._link.robot)
-        return min((echo_range(start, place.yaw + heading, obstacle) for obstacle in obstacles), default=math.inf)
+        return min((point_range(start, place.yaw + heading, point) for point in self._echoes), default=math.inf)
+
+    async def listen(self) -> None:
+        """Keep measuring what is around, until cancelled."""
+        while True:
+            with contextlib.suppress(RobotGaveUp):
+                done = await self._link.scan(SCAN)
+                pose, rays = done.state, enumerate(done.ranges)
+                bearings = ((pose.yaw + (number + 0.5) * math.tau / SCAN.rays - math.pi, distance) for number, distance in rays)
+                self._echoes = tuple(
+                    (pose.x + distance * math.cos(bearing), pose.y + distance * math.sin(bearing))
+                    for bearing, distance in bearings
+                    if distance is not None
+                )
+            await asyncio.sleep(SCAN_PERIOD)
 
     def grip(self) -> None:
         thing = self._nearest(self._world.things())
@@ -200,6 +208,8 @@ async def simulated_robots(robots: Mapping[str, int], simulator: str) -> AsyncIt
             link = RobotLink(host, port, name, rate=20, map=map, outside=True, credentials=credentials)
             await stack.enter_async_context(link)
             body = LinkBody(link, world, (await link.status()).state)
+            listening = asyncio.create_task(body.listen())
+            stack.callback(listening.cancel)
             robot = SimulatedRobot(Firmware(body, name=name))
             addresses[name] = await stack.enter_async_context(serving_tcp(robot, tcp_port))
         yield addresses

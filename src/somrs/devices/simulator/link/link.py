@@ -129,7 +129,9 @@ class RobotLink(Link, CommandLink):
             raise RobotGaveUp("silent", f"{self.robot} has sent nothing for {self._silence:g} s", self.state)
         match await self._exchange(lambda id: Order(id=id, command=command)):
             case OrderDone() as done:
-                return CommandDone(state=done.state, object_states=done.object_states, sightings=done.sightings, clear=done.clear)
+                return CommandDone(
+                    state=done.state, object_states=done.object_states, sightings=done.sightings, clear=done.clear, ranges=done.ranges
+                )
             case OrderGivenUp(reason=reason, description=description, state=state, object_states=object_states):
                 raise RobotGaveUp(reason, description, state, object_states)
             case Refused(description=description):
