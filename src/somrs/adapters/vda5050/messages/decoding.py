@@ -177,7 +177,7 @@ class _Reader:
             case inspect.VarTupleType():
                 return []
             case inspect.StructType(cls=cls) if cls.__module__ == FACTSHEET:
-                return self.struct({}, cls, f"{path}.{name}")
+                return _Reader(self.version).struct({}, cls, f"{path}.{name}")
             case inspect.FloatType() | inspect.IntType() if owner.__module__ == FACTSHEET:
                 return 0
             case inspect.StrType() if owner.__module__ == FACTSHEET:
