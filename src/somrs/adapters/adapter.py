@@ -35,6 +35,14 @@ class Adapter(Protocol):
     def names(self) -> Collection[str]:
         """The objects of the map that it serves, as far as the settings name them: no other program is started for them."""
 
+    @property
+    def simulated(self) -> Collection[str]:
+        """The robots and things of the simulator that `simulate` puts behind the protocol, by their names on the map."""
+
+    async def simulate(self, simulator: str) -> None:
+        """Be the other end of the protocol for these, with the simulator at this address, until it is cancelled. It runs in a process of
+        its own."""
+
     async def run(self, fleet: Fleet) -> None:
         """Connect, and add a device for each robot or thing, until it is cancelled. That a broker or a robot is not there yet is no
         error: it is tried again."""

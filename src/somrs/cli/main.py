@@ -146,6 +146,11 @@ def up(
     secure: Secure = SECURE,
     oidc: Oidc = None,
     certificates: Certificates = None,
+    vda5050: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Control the VDA 5050 vehicles at this broker, such as mqtt://HOST:1883.", show_default=False),
+    ] = None,
+    arcos: Annotated[bool, typer.Option("--arcos", help="Drive the Pioneer robots of the simulator by ARCOS.")] = False,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import run_system, site_to_run
@@ -178,6 +183,8 @@ def up(
             secure=secure,
             oidc=oidc,
             certificates=certificates,
+            adapters={"vda5050": {"broker": vda5050}} if vda5050 is not None else {},
+            arcos=arcos,
         )
 
     awaited(run_system(sources, data, make_system, fresh=fresh))

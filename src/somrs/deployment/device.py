@@ -48,6 +48,7 @@ from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
 from somrs.service_manager.sdk.service_runner import carry_out
 from somrs.service_manager.sdk.tasks import TaskSubmitter
 from somrs.storage.journal import Journal
+from somrs.trust.credentials import Credentials
 
 log = logging.getLogger(__name__)
 
@@ -71,11 +72,11 @@ def last_port(journal: Journal) -> int:
     return urlsplit(journal.address).port or 0
 
 
-async def listen(host: str, port: int, name: str, bus: BusAddress | None = None) -> Host:
+async def listen(host: str, port: int, name: str, bus: BusAddress | None = None, credentials: Credentials | None = None) -> Host:
     """Listen on the bus, or else at the port of the last run if it is free: coordinators that have a contract know the device by that
     address. After a run on a bus, it is the port of the bus's gateway, and may be reserved for another program."""
     for candidate in dict.fromkeys((0 if is_reserved(port) else port, 0)):
-        runtime = Host(host, candidate, bus=bus)
+        runtime = Host(host, candidate, bus=bus, credentials=credentials)
         try:
             await runtime.start()
         except (OSError, SystemExit, RemoteError, InputError):
@@ -303,7 +304,7 @@ def load(driver: str) -> type[Device]:
     if not separator or not module_name or not name:
         raise DeviceError(f"{driver!r} does not name a device class: write module:Class or file.py:Class")
     try:
-        module = _module_in(Path(module_name)) if module_name.endswith(".py") else importlib.import_module(module_name)
+        module = module_in(Path(module_name)) if module_name.endswith(".py") else importlib.import_module(module_name)
     except (ImportError, OSError, SyntaxError) as error:
         raise DeviceError(f"{driver}: {module_name} cannot be imported: {error}") from error
     kind = getattr(module, name, None)
@@ -313,7 +314,8 @@ def load(driver: str) -> type[Device]:
     return kind
 
 
-def _module_in(file: Path) -> ModuleType:
+def module_in(file: Path) -> ModuleType:
+    """Import a Python file. Raises ImportError or OSError."""
     spec = importlib.util.spec_from_file_location(file.stem, file)
     if spec is None or spec.loader is None:
         raise ImportError(f"{file} is not a Python file")

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextvars import ContextVar
+from functools import partial
 from pathlib import Path
 
 from somrs.client.addresses import Addresses
@@ -19,6 +20,8 @@ from somrs.deployment.shared_map import MAPS, SharedMap
 from somrs.errors import DeviceError, SomrsError
 from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.host import Host
+from somrs.service_manager.sdk.device import Device
+from somrs.trust.credentials import Credentials
 
 log = logging.getLogger(__name__)
 
@@ -33,8 +36,8 @@ class Listeners:
     port.
     """
 
-    def __init__(self, address: str, bus: BusAddress | None = None) -> None:
-        self._address, self._bus = address, bus
+    def __init__(self, address: str, bus: BusAddress | None = None, credentials: Credentials | None = None) -> None:
+        self._address, self._bus, self._credentials = address, bus, credentials
         self._hosts: dict[int, Host] = {}
         """By the ports at which they listen, and by those at which they could not."""
         self._lock = asyncio.Lock()
@@ -52,7 +55,7 @@ class Listeners:
             if (port == 0 or self._bus is not None) and self._hosts:
                 return next(iter(self._hosts.values()))
             if port not in self._hosts:
-                host = await listen(self._address, port, name, self._bus)
+                host = await listen(self._address, port, name, self._bus, self._credentials)
                 self._hosts |= {port: host, host.port: host} if port else {host.port: host}
             return self._hosts[port] if port else next(iter(self._hosts.values()))
 
@@ -61,11 +64,11 @@ class Listeners:
 
 
 class HostedDevice:
-    """A device that is started again whenever it fails, until its task is cancelled."""
+    """A device that is started again whenever it fails, until its task is cancelled. `make`: makes it for each start."""
 
-    def __init__(self, name: str, driver: str, data: Path, addresses: Addresses, listeners: Listeners) -> None:
+    def __init__(self, name: str, make: Callable[[], Device], data: Path, addresses: Addresses, listeners: Listeners) -> None:
         self.name = name
-        self._driver, self._data, self._addresses, self._listeners = driver, data, addresses, listeners
+        self._make, self._data, self._addresses, self._listeners = make, data, addresses, listeners
         self.first_start: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         """Its address, or why it did not start."""
         self.starts = 0
@@ -97,12 +100,12 @@ class HostedDevice:
             self.first_start.set_exception(error)
 
     async def _run_until_broken(self) -> None:
-        driver, world = load(self._driver), self._addresses.simulator or self._addresses.world
+        device = self._make()
         journal = device_journal(self._data, self.name)
         try:
             host = await self._listeners.find(last_port(journal), self.name)
             shared_map = self._listeners.share_map(host, self.name, self._addresses.repository)
-            runner = DeviceRunner(driver(self.name, world), self._addresses, self._data, host, journal=journal, shared_map=shared_map)
+            runner = DeviceRunner(device, self._addresses, self._data, host, journal=journal, shared_map=shared_map)
             try:
                 address = await runner.start()
                 self._last_failure = ""
@@ -116,6 +119,11 @@ class HostedDevice:
             journal.close()
 
 
+def _make(driver: str, name: str, world: str | None) -> Device:
+    """Make a device of the class that a driver names. Raises DeviceError."""
+    return load(driver)(name, world)
+
+
 async def serve_devices(drivers: Mapping[str, str], addresses: Addresses, data: Path, address: str = "127.0.0.1") -> None:
     """Run the devices, which have these drivers by their names, until this process receives SIGTERM or SIGINT.
 
@@ -123,7 +131,8 @@ async def serve_devices(drivers: Mapping[str, str], addresses: Addresses, data: 
     """
     give_devices_a_certificate(drivers, addresses, address)
     listeners = Listeners(address, addresses.bus)
-    devices = [HostedDevice(name, driver, data, addresses, listeners) for name, driver in drivers.items()]
+    world = addresses.simulator or addresses.world
+    devices = [HostedDevice(name, partial(_make, driver, name, world), data, addresses, listeners) for name, driver in drivers.items()]
     running = [asyncio.create_task(device.run()) for device in devices]
     try:
         starts = await asyncio.gather(*(device.first_start for device in devices), return_exceptions=True)

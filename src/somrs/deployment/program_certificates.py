@@ -33,6 +33,7 @@ _ROLES = {
     "traffic": Role.TRAFFIC,
     "simulator": Role.TRAFFIC,
     "devices": Role.DEVICE,
+    "adapter": Role.DEVICE,
     "scheduler": Role.SCHEDULER,
     "api": Role.API,
 }
@@ -67,13 +68,21 @@ def certificates_of_programs(
 def give_devices_a_certificate(names: Collection[str], addresses: Addresses, host: str) -> None:
     """Have this process use a certificate with which it may speak for these devices, if the system has some, this process has none, and it
     may read the data folder. Raises UsageError if that certificate cannot be made."""
+    certificate = certificate_of_devices(names, addresses, host) if VARIABLE not in os.environ else None
+    if certificate is not None:
+        os.environ[VARIABLE] = str(certificate)
+
+
+def certificate_of_devices(names: Collection[str], addresses: Addresses, host: str) -> Path | None:
+    """The file of a new certificate with which a program may speak for these devices; None if the system has none, or if this process may
+    not read the data folder. Raises UsageError if it cannot be made."""
     folder = Path(addresses.trust) if addresses.trust is not None else None
-    if folder is None or VARIABLE in os.environ or not os.access(folder / "authority.key", os.R_OK):
-        return
+    if folder is None or not os.access(folder / "authority.key", os.R_OK):
+        return None
     from somrs.trust.authority import Authority  # as above
 
     name, *further = names
-    os.environ[VARIABLE] = str(ProgramCertificates(Authority(folder), host, "").of_devices(name, further))
+    return ProgramCertificates(Authority(folder), host, "").of_devices(name, further)
 
 
 def give_simulator_a_certificate(repositories: Sequence[str], data: Path, host: str) -> None:

@@ -6,9 +6,11 @@ import asyncio
 import contextlib
 import logging
 import signal
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import msgspec
 from msgspec.structs import replace
@@ -28,13 +30,14 @@ from somrs.deployment.private_files import discard, make_private
 from somrs.deployment.program import Program
 from somrs.deployment.program_certificates import ProgramCertificates, certificates_of_programs
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, has_windows
+from somrs.deployment.site_adapters import SiteAdapters
 from somrs.deployment.task_managers import task_manager_count
 from somrs.deployment.watchdog import BEAT_VARIABLE
 from somrs.devices.link_security import SCHEME
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import SomrsError, UsageError
 from somrs.limits import limits
-from somrs.ports import Reservation, check_address, until_listening
+from somrs.ports import RESERVED, Reservation, check_address, until_listening
 from somrs.runtime.bus_address import BusAddress
 from somrs.storage.locking import is_in_use
 from somrs.storage.log_files import empty_if_full
@@ -45,10 +48,10 @@ log = logging.getLogger(__name__)
 SITE_FILE = "site.json"
 """File in the data folder: the site files from which its map was made."""
 
-REGISTRY, TASK_MANAGER, DEVICES = "registry", "task-manager", "devices"
+REGISTRY, TASK_MANAGER, DEVICES, ADAPTER = "registry", "task-manager", "devices", "adapter"
 """Commands of `somrs run` of which a system may have several programs."""
 
-BUS, GATEWAY = "bus", "gateway"
+BUS, GATEWAY, BROKER = "bus", "gateway", "broker"
 """Commands of `somrs run` on which all others rely, if the system is on a bus."""
 
 _SETTINGS = {"SOMRS_BUS", "SOMRS_OIDC", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS", VARIABLE}
@@ -97,6 +100,8 @@ class System:
     `bus`: the URLs of the NATS servers on which the components are, `OWN_BUS` for one that is started with them, None for no bus; `name`:
     the site's name there.
     `neighbours`: the file of the neighbours of Registry and Repository; None: they have none.
+    `adapters`: the settings of adapters, by their names, besides those of the site's files; `arcos`: the Pioneer robots of the map are
+    driven by ARCOS, which the simulator speaks for them.
     `drivers`: programs of devices besides those of SO-MRS and those that the types of the site's files name.
     `secure`: people and programs say who they are at the API and the windows. `certificates`: see `certificates_of_programs`.
     `oidc`: the file of the provider at which people sign in; None: there is none.
@@ -126,6 +131,8 @@ class System:
         secure: bool = True,
         certificates: bool | None = None,
         oidc: Path | None = None,
+        adapters: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+        arcos: bool = False,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
         self._bus, self._name, self._first_port, self._listed = bus, name, first_port, False
@@ -136,6 +143,7 @@ class System:
         self._oidc = oidc.resolve() if oidc is not None else None
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._device_programs = DevicePrograms(self.site, drivers)
+        self._adapters = SiteAdapters(self.site, data, host, adapters, with_arcos=arcos)
         self.problems: list[str] = []
         """What was left out at the start, and why, for people."""
         self._reservation: Reservation | None = None
@@ -199,7 +207,9 @@ class System:
         await self._start("repository", *entrance, *site, *neighbours)
         async with Client(self.addresses) as client:
             ontology, map = await client.ontology(), await client.map()
-        driven = self._selected(await asyncio.to_thread(self._device_programs.select, devices(map, ontology)))
+        adapted = await asyncio.to_thread(self._adapters.prepare, map, ontology)
+        own_devices = [device for device in devices(map, ontology) if device[0] not in adapted]
+        driven = self._selected(await asyncio.to_thread(self._device_programs.select, own_devices))
         bodiless = is_symbolic(driven)
         driven = self._selected(of_one_world(driven, symbolic=bodiless))
         world_address = self._address_of_world(map.name if not bodiless else "") or ports.world
@@ -228,7 +238,10 @@ class System:
         await asyncio.gather(*first)
         if self._world_address is not None:
             await until_listening(self._world_address)
+        if self._adapters.needs_broker:
+            await self._start(BROKER, "--port", str(self._adapters.broker_port))
         device_starts = [self._start_devices(group) for group in group_devices(driven, self._devices_per_process)]
+        device_starts += [self._start_adapter(label, arguments) for label, arguments in self._adapters.programs()]
         access = "--secure" if self.secure else "--insecure"
         clients = [
             self._start("scheduler", "--port", str(ports[Part.SCHEDULER])),
@@ -303,6 +316,13 @@ class System:
         except UsageError as error:
             self._report_problem(f"{group.name} did not start: {error}")
 
+    async def _start_adapter(self, label: str, arguments: Sequence[str]) -> None:
+        """Start the program of an adapter, or of its other end. One that ends is no reason for the others to stop."""
+        try:
+            await self._start(ADAPTER, *arguments, label=label)
+        except UsageError as error:
+            self._report_problem(f"{label} did not start: {error}")
+
     async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
         """Start a program, and wait until it is ready."""
         name = label or command
@@ -318,6 +338,7 @@ class System:
     async def _process(self, arguments: list[str], output: Path, beat_file: Path) -> Process:
         assert self._reservation is not None, "made before the first program is started"
         environment = {name: value for name, value in self._reservation.environment.items() if name not in _SETTINGS}
+        environment[RESERVED] = ",".join([environment[RESERVED], *map(str, self._adapters.ports)])
         beat_file.unlink(missing_ok=True)
         if self._certificates is not None:
             environment |= self._certificates.environment(output.stem, arguments)
@@ -385,7 +406,8 @@ class System:
     async def stop(self) -> None:
         """Stop all programs: devices first, so that they can leave in order."""
         running = [program for program in reversed(self.programs.values()) if program.process.returncode is None]
-        devices, bus = ([program for program in running if program.arguments[1] in commands] for commands in ({DEVICES}, {BUS, GATEWAY}))
+        leaving, serving = {DEVICES, ADAPTER}, {BUS, GATEWAY, BROKER}
+        devices, bus = ([program for program in running if program.arguments[1] in commands] for commands in (leaving, serving))
         core = [program for program in running if program not in devices and program not in bus]
         for group in (devices, core, bus):
             still_running = [program for program in group if program.process.returncode is None]
@@ -394,6 +416,7 @@ class System:
                     program.process.send_signal(signal.SIGTERM)
             await asyncio.gather(*(program.end() for program in still_running))
         await self._launcher.stop()
+        self._adapters.close()
         if self._reservation is not None:
             self._reservation.close()
         if self._listed:

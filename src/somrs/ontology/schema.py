@@ -153,6 +153,9 @@ class File(_Entry):
     services: dict[str, ServiceEntry] = {}
     map: str | None = Field(None, description="The map's name")
     objects: dict[str, ObjectEntry] = Field({}, description="The map's objects; exactly one, the root, contains all others")
+    adapters: dict[str, dict[str, Any]] = Field(
+        {}, description="The adapters that connect robots and things of the site, such as vda5050, with their settings"
+    )
     facts: list[str] = Field([], description="Relations that hold between objects, such as Jar002 isOn Cupboard001")
 
 

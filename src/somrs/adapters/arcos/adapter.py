@@ -10,6 +10,7 @@ from typing import Any
 from somrs.adapters.adapter import Fleet
 from somrs.adapters.arcos.robot import ArcosRobot
 from somrs.adapters.arcos.settings import read_settings, robot_parameters
+from somrs.adapters.arcos.simulated.link_body import serve_simulated
 
 
 class ArcosAdapter:
@@ -22,6 +23,13 @@ class ArcosAdapter:
     @property
     def names(self) -> Collection[str]:
         return self._robots.keys()
+
+    @property
+    def simulated(self) -> Collection[str]:
+        return [name for name, robot in self._robots.items() if robot.simulated]
+
+    async def simulate(self, simulator: str) -> None:
+        await serve_simulated({name: int(self._robots[name].port.rpartition(":")[2]) for name in self.simulated}, simulator)
 
     async def run(self, fleet: Fleet) -> None:
         for name, settings in self._robots.items():

@@ -32,8 +32,8 @@ from somrs.adapters.arcos.odometry import Pose
 from somrs.adapters.arcos.parameters import Parameters
 from somrs.adapters.arcos.settings import RobotSettings
 from somrs.devices.road_robot import CarryingRobot, RobotFailed, Way
+from somrs.devices.simulator.drivers.simulated import number_of
 from somrs.errors import UsageError
-from somrs.ontology.types import Value
 
 SPARE = 0.1
 """How much farther than the map has it a thing may be, m."""
@@ -157,7 +157,7 @@ class ArcosRobot(CarryingRobot):
         if not rows:
             raise RobotFailed(f"the map does not say where {name} is")
         pose = self._open_line().driver.pose
-        dx, dy = _number(rows[0]["X"]) - pose.x, _number(rows[0]["Y"]) - pose.y
+        dx, dy = number_of(rows[0]["X"]) - pose.x, number_of(rows[0]["Y"]) - pose.y
         await self._act(TurnTo(math.atan2(dy, dx)))
         return math.hypot(dx, dy)
 
@@ -181,10 +181,4 @@ class ArcosRobot(CarryingRobot):
         if not rows:
             raise UsageError(f"adapters: arcos: robots: {self.name}: the map does not say where it stands: give `start: [x, y, degrees]`")
         turned = await self.map.query(f"{self.name}.RotationZ = ?Yaw", limit=1)
-        return Pose(x=_number(rows[0]["X"]), y=_number(rows[0]["Y"]), yaw=_number(turned[0]["Yaw"]) if turned else 0.0)
-
-
-def _number(value: Value) -> float:
-    """A length or an angle of the map, in metres or radians."""
-    assert isinstance(value, int | float), "positions and rotations are numbers"
-    return float(value)
+        return Pose(x=number_of(rows[0]["X"]), y=number_of(rows[0]["Y"]), yaw=number_of(turned[0]["Yaw"]) if turned else 0.0)

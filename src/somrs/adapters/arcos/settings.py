@@ -23,6 +23,7 @@ class RobotSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     its program starts, as x and y in metres and the direction in degrees; None: where the map has it. `parameters`: the parameter file of
     the robot; None: the type that the robot says it is. `speed`: with which it drives at most, m/s. `reach`: from its centre to the middle
     of the paddles, m. `battery`: the voltages of the empty and of the full battery. `dock`: whether it has contacts for a charger.
+    `simulated`: a robot of the simulator answers at this port, which has to be one of TCP.
     """
 
     port: str
@@ -33,6 +34,7 @@ class RobotSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     reach: float = 0.35
     battery: Battery = Battery()
     dock: bool = False
+    simulated: bool = False
 
     @property
     def pose(self) -> Pose | None:

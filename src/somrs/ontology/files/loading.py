@@ -41,12 +41,21 @@ _POSITION = ("PositionX", "PositionY", "PositionZ")
 
 
 @dataclass(frozen=True, slots=True)
+class AdapterEntry:
+    """What a file has of an adapter: its settings, and the folder of the file."""
+
+    settings: Mapping[str, Any]
+    folder: FilePath
+
+
+@dataclass(frozen=True, slots=True)
 class LoadedModel:
-    """The content of files: the ontology, including its base, and the map, if there is one."""
+    """The content of files: the ontology, including its base, the map, if there is one, and the adapters by name."""
 
     ontology: Ontology
     map: Map | None
     places: Mapping[str, _Place] = field(default_factory=dict, repr=False, compare=False)
+    adapters: Mapping[str, AdapterEntry] = field(default_factory=dict, compare=False)
 
     def written(self, object: str) -> tuple[str, int | None]:
         """The file and the line where an object is defined."""
@@ -122,6 +131,7 @@ class _Reading:
     facts: dict[Fact, None] = field(default_factory=dict)
     has_map: bool = False
     map_file: Source | None = None
+    adapters: dict[str, AdapterEntry] = field(default_factory=dict)
 
     def sources(self, paths: list[FilePath]) -> list[Source]:
         """The files, each once; a file comes after those that it uses."""
@@ -170,6 +180,7 @@ class _Reading:
             self._report(violation)
         for source in good:
             self._map(source, ontology)
+            self._adapters(source)
         map = Map(self.objects.values(), self.facts, _map_name(self.map_file))
         if self.has_map:
             for violation in violations(map, ontology):
@@ -177,7 +188,7 @@ class _Reading:
         if self.problems:
             order = {source.file: index for index, source in enumerate(sources)}
             raise ModelError(sorted(dict.fromkeys(self.problems), key=lambda p: (order.get(p.file, -1), p.line or 0)))
-        return LoadedModel(ontology, map if self.has_map else None, self.places)
+        return LoadedModel(ontology, map if self.has_map else None, self.places, self.adapters)
 
     def _report(self, violation: Violation) -> None:
         """Report the violation with its line, unless it only follows from a problem that is already reported."""
@@ -206,6 +217,17 @@ class _Reading:
         self.problems.extend(problems)
         self.broken |= broken
         return isinstance(source.data, dict)
+
+    # Adapters
+
+    def _adapters(self, source: Source) -> None:
+        entries = source.data.get("adapters")
+        for name, settings in entries.items() if isinstance(entries, dict) else ():
+            if name in self.adapters:
+                message = "is in another file of the site already; write all settings of an adapter in one file"
+                self._problem(_Place(source, ("adapters", name)), name, "duplicate", message)
+            elif isinstance(settings, dict):
+                self.adapters[name] = AdapterEntry(settings, FilePath(source.file).parent)
 
     # Ontologies
 

@@ -10,6 +10,7 @@ import tty
 from collections.abc import AsyncIterator, Callable
 
 from somrs.adapters.arcos.simulated.firmware import Firmware
+from somrs.ports import listen_at
 
 STEP = 0.02
 """Seconds between two steps of a controller."""
@@ -75,7 +76,7 @@ class SimulatedRobot:
 @contextlib.asynccontextmanager
 async def serving_tcp(robot: SimulatedRobot, port: int = 0, host: str = "127.0.0.1") -> AsyncIterator[str]:
     """Run a controller behind a TCP port; yields its address for the settings, `tcp://...`. Port 0: any."""
-    server = await asyncio.start_server(robot.converse, host, port)
+    server = await asyncio.start_server(robot.converse, sock=listen_at(host, port))
     running = asyncio.create_task(robot.run())
     try:
         yield f"tcp://{host}:{server.sockets[0].getsockname()[1]}"

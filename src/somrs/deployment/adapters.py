@@ -1,0 +1,216 @@
+"""The adapters of a site: which there are, with what settings, and the programs that run them.
+
+A site file names them under `adapters:`; options of `somrs up` add to it. What the system has put together is in a file of the data folder,
+from which the programs read it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import logging
+import os
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+from msgspec import Struct
+
+from somrs.client.addresses import Addresses
+from somrs.deployment.device_host import HostedDevice, Listeners, name_device
+from somrs.deployment.program_certificates import certificate_of_devices, give_devices_a_certificate
+from somrs.deployment.programs import run_program, until_stopped
+from somrs.errors import InputError, RemoteError, UsageError
+from somrs.service_manager.sdk.device import Device
+from somrs.trust.credentials import VARIABLE, Credentials
+
+if TYPE_CHECKING:
+    from somrs.adapters.adapter import Adapter
+
+log = logging.getLogger(__name__)
+
+FILE = "adapters.json"
+"""The file of the data folder with the adapters of the system."""
+
+OWN = {
+    "arcos": "somrs.adapters.arcos.adapter:ArcosAdapter",
+    "ros2": "somrs.adapters.ros2.adapter:Ros2Adapter",
+    "things": "somrs.adapters.things.adapter:ThingsAdapter",
+    "vda5050": "somrs.adapters.vda5050.adapter:Vda5050Adapter",
+}
+"""The adapters of SO-MRS, by name. Sites name others as `module:Class` or `file.py:Class`."""
+
+
+class AdapterSettings(Struct, frozen=True):
+    """An adapter, the settings that it is made with, and the folder to which paths in them refer."""
+
+    name: str
+    settings: dict[str, Any]
+    folder: str
+
+    def make(self) -> Adapter:
+        """Make the adapter. Raises InputError."""
+        adapter: Adapter = adapter_class(self.name, Path(self.folder))(self.settings, Path(self.folder))
+        return adapter
+
+
+def adapter_class(name: str, folder: Path) -> type[Any]:
+    """The class of an adapter. Raises UsageError."""
+    driver = OWN.get(name, name)
+    module_name, separator, class_name = driver.rpartition(":")
+    if not separator:
+        raise UsageError(
+            f"adapters: there is no adapter {name}; there are {', '.join(OWN)}, and those written as module:Class or file.py:Class"
+        )
+    try:
+        if module_name.endswith(".py"):
+            from somrs.deployment.device import module_in
+
+            module = module_in(folder / module_name)
+        else:
+            module = importlib.import_module(module_name)
+    except ModuleNotFoundError as error:
+        advice = f"pip install 'somrs[{name}]'" if name in OWN else "correct its name"
+        raise UsageError(f"adapters: {name} cannot be loaded: {error}; {advice}") from error
+    except (ImportError, OSError, SyntaxError) as error:
+        raise UsageError(f"adapters: {name} cannot be loaded: {error}") from error
+    kind = getattr(module, class_name, None)
+    if not isinstance(kind, type):
+        raise UsageError(f"adapters: {name}: {module_name} has no class {class_name}")
+    return kind
+
+
+def adapters_of(site: Sequence[Path], chosen: Mapping[str, Mapping[str, Any]]) -> list[AdapterSettings]:
+    """The adapters of the site's files, and those of the command line, whose settings come before those of a file. Raises InputError."""
+    from somrs.ontology.files.loading import load
+
+    try:
+        entries = load(site).adapters if site else {}
+    except InputError:  # the map of an earlier run needs the files no more
+        entries = {}
+    names = dict.fromkeys([*entries, *chosen])
+    adapters = []
+    for name in names:
+        entry = entries.get(name)
+        settings = {**(entry.settings if entry is not None else {}), **chosen.get(name, {})}
+        adapters.append(AdapterSettings(name, settings, str((entry.folder if entry is not None else Path()).resolve())))
+    return adapters
+
+
+def store_adapters(adapters: Collection[AdapterSettings], data: Path) -> None:
+    """Keep the adapters for their programs. Nobody else reads the file: it may have passwords of brokers."""
+    file = data / FILE
+    file.touch(mode=0o600)
+    file.write_bytes(msgspec.json.encode([*adapters]))
+
+
+def stored_adapter(name: str, data: Path) -> AdapterSettings:
+    """Raises UsageError if the system has no such adapter."""
+    try:
+        adapters = msgspec.json.decode((data / FILE).read_bytes(), type=list[AdapterSettings])
+    except (OSError, msgspec.DecodeError) as error:
+        raise UsageError(f"{data / FILE} cannot be read: {error}; start the system with `somrs up`") from None
+    for adapter in adapters:
+        if adapter.name == name:
+            return adapter
+    raise UsageError(f"the system has no adapter {name}; it has {', '.join(adapter.name for adapter in adapters) or 'none'}")
+
+
+class HostedFleet:
+    """The devices of an adapter in this process. `names`: those for which the process has a certificate; others get one of their own."""
+
+    def __init__(self, addresses: Addresses, data: Path, address: str, names: Collection[str]) -> None:
+        self._addresses, self._data, self._address, self._names = addresses, data, address, frozenset(names)
+        self._listeners = Listeners(address, addresses.bus)
+        self._credentials = os.environ.get(VARIABLE)
+        self._running: dict[str, asyncio.Task[None]] = {}
+        self._own_listeners: dict[str, Listeners] = {}
+
+    def add(self, device: Device) -> None:
+        earlier = self._running.get(device.name)
+        device.simulator = self._addresses.simulator or self._addresses.world
+        hosted = HostedDevice(device.name, lambda: device, self._data, self._addresses, self._listeners_for(device.name))
+        hosted.first_start.add_done_callback(lambda start: start.cancelled() or start.exception())
+        self._running[device.name] = asyncio.create_task(self._run(hosted, earlier))
+
+    async def _run(self, hosted: HostedDevice, earlier: asyncio.Task[None] | None) -> None:
+        if earlier is not None:
+            earlier.cancel()
+            await asyncio.wait({earlier})
+        await hosted.run()
+
+    def _listeners_for(self, name: str) -> Listeners:
+        """The ports at which a device listens: those of all, or its own, where it proves who it is with a certificate of its own."""
+        if self._credentials is None or name in self._names:
+            return self._listeners
+        if name not in self._own_listeners:
+            certificate = certificate_of_devices([name], self._addresses, self._address)
+            credentials = Credentials(certificate) if certificate is not None else None
+            self._own_listeners[name] = Listeners(self._address, self._addresses.bus, credentials)
+        return self._own_listeners[name]
+
+    async def remove(self, name: str) -> None:
+        task = self._running.pop(name, None)
+        if task is not None:
+            task.cancel()
+            await asyncio.wait({task})
+
+    async def map_names(self, type: str) -> list[str]:
+        from somrs.client.client import Client
+
+        while True:
+            try:
+                async with Client(self._addresses) as client:
+                    ontology, map = await client.ontology(), await client.map()
+            except RemoteError:
+                await asyncio.sleep(1.0)
+            else:
+                return sorted(name for name, object in map.objects.items() if ontology.is_subtype(object.type, type))
+
+    async def close(self) -> None:
+        tasks = [*self._running.values()]
+        for task in tasks:
+            task.cancel()
+        if tasks:
+            await asyncio.wait(tasks)
+        await asyncio.gather(*(listeners.stop() for listeners in (self._listeners, *self._own_listeners.values())))
+
+
+async def serve_adapter(name: str, addresses: Addresses, data: Path, address: str) -> None:
+    """Run an adapter until this process is asked to stop. Raises InputError."""
+    adapter = stored_adapter(name, data).make()
+    if adapter.names:
+        give_devices_a_certificate([*adapter.names], addresses, address)
+    fleet = HostedFleet(addresses, data, address, adapter.names)
+    await _until_stopped(name, asyncio.create_task(adapter.run(fleet)))
+    await fleet.close()
+
+
+async def serve_simulated(name: str, addresses: Addresses, data: Path) -> None:
+    """Be the other end of an adapter for robots of the simulator, until this process is asked to stop. Raises InputError."""
+    adapter = stored_adapter(name, data).make()
+    if addresses.simulator is None:
+        raise UsageError(f"the adapter {name} puts robots of the simulator behind its protocol, and this system has no simulator")
+    await _until_stopped(f"{name}-simulated", asyncio.create_task(adapter.simulate(addresses.simulator)))
+
+
+async def _until_stopped(name: str, work: asyncio.Task[None]) -> None:
+    """Wait until this process is asked to stop. Raises what ends the work before."""
+    stopping = asyncio.create_task(until_stopped(name))
+    await asyncio.wait({stopping, work}, return_when=asyncio.FIRST_COMPLETED)
+    if stopping.done():
+        work.cancel()
+        await asyncio.wait({work})
+        return
+    stopping.cancel()
+    work.result()
+    raise UsageError(f"the adapter {name} has ended by itself")
+
+
+def run_adapter(name: str, addresses: Addresses, data: Path, address: str, *, is_simulated: bool) -> None:
+    """Run an adapter, or the other end of it. Each line of the log begins with the device that it is about."""
+    handler = logging.StreamHandler()
+    handler.addFilter(name_device)
+    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
+    run_program(serve_simulated(name, addresses, data) if is_simulated else serve_adapter(name, addresses, data, address))

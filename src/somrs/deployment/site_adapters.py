@@ -1,0 +1,87 @@
+"""Which programs a system starts for the adapters of its site."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from msgspec import structs
+
+from somrs.ontology.map import Map
+from somrs.ontology.types import Ontology
+from somrs.ports import Reservation
+
+if TYPE_CHECKING:
+    from somrs.adapters.adapter import Adapter
+    from somrs.deployment.adapters import AdapterSettings
+
+OWN_BROKER = "own"
+"""The broker that is started with the system."""
+
+PIONEER = "PioneerP3DX"
+"""The type of the robots that the simulator drives by ARCOS, if it is to."""
+
+
+class SiteAdapters:
+    """The adapters of a system. `chosen`: settings by name, besides those of the files. `with_arcos`: the Pioneer robots of the map are
+    driven by ARCOS."""
+
+    def __init__(self, site: Sequence[Path], data: Path, host: str, chosen: Mapping[str, Mapping[str, Any]], *, with_arcos: bool) -> None:
+        self._site, self._data, self._host, self._chosen, self._with_arcos = site, data, host, chosen, with_arcos
+        self._adapters: dict[str, Adapter] = {}
+        self._reservation: Reservation | None = None
+        self.needs_broker = False
+        """Whether a broker is to be started."""
+        self.broker_port = 0
+
+    def prepare(self, map: Map, ontology: Ontology) -> set[str]:
+        """Read the settings, and make what the programs read. Returns the objects of the map that adapters serve. Raises InputError."""
+        from somrs.deployment.adapters import adapters_of, store_adapters
+
+        chosen = dict(self._chosen)
+        pioneers = [name for name, object in sorted(map.objects.items()) if ontology.is_subtype(object.type, PIONEER)]
+        if self._with_arcos and pioneers:
+            self._reservation = Reservation(self._host, len(pioneers) + 1)
+            ports = dict(zip(pioneers, self._reservation.ports[1:], strict=True))
+            robots = {name: {"port": f"tcp://{self._host}:{port}", "simulated": True} for name, port in ports.items()}
+            chosen["arcos"] = {**chosen.get("arcos", {}), "robots": robots}
+        entries = adapters_of(self._site, chosen)
+        self.needs_broker = any(entry.settings.get("broker") == OWN_BROKER for entry in entries)
+        if self.needs_broker:
+            self._reservation = self._reservation or Reservation(self._host, 1)
+            self.broker_port = self._reservation.ports[0]
+            broker = f"mqtt://{self._host}:{self.broker_port}"
+            entries = [_with_broker(entry, broker) for entry in entries]
+            self._reservation.release(self.broker_port)
+        store_adapters(entries, self._data)
+        self._adapters = {entry.name: entry.make() for entry in entries}
+        return {name for adapter in self._adapters.values() for name in adapter.names}
+
+    def programs(self) -> Iterator[tuple[str, list[str]]]:
+        """The labels of the programs to start, and their arguments: the other ends first."""
+        for name, adapter in self._adapters.items():
+            if adapter.simulated:
+                yield f"{_label(name)}-simulated", [name, "--simulated", *(f"{robot}=adapter" for robot in adapter.simulated)]
+        for name, adapter in self._adapters.items():
+            yield _label(name), [name, *(f"{robot}=adapter" for robot in adapter.names)]
+
+    @property
+    def ports(self) -> Sequence[int]:
+        """The ports that are reserved for these programs."""
+        return self._reservation.ports if self._reservation is not None else ()
+
+    def close(self) -> None:
+        if self._reservation is not None:
+            self._reservation.close()
+
+
+def _with_broker(entry: AdapterSettings, broker: str) -> AdapterSettings:
+    """An adapter with the address of the broker that is started with the system, if it is to use that."""
+    has_own = entry.settings.get("broker") == OWN_BROKER
+    return structs.replace(entry, settings={**entry.settings, "broker": broker}) if has_own else entry
+
+
+def _label(name: str) -> str:
+    """The name of an adapter's program: that of the class, for one of the site's own."""
+    return name.rpartition(":")[2]
