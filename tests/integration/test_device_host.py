@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import AsyncIterator, Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ import pytest
 from somrs.client.addresses import Addresses
 from somrs.deployment import device_host
 from somrs.deployment.device import device_journal
-from somrs.deployment.device_host import HostedDevice, Listeners, name_device, parse_device
+from somrs.deployment.device_host import HostedDevice, Listeners, make_device, name_device, parse_device
 from somrs.errors import DeviceError
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
@@ -71,7 +72,8 @@ class Fleet:
         addresses = Addresses(repository=repository.address, registry=registry.address, task_manager=f"{core.url}/none")
         listeners = Listeners("127.0.0.1")
         for name, class_name in classes.items():
-            self.devices[name] = HostedDevice(name, f"{self.data / 'drivers.py'}:{class_name}", self.data, addresses, listeners)
+            make = partial(make_device, f"{self.data / 'drivers.py'}:{class_name}", name, None)
+            self.devices[name] = HostedDevice(name, make, self.data, addresses, listeners)
         self._running = [asyncio.create_task(device.run()) for device in self.devices.values()]
         try:
             yield self

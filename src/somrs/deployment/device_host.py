@@ -119,7 +119,7 @@ class HostedDevice:
             journal.close()
 
 
-def _make(driver: str, name: str, world: str | None) -> Device:
+def make_device(driver: str, name: str, world: str | None) -> Device:
     """Make a device of the class that a driver names. Raises DeviceError."""
     return load(driver)(name, world)
 
@@ -132,7 +132,9 @@ async def serve_devices(drivers: Mapping[str, str], addresses: Addresses, data: 
     give_devices_a_certificate(drivers, addresses, address)
     listeners = Listeners(address, addresses.bus)
     world = addresses.simulator or addresses.world
-    devices = [HostedDevice(name, partial(_make, driver, name, world), data, addresses, listeners) for name, driver in drivers.items()]
+    devices = [
+        HostedDevice(name, partial(make_device, driver, name, world), data, addresses, listeners) for name, driver in drivers.items()
+    ]
     running = [asyncio.create_task(device.run()) for device in devices]
     try:
         starts = await asyncio.gather(*(device.first_start for device in devices), return_exceptions=True)
