@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 from collections.abc import AsyncIterator
+from pathlib import Path
 from typing import Any
 
+from somrs.adapters.ros2.adapter import Ros2Adapter
 from somrs.adapters.ros2.connection import RobotConnection
 from somrs.adapters.ros2.frames import Pose
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
 from tests.support.building import building
 from tests.support.robot_lab import simulator
-from tests.support.ros2.robots import RobotProcess, Witness, connected, in_event_loop, needs_ros2, way
+from tests.support.ros2.robots import DOMAIN, PYTHON, Witness, connected, in_event_loop, needs_ros2, new_namespace, way
 
 pytestmark = needs_ros2
 
@@ -26,6 +29,8 @@ facts:
   - Jar1 isOn Table1
 """
 )
+ORIGIN = (2.0, 1.0, 1.5)
+"""Where the robot's own map is on that of the building."""
 ARM = {"action": "move_object", "type": "manipulation_msgs/action/MoveObject", "succeeds": {"success": True}}
 BINDING: dict[str, Any] = {
     "pose": {},
@@ -38,13 +43,18 @@ BINDING: dict[str, Any] = {
 @contextlib.asynccontextmanager
 async def robot_of_simulator() -> AsyncIterator[tuple[RobotConnection, Witness, OperatorLink]]:
     """Robot1, at (3, 3)."""
+    namespace, level = new_namespace(), dict(zip(["x", "y", "yaw"], ORIGIN, strict=True))
+    robots = {"Robot1": {"binding": "examples/ros2_robot.yaml", "namespace": namespace, "simulated": True, "levels": [level]}}
+    ros = {"python": str(PYTHON), "domain": DOMAIN, "discovery": "LOCALHOST"}
     async with (
         simulator(1, SITE, WorldKind.KINEMATIC) as server,
         OperatorLink(server.host, server.port) as operator,
-        RobotProcess(link=f"{server.host}:{server.port}/Robot1") as robot,
-        connected(robot, BINDING) as (connection, witness),
     ):
-        yield connection, witness, operator
+        simulation = asyncio.create_task(Ros2Adapter({**ros, "robots": robots}, Path.cwd()).simulate(f"{server.host}:{server.port}"))
+        async with connected(namespace, BINDING, {"levels": [level]}) as (connection, witness):
+            yield connection, witness, operator
+        simulation.cancel()
+        await asyncio.wait({simulation})
 
 
 @in_event_loop

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from somrs.adapters.ros2 import save_map
 from somrs.adapters.ros2.frames import Pose
 from somrs.devices.road_robot import RobotFailed
 from somrs.sites.occupancy.reading import read_grid
+from tests.support import leftovers
 from tests.support.ros2.robots import DOMAIN, PYTHON, RobotProcess, connected, in_event_loop, needs_ros2, way
 
 pytestmark = needs_ros2
@@ -234,3 +237,15 @@ def test_the_map_of_a_robot_is_saved_for_the_import(tmp_path: Path) -> None:
     grid = read_grid(tmp_path / "floor.yaml")
     assert (grid.shape, grid.resolution) == ((4, 6), 0.5)
     assert grid.states.tolist()[:2] == [[1, 1, 1, 1, 1, 1], [1, -1, 0, 0, 0, 1]]
+
+
+@in_event_loop
+async def test_a_bridge_that_is_killed_is_started_again_and_the_robot_goes_on() -> None:
+    async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
+        connection.follow(way((0, 0), (1, 0), (2, 0)))
+        await witness.until(lambda: witness.passed_numbers == [1])
+        (bridge,) = [pid for pid, command in leftovers.processes().items() if "bridge.py" in command]
+        os.kill(bridge, signal.SIGKILL)
+        await witness.until(lambda: witness.presence == [True, False, True])
+        await witness.until(lambda: witness.passed_numbers == [1, 2])
+        assert witness.reasons == []

@@ -64,11 +64,16 @@ def way(*points: tuple[float, float], first: int = 0, level: float = 0.0) -> Way
     return tuple(Waypoint(number=first + n, name=f"P{first + n}", x=x, y=y, level=level, released=True) for n, (x, y) in enumerate(points))
 
 
+def new_namespace() -> str:
+    """A namespace that no other robot has."""
+    return f"test{os.getpid()}_{next(_numbers)}"
+
+
 class RobotProcess:
     """A simulated robot, in a process. It ends as processes end that are told to, unless it was killed before."""
 
     def __init__(self, **description: Any) -> None:
-        self.namespace = f"test{os.getpid()}_{next(_numbers)}"
+        self.namespace = new_namespace()
         self._description = {"namespace": self.namespace, **description}
         self.process: Process | None = None
 
@@ -157,12 +162,13 @@ async def running_bridge() -> AsyncIterator[BridgeProcess]:
 
 @contextlib.asynccontextmanager
 async def connected(
-    robot: RobotProcess, binding: dict[str, Any], settings: dict[str, Any] | None = None
+    robot: RobotProcess | str, binding: dict[str, Any], settings: dict[str, Any] | None = None
 ) -> AsyncIterator[tuple[RobotConnection, Witness]]:
-    """The connection of the adapter to a robot, when its navigation is there."""
+    """The connection of the adapter to a robot, or to that of a namespace, when its navigation is there."""
+    namespace = robot.namespace if isinstance(robot, RobotProcess) else robot
     async with running_bridge() as bridge:
         witness = Witness()
-        robot_settings = RobotSettings.model_validate({"binding": "none.yaml", "namespace": robot.namespace, **(settings or {})})
+        robot_settings = RobotSettings.model_validate({"binding": "none.yaml", "namespace": namespace, **(settings or {})})
         connection = RobotConnection("Robot1", robot_settings, Binding.model_validate(binding), bridge.session, witness)
         connection.open()
         await witness.until(lambda: witness.presence == [True])

@@ -10,6 +10,7 @@ from somrs.adapters.adapter import Fleet
 from somrs.adapters.ros2.process import BridgeProcess
 from somrs.adapters.ros2.robot import robot_class
 from somrs.adapters.ros2.settings import read_binding, read_settings
+from somrs.adapters.ros2.simulation import run_simulated
 
 
 class Ros2Adapter:
@@ -22,6 +23,14 @@ class Ros2Adapter:
     @property
     def names(self) -> Collection[str]:
         return self._settings.robots.keys()
+
+    @property
+    def simulated(self) -> Collection[str]:
+        return [name for name, robot in self._settings.robots.items() if robot.simulated]
+
+    async def simulate(self, simulator: str) -> None:
+        robots = {name: self._settings.robots[name] for name in self.simulated}
+        await run_simulated(self._settings, self._folder, robots, simulator)
 
     async def run(self, fleet: Fleet) -> None:
         bridge = BridgeProcess(self._settings, self._folder)

@@ -48,10 +48,10 @@ class BridgeProcess:
     async def _run_once(self) -> bool:
         """Run the bridge until it ends. Returns whether it was ready."""
         process = await asyncio.create_subprocess_exec(
-            *self._command(),
+            *ros_command(self._settings, self._folder, str(BRIDGE)),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
-            env=self._environment(),
+            env=ros_environment(self._settings),
             limit=LONGEST_LINE,
             start_new_session=True,  # Ctrl-C ends this program, which closes the bridge's input
         )
@@ -82,16 +82,20 @@ class BridgeProcess:
         self.session.handle(report)
         return isinstance(report, Ready)
 
-    def _command(self) -> list[str]:
-        command = [self._settings.python, str(BRIDGE)]
-        if self._settings.setup is not None:
-            return ["bash", "-c", 'source "$0" && exec "$@"', str(self._folder / self._settings.setup), *command]
-        return [str(self._folder / command[0]) if "/" in command[0] else command[0], command[1]]
 
-    def _environment(self) -> dict[str, str]:
-        environment = dict(os.environ)
-        if self._settings.domain is not None:
-            environment["ROS_DOMAIN_ID"] = str(self._settings.domain)
-        if self._settings.discovery is not None:
-            environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = self._settings.discovery
-        return environment
+def ros_command(settings: Settings, folder: Path, *arguments: str) -> list[str]:
+    """The command that runs a program with the Python of the installed ROS. `folder`: what paths of settings refer to."""
+    python = str(folder / settings.python) if "/" in settings.python else settings.python
+    if settings.setup is None:
+        return [python, *arguments]
+    return ["bash", "-c", 'source "$0" && exec "$@"', str(folder / settings.setup), python, *arguments]
+
+
+def ros_environment(settings: Settings) -> dict[str, str]:
+    """The environment of such a program."""
+    environment = dict(os.environ)
+    if settings.domain is not None:
+        environment["ROS_DOMAIN_ID"] = str(settings.domain)
+    if settings.discovery is not None:
+        environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = settings.discovery
+    return environment

@@ -82,8 +82,9 @@ def test_what_the_guide_shows_is_valid() -> None:
     settings = [block["adapters"]["ros2"] for block in blocks if "adapters" in block]
     levels = [block for block in blocks if "levels" in block]
     bindings = [block for block in blocks if block.keys() & {"attributes", "pick"}]
-    assert [len(found) for found in (settings, levels, bindings)] == [1, 1, 2]
-    read_settings(settings[0])
+    assert [len(found) for found in (settings, levels, bindings)] == [2, 1, 2]
+    for entry in settings:
+        read_settings(entry)
     RobotSettings.model_validate({"binding": "robot.yaml", **levels[0]})
     for binding in bindings:
         Binding.model_validate({**binding, **({"drop": binding["pick"]} if "pick" in binding else {})})

@@ -1,7 +1,8 @@
 """Runs a simulated robot: `python -m somrs.adapters.ros2.simulated '{"namespace": "robot1", "pose": [0, 0, 0]}'`.
 
-Settings, in JSON: `namespace`; `pose`, `things`, `speed` and `battery` of a body that only moves; or `link`, `host:port/robot`, for a robot
-of the simulator; `grid`, width and height in cells, for a map. It ends when its input ends.
+Settings, in JSON: `namespace`; `pose`, `things`, `speed` and `battery` of a body that only moves; or `link`, the address of a simulator,
+`robot`, and `origin`: where the robot's own map is on that of the building; `grid`, width and height in cells, for a map. It ends when its
+input ends.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ class RobotDescription(Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     namespace: str = ""
     link: str | None = None
+    robot: str = ""
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     things: dict[str, tuple[float, float]] = {}
     speed: float = 1.0
@@ -43,9 +46,7 @@ async def run(description: RobotDescription, node: Any) -> None:
     loop = asyncio.get_running_loop()
     body: KinematicBody | LinkBody
     if description.link is not None:
-        address, _, robot_name = description.link.partition("/")
-        host, _, port = address.rpartition(":")
-        body = LinkBody(host, int(port), robot_name)
+        body = LinkBody(description.link, description.robot, description.origin)
         await body.open()
     else:
         body = KinematicBody(description.pose, description.things, description.speed, description.battery)

@@ -21,7 +21,7 @@ class BodyFailed(Exception):
 
 
 class Body(Protocol):
-    """The body of a robot. Poses are x, y and yaw on the map of the building, in metres and radians."""
+    """The body of a robot. Poses are x, y and yaw on the robot's own map, in metres and radians."""
 
     @property
     def pose(self) -> tuple[float, float, float]: ...

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Iterator
 
 from somrs.adapters.ros2.simulated.body import BodyFailed
+from somrs.devices.link_security import link_credentials
 from somrs.devices.simulator.link.connection import RobotGaveUp
-from somrs.devices.simulator.link.link import RobotLink
+from somrs.devices.simulator.link.link import RobotLink, link_address
 
 
 @contextlib.contextmanager
@@ -20,10 +22,15 @@ def _reasons() -> Iterator[None]:
 
 
 class LinkBody:
-    """Drives a robot of the simulator. The robot takes part in traffic by its adapter: `outside` of the simulator."""
+    """Drives a robot of the simulator. The robot takes part in traffic by its adapter: `outside` of the simulator.
 
-    def __init__(self, host: str, port: int, robot: str) -> None:
-        self._link = RobotLink(host, port, robot, outside=True)
+    `simulator`: its address; `origin`: the pose of the robot's own map on that of the building, in which the body's poses are.
+    """
+
+    def __init__(self, simulator: str, robot: str, origin: tuple[float, float, float]) -> None:
+        host, port, map_name = link_address(simulator)
+        self._link = RobotLink(host, port, robot, map=map_name, outside=True, credentials=link_credentials(simulator))
+        self._origin = origin
 
     async def open(self) -> None:
         """Connect, and wait for the robot's first state."""
@@ -35,8 +42,11 @@ class LinkBody:
 
     @property
     def pose(self) -> tuple[float, float, float]:
-        state = self._link.state
-        return (state.x, state.y, state.yaw) if state is not None else (0.0, 0.0, 0.0)
+        state, (x, y, yaw) = self._link.state, self._origin
+        if state is None:
+            return (0.0, 0.0, 0.0)
+        dx, dy, cos, sin = state.x - x, state.y - y, math.cos(yaw), math.sin(yaw)
+        return cos * dx + sin * dy, -sin * dx + cos * dy, math.remainder(state.yaw - yaw, math.tau)
 
     @property
     def moves(self) -> bool:
@@ -53,7 +63,9 @@ class LinkBody:
 
     async def drive(self, x: float, y: float, yaw: float, speed: float | None) -> None:
         with _reasons():
-            await self._link.drive_along([(x, y)], yaw, speed=speed)
+            x0, y0, yaw0 = self._origin
+            cos, sin = math.cos(yaw0), math.sin(yaw0)
+            await self._link.drive_along([(x0 + cos * x - sin * y, y0 + sin * x + cos * y)], yaw0 + yaw, speed=speed)
 
     async def stop(self) -> None:
         with _reasons():
