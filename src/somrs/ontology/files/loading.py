@@ -6,7 +6,7 @@ One run reports all problems with file and line, without those that only follow 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import resources
@@ -72,9 +72,12 @@ def upper(level: int = 1) -> Ontology:
     return _Reading(Ontology()).finish([Source("upper.yaml", text)]).ontology
 
 
-def load(paths: Iterable[str | FilePath], base: Ontology | None = None) -> LoadedModel:
-    """Read the files and those that they use. Raises ModelError with all problems."""
-    reading = _Reading(base if base is not None else upper(), chooses_level=base is None)
+def load(paths: Iterable[str | FilePath], base: Ontology | None = None, further_sections: Collection[str] = ()) -> LoadedModel:
+    """Read the files and those that they use. Raises ModelError with all problems.
+
+    `further_sections`: keys that files may have besides, which are for others to read.
+    """
+    reading = _Reading(base if base is not None else upper(), chooses_level=base is None, further_sections=further_sections)
     return reading.finish(reading.sources([FilePath(path) for path in paths]))
 
 
@@ -119,6 +122,8 @@ class _Reading:
     """Whether definitions may replace those of the base."""
     chooses_level: bool = False
     """Whether the base is the upper ontology on the level that the files name."""
+    further_sections: Collection[str] = ()
+    """Keys of the files that are for others to read."""
     problems: list[Problem] = field(default_factory=list)
     broken: set[str] = field(default_factory=set)
     """Names whose definition has a problem; further problems that mention them are not reported."""
@@ -213,7 +218,7 @@ class _Reading:
     # Structure
 
     def _structure(self, source: Source) -> bool:
-        problems, broken = structure_problems(source)
+        problems, broken = structure_problems(source, self.further_sections)
         self.problems.extend(problems)
         self.broken |= broken
         return isinstance(source.data, dict)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from types import UnionType
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -17,29 +18,39 @@ from somrs.ontology.services import Handler, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, ObjectType, Part, RelationType, Value
 
 
-def structure_problems(source: Source) -> tuple[list[Problem], set[str]]:
-    """The problems of the file's structure, and the names of the definitions and objects that cannot be used because of them."""
+def structure_problems(source: Source, further_sections: Collection[str] = ()) -> tuple[list[Problem], set[str]]:
+    """The problems of the file's structure, and the names of the definitions and objects that cannot be used because of them.
+
+    `further_sections`: keys that the file may have besides, with what they lead to.
+    """
     if source.problems and source.data is None:
         return source.problems, set()
     if not isinstance(source.data, dict):
-        message = f"a file is a list of keys ({', '.join(File.model_fields)}) with values"
+        message = f"a file is a list of keys ({', '.join((*File.model_fields, *further_sections))}) with values"
         return [*source.problems, Problem(file=source.file, line=1, subject="file", rule="structure", message=message)], set()
     problems: dict[tuple[int | None, str], Problem] = {}
     broken: set[str] = set()
+    data = {key: value for key, value in source.data.items() if key not in further_sections}
+    for path, kind, message in model_problems(data, File):
+        owner = _owner(path)
+        if owner is not None:
+            broken.add(owner)
+        subject, line = owner or (str(path[0]) if path else "file"), source.line(path)
+        problem = Problem(file=source.file, line=line, subject=subject, rule="structure", message=message)
+        problems.setdefault((line, str(path) if kind in ("missing", "extra_forbidden") else subject), problem)
+    return [*source.problems, *problems.values()], broken
+
+
+def model_problems(data: Any, model: type[BaseModel]) -> Iterator[tuple[Path, str, str]]:
+    """What does not fit the model: where, pydantic's kind of the error, and what to do."""
     try:
-        File.model_validate(source.data)
+        model.model_validate(data)
     except ValidationError as error:
         for detail in error.errors(include_url=False):
             path: Path = tuple(detail["loc"])
-            while path and not _leads(source.data, path) and detail["type"] != "missing":
+            while path and not _leads(data, path) and detail["type"] != "missing":
                 path = path[:-1]  # pydantic appends the alternatives that it tried
-            owner = _owner(path)
-            if owner is not None:
-                broken.add(owner)
-            subject, line = owner or (str(path[0]) if path else "file"), source.line(path)
-            problem = Problem(file=source.file, line=line, subject=subject, rule="structure", message=_message(path, detail))
-            problems.setdefault((line, str(path) if detail["type"] in ("missing", "extra_forbidden") else subject), problem)
-    return [*source.problems, *problems.values()], broken
+            yield path, detail["type"], _message(model, path, detail)
 
 
 def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Definition:
@@ -111,22 +122,24 @@ def _owner(path: Path) -> str | None:
     return str(owner)
 
 
-def _model(path: Path) -> type[BaseModel]:
+def _model(model: type[BaseModel], path: Path) -> type[BaseModel]:
     """The model of the entry at the path."""
-    annotation: Any = File
+    annotation: Any = model
     for step in path:
         if isinstance(annotation, type) and issubclass(annotation, BaseModel):
             annotation = annotation.model_fields[str(step)].annotation
         else:  # the element type of a list or a dictionary
             annotation = get_args(annotation)[-1]
-    model: type[BaseModel] = annotation  # only models have keys that can be unknown
-    return model
+        if isinstance(annotation, UnionType):  # a model or nothing
+            annotation = get_args(annotation)[0]
+    entry_model: type[BaseModel] = annotation  # only models have keys that can be unknown
+    return entry_model
 
 
-def _message(path: Path, detail: Any) -> str:
+def _message(model: type[BaseModel], path: Path, detail: Any) -> str:
     key = str(path[-1]) if path else "the file"
     if detail["type"] == "extra_forbidden":
-        known_keys = [field.alias or name for name, field in _model(path[:-1]).model_fields.items()]
+        known_keys = [field.alias or name for name, field in _model(model, path[:-1]).model_fields.items()]
         return f"unknown key {key}; {nearest(key, known_keys) or 'there are ' + ', '.join(known_keys)}"
     if detail["type"] == "missing":
         return f"{key} is missing; write {key}: and its value"

@@ -1,0 +1,102 @@
+"""Converts what a thing says to values of attributes, and values to what it is told."""
+
+from __future__ import annotations
+
+import math
+
+from msgspec import Struct
+
+from somrs.ontology.types import AttributeType, Kind, Value
+from somrs.ontology.units import convert_unit
+
+Raw = str | float | bool
+"""A value in a message: a number, a truth value or a text of JSON, the text of a payload, or a number or a bit of registers."""
+
+TRUE_WORDS = frozenset(("true", "on", "yes", "1", "open", "opened", "online"))
+FALSE_WORDS = frozenset(("false", "off", "no", "0", "closed", "close", "offline"))
+
+
+class Conversion(Struct, frozen=True, kw_only=True):
+    """How the values of one attribute, or of one input of a service, are written in messages.
+
+    `values`: the value for a text of the message; then nothing else is understood. Otherwise, a number is `raw * scale + offset`, in
+    `unit` (None: that of the attribute). `decimals`: to which the number in the message is rounded (None: not at all).
+    """
+
+    attribute: AttributeType
+    values: dict[str, Value] = {}
+    scale: float = 1.0
+    offset: float = 0.0
+    unit: str | None = None
+    decimals: int | None = None
+
+    def read(self, raw: object) -> Value:
+        """The value of the attribute, a number in its unit. Raises ValueError, which says what was expected."""
+        text = raw_text(raw)
+        if self.values:
+            if text in self.values:
+                return self.values[text]
+            raise ValueError(f"{text!r} is none of {', '.join(self.values)}")
+        match self.attribute.kind:
+            case Kind.NUMBER:
+                return self._number(text)
+            case Kind.TRUTH:
+                return _truth(text)
+            case Kind.ENUMERATION:
+                words = {value.lower(): value for value in self.attribute.values}
+                if text.lower() in words:
+                    return words[text.lower()]
+                raise ValueError(f"{text!r} is none of {', '.join(self.attribute.values)}")
+        return text
+
+    def write(self, value: Value) -> Raw:
+        """What the message says for a value: the inverse of `read`. Raises ValueError."""
+        if self.values:
+            for raw, known_value in self.values.items():
+                if known_value == value and isinstance(known_value, bool) == isinstance(value, bool):
+                    return raw
+            raise ValueError(f"there is nothing to write for {value}; values: has {', '.join(str(v) for v in self.values.values())}")
+        if isinstance(value, bool) or not isinstance(value, float | int):
+            return value
+        number = float(value)
+        if self.unit is not None and self.attribute.unit is not None:
+            converted = convert_unit(number, self.attribute.unit, self.unit)
+            assert converted is not None, "the units are checked when the mapping is read"
+            number = converted
+        number = (number - self.offset) / self.scale
+        return round(number, self.decimals) if self.decimals is not None else number
+
+    def _number(self, text: str) -> float:
+        try:
+            number = float(text)
+        except ValueError:
+            raise ValueError(f"{text!r} is not a number") from None
+        if not math.isfinite(number):
+            raise ValueError(f"{text} is not a finite number")
+        number = number * self.scale + self.offset
+        if self.unit is None or self.attribute.unit is None:
+            return number
+        converted = convert_unit(number, self.unit, self.attribute.unit)
+        assert converted is not None, "the units are checked when the mapping is read"
+        return converted
+
+
+def raw_text(raw: object) -> str:
+    """The text of a value in a message: `true`, `21`, `21.5`. Raises ValueError for a group of values."""
+    match raw:
+        case str():
+            return raw.strip()
+        case bool():
+            return "true" if raw else "false"
+        case int() | float():
+            return str(int(raw)) if float(raw).is_integer() else repr(float(raw))
+    raise ValueError(f"{type(raw).__name__} is no single value; name one by json:")
+
+
+def _truth(text: str) -> bool:
+    word = text.lower()
+    if word in TRUE_WORDS:
+        return True
+    if word in FALSE_WORDS:
+        return False
+    raise ValueError(f"{text!r} is neither true nor false; say which by values:")

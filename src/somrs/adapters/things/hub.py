@@ -1,0 +1,174 @@
+"""Brings connections and things together: passes messages on, keeps what things said, and lets services wait for it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+from somrs.adapters.things.connector import Connector
+from somrs.adapters.things.http import HttpConnector
+from somrs.adapters.things.messages import render
+from somrs.adapters.things.model import Command, Connection, Source, Thing
+from somrs.adapters.things.mqtt import MqttConnector
+from somrs.adapters.things.sampling import Sampler
+from somrs.adapters.things.state import News, Payload, Router, SourceKey, ThingState, source_key
+from somrs.ontology.types import WORKING, Ontology, Value
+
+log = logging.getLogger(__name__)
+
+Observer = Callable[[], None]
+MessageObserver = Callable[[SourceKey, Payload], None]
+
+
+class Hub:
+    """The things of an adapter, and the connections to them."""
+
+    def __init__(self, folder: Path = Path()) -> None:
+        self._folder = folder
+        self.connectors: dict[str, Connector] = {}
+        self._connections: dict[str, Connection] = {}
+        self.reached_connections: set[str] = set()
+        self.states: dict[str, ThingState] = {}
+        self.ontologies: dict[str, Ontology] = {}
+        """By things, what they are defined by."""
+        self.sampler = Sampler()
+        self.sampled = asyncio.Event()
+        """Set when there may be something to report to the map."""
+        self._router = Router()
+        self._observers: dict[str, dict[Observer, None]] = {}
+        self._message_observers: dict[SourceKey, MessageObserver] = {}
+        self.any_message_observers: list[MessageObserver] = []
+        """Receive what no thing has as its source."""
+        self.reach_observers: list[Callable[[str, bool], None]] = []
+
+    def connect(self, connection: Connection) -> Connector:
+        """The connector of a connection; it has to be run."""
+        if (connector := self.connectors.get(connection.name)) is None:
+            connector = self.connectors[connection.name] = self._connector(connection)
+            self._connections[connection.name] = connection
+        return connector
+
+    def _connector(self, connection: Connection) -> Connector:
+        match connection.kind:
+            case "mqtt":
+                return MqttConnector(connection, self, self._folder)
+            case "http":
+                return HttpConnector(connection, self, self._folder)
+        from somrs.adapters.things.modbus import ModbusConnector  # which only few need, and takes a while to import
+
+        return ModbusConnector(connection, self)
+
+    # Things
+
+    def add(self, thing: Thing, ontology: Ontology) -> ThingState:
+        """Let a thing take part: its messages are received from now on. It takes the place of one of this name."""
+        self.remove(thing.name)
+        state = self.states[thing.name] = ThingState(thing, ontology)
+        self.ontologies[thing.name] = ontology
+        self._router.add(state)
+        for source in sources_of(thing):
+            self.connectors[source.connection].follow(source)
+        return state
+
+    def remove(self, name: str) -> None:
+        state = self.states.pop(name, None)
+        if state is None:
+            return
+        self._router.remove(state)
+        self.sampler.drop(name)
+        for source in sources_of(state.thing):
+            if not self._router.reads(source_key(source)):
+                self.connectors[source.connection].unfollow(source)
+
+    # Messages
+
+    def received(self, key: SourceKey, payload: Payload) -> None:
+        if (observer := self._message_observers.get(key)) is not None:
+            observer(key, payload)
+        elif self._router.reads(key):
+            names: dict[str, None] = {}
+            for news in self._router.received(key, payload):
+                self._take(news)
+                names[news.state.thing.name] = None
+            for name in names:
+                self._tell(name)
+            while self._router.complaints:
+                log.warning("%s", self._router.complaints.pop())
+        else:
+            for any_observer in self.any_message_observers:
+                any_observer(key, payload)
+
+    def _take(self, news: News) -> None:
+        """Have the map told of the news, in time."""
+        thing, signal = news.state.thing, news.signal
+        if signal is None:
+            self._sample(thing, WORKING, news.value)
+        elif thing.door is None:  # Open on the map means that a door is to stay open, and not that it is open now
+            self._sample(thing, signal.path, news.value, dead_band=signal.dead_band, interval=signal.interval)
+
+    def _sample(self, thing: Thing, path: str, value: Value, *, dead_band: float = 0.0, interval: float = 0.0) -> None:
+        if path != WORKING or thing.has_working:
+            self.sampler.offer((thing.name, path), value, asyncio.get_running_loop().time(), dead_band=dead_band, interval=interval)
+            self.sampled.set()
+
+    def resample(self, name: str) -> None:
+        """Have the map told of all that a thing has said: it may know otherwise."""
+        self.sampler.drop(name)
+        if (state := self.states.get(name)) is None:
+            return
+        if state.is_online is not None:
+            self._sample(state.thing, WORKING, state.is_online)
+        if state.thing.door is None:
+            for path, value in state.values.items():
+                self._sample(state.thing, path, value)
+
+    def reached(self, connection: str, is_reached: bool) -> None:
+        if is_reached and connection in self.reached_connections:
+            return
+        (self.reached_connections.add if is_reached else self.reached_connections.discard)(connection)
+        for observer in self.reach_observers:
+            observer(connection, is_reached)
+        if self._connections[connection].kind == "mqtt":
+            return  # that the broker is away says nothing of the things
+        for state in self.states.values():
+            thing = state.thing
+            if thing.availability is None and state.is_online != is_reached and connections_of(thing) == {connection}:
+                state.is_online = is_reached
+                self._sample(thing, WORKING, is_reached)
+                self._tell(thing.name)
+
+    def observe_messages(self, key: SourceKey, observer: MessageObserver) -> None:
+        """Pass the messages of a source on."""
+        self._message_observers[key] = observer
+
+    # Services
+
+    async def send(self, command: Command, inputs: Mapping[str, str]) -> None:
+        """Send a command with the inputs of an order. Raises Rejection and InputError."""
+        await self.connectors[command.connection].send(command, render(command, inputs))
+
+    def observe(self, name: str, observer: Observer) -> None:
+        """Call the observer with each message of a thing."""
+        self._observers.setdefault(name, {})[observer] = None
+
+    def unobserve(self, name: str, observer: Observer) -> None:
+        self._observers.get(name, {}).pop(observer, None)
+
+    def _tell(self, name: str) -> None:
+        for observer in [*self._observers.get(name, ())]:
+            observer()
+
+
+def sources_of(thing: Thing) -> Iterable[Source]:
+    """Where the messages of a thing come from, each once."""
+    sources = [signal.source for signal in thing.signals]
+    if thing.availability is not None:
+        sources.append(thing.availability.source)
+    return dict.fromkeys(sources)
+
+
+def connections_of(thing: Thing) -> set[str]:
+    """The connections over which a thing speaks."""
+    return {source.connection for source in sources_of(thing)}

@@ -1,0 +1,78 @@
+"""Reads mapping files: definitions as in a site's files, and besides `connections:` and `things:`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from msgspec import Struct
+
+from somrs.adapters.things.library import ontology_below
+from somrs.adapters.things.mapping import SECTIONS, MappingFile
+from somrs.adapters.things.model import Connection, Thing
+from somrs.adapters.things.resolving import Resolver, parse_connection
+from somrs.errors import InputError, ModelError, Problem
+from somrs.ontology.files.loading import NAME, load
+from somrs.ontology.files.nodes import Source
+from somrs.ontology.files.structure import model_problems
+from somrs.ontology.types import Ontology
+
+
+class LoadedMapping(Struct, frozen=True, kw_only=True):
+    """What a mapping file has. `ontology`: what things are defined by, with the upper ontology and the shipped types of things."""
+
+    connections: Mapping[str, Connection]
+    things: tuple[Thing, ...]
+    ontology: Ontology
+
+
+def read_mapping(path: Path, connections: Mapping[str, Connection] | None = None, used_files: Sequence[Path] = ()) -> LoadedMapping:
+    """Read a mapping file and the files that it uses. `connections`: those of the settings; `used_files`: further files with definitions.
+
+    Raises ModelError with all problems.
+    """
+    paths = [*used_files, path]
+    ontology = load(paths, ontology_below(paths), SECTIONS).ontology
+    source = Source(str(path), path.read_text("utf-8-sig"))
+    return _Reading(source, ontology, dict(connections or {})).finish()
+
+
+class _Reading:
+    def __init__(self, source: Source, ontology: Ontology, connections: dict[str, Connection]) -> None:
+        self.source, self.ontology, self.connections = source, ontology, connections
+        self.problems: list[Problem] = []
+
+    def finish(self) -> LoadedMapping:
+        data = {key: self.source.data.get(key, {}) for key in SECTIONS if key in self.source.data}
+        for path, _, message in model_problems(data, MappingFile):
+            self._problem(path, message)
+        if self.problems:  # what follows from them would only confuse
+            raise ModelError(self.problems)
+        file = MappingFile.model_validate(data)
+        for name, entry in file.connections.items():
+            try:
+                self.connections[name] = parse_connection(name, entry)
+            except InputError as error:
+                self._problem(("connections", name), str(error))
+        things = tuple(self._things(file))
+        if self.problems:
+            raise ModelError(sorted(self.problems, key=lambda problem: problem.line or 0))
+        return LoadedMapping(connections=self.connections, things=things, ontology=self.ontology)
+
+    def _things(self, file: MappingFile) -> Iterator[Thing]:
+        for name, entry in file.things.items():
+            if NAME.fullmatch(name) is None:
+                self._problem(("things", name), "is not a name of an object: a letter, and then letters, digits, _ or -")
+                continue
+            resolver = Resolver(name, self.ontology, self.connections)
+            thing = resolver.thing(entry)
+            for path, message in resolver.problems:
+                self._problem(("things", name, *path), message)
+            if thing is not None:
+                yield thing
+
+    def _problem(self, path: tuple[str | int, ...], message: str) -> None:
+        subject = str(path[1]) if len(path) > 1 else str(path[0]) if path else "file"
+        problem = Problem(file=self.source.file, line=self.source.line(path), subject=subject, rule="mapping", message=message)
+        if problem not in self.problems:
+            self.problems.append(problem)

@@ -1,0 +1,111 @@
+"""The connection to an MQTT broker."""
+
+from __future__ import annotations
+
+import asyncio
+import ssl
+from pathlib import Path
+
+import aiomqtt
+
+from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE, ConnectionNotes, Listener, read_password
+from somrs.adapters.things.conversion import Raw
+from somrs.adapters.things.messages import payload_text
+from somrs.adapters.things.model import Command, Connection, Source
+
+AT_LEAST_ONCE = 1
+
+
+class MqttConnector:
+    """A broker. Messages to it wait until it is there."""
+
+    def __init__(self, connection: Connection, listener: Listener, folder: Path = Path()) -> None:
+        self._connection, self._listener = connection, listener
+        self._password = read_password(connection, folder)
+        self._notes = ConnectionNotes(connection)
+        self._topics: dict[str, None] = {}
+        self._subscribed: set[str] = set()
+        self._topics_changed = asyncio.Event()
+        self._client: aiomqtt.Client | None = None
+        self._connected = asyncio.Event()
+
+    def follow(self, source: Source) -> None:
+        self.subscribe(source.place)
+
+    def subscribe(self, topic: str) -> None:
+        """Receive the messages of a topic, which may have wildcards."""
+        self._topics[topic] = None
+        self._topics_changed.set()
+
+    def unfollow(self, source: Source) -> None:
+        self._topics.pop(source.place, None)
+        self._topics_changed.set()
+
+    async def run(self) -> None:
+        pause = FIRST_PAUSE
+        while True:
+            try:
+                async with self._new_client() as client:
+                    self._notes.note("is connected", is_bad=False)
+                    pause = FIRST_PAUSE
+                    self._client, self._subscribed = client, set()
+                    self._connected.set()
+                    self._listener.reached(self._connection.name, True)
+                    await self._serve(client)
+            except (aiomqtt.MqttError, OSError) as error:
+                self._notes.note(f"is not there ({error}); it is tried again")
+            finally:
+                self._connected.clear()
+                self._client = None
+            self._listener.reached(self._connection.name, False)
+            await asyncio.sleep(pause)
+            pause = min(2 * pause, LONGEST_PAUSE)
+
+    async def send(self, command: Command, raw: Raw) -> None:
+        await self.publish(command.place, payload_text(raw), retain=command.retain)
+
+    async def publish(self, topic: str, payload: str | bytes, *, retain: bool = False) -> None:
+        """Publish, and return when the broker has it."""
+        while True:
+            await self._connected.wait()
+            assert self._client is not None, "a connection has a client"
+            try:
+                await self._client.publish(topic, payload, qos=AT_LEAST_ONCE, retain=retain)
+            except aiomqtt.MqttError:
+                await asyncio.sleep(FIRST_PAUSE)  # the connection is being lost; the message goes over the next one
+            else:
+                return
+
+    def _new_client(self) -> aiomqtt.Client:
+        connection = self._connection
+        return aiomqtt.Client(
+            connection.host,
+            connection.port,
+            username=connection.user,
+            password=self._password,
+            tls_context=ssl.create_default_context() if connection.scheme == "mqtts" else None,
+        )
+
+    async def _serve(self, client: aiomqtt.Client) -> None:
+        """Receive messages until the connection ends."""
+        subscriber = asyncio.create_task(self._subscribe_all(client))
+        try:
+            async for message in client.messages:
+                payload = message.payload
+                if isinstance(payload, bytes):
+                    self._listener.received((self._connection.name, str(message.topic), None), payload)
+        finally:
+            subscriber.cancel()
+            await asyncio.wait([subscriber])
+
+    async def _subscribe_all(self, client: aiomqtt.Client) -> None:
+        while True:
+            self._topics_changed.clear()
+            fresh_topics = [topic for topic in self._topics if topic not in self._subscribed]
+            stale_topics = [topic for topic in self._subscribed if topic not in self._topics]
+            if fresh_topics:
+                await client.subscribe([(topic, AT_LEAST_ONCE) for topic in fresh_topics])
+            if stale_topics:
+                await client.unsubscribe(stale_topics)
+            self._subscribed = {*self._subscribed, *fresh_topics} - {*stale_topics}
+            await self._topics_changed.wait()

@@ -1,0 +1,364 @@
+"""Makes things of the entries of mappings: resolves connections, units, formulas and types, and collects what is wrong with them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from urllib.parse import urlsplit
+
+from somrs.adapters.things.conversion import Conversion
+from somrs.adapters.things.json_path import Steps, json_steps
+from somrs.adapters.things.mapping import (
+    AttributeEntry,
+    AvailabilityEntry,
+    ConnectionEntry,
+    ConversionEntry,
+    InputEntry,
+    ServiceEntry,
+    SessionEntry,
+    ThingEntry,
+    WriteEntry,
+)
+from somrs.adapters.things.model import Availability, Command, Connection, Door, Session, Signal, Source, Thing, ThingService
+from somrs.adapters.things.registers import Register, parse_register
+from somrs.adapters.things.thing_objects import definitions_for, initial_values
+from somrs.entish.formula import Attribute, Comparison, Variable, literals, terms
+from somrs.entish.parse import nearest, parse
+from somrs.errors import FormulaError, InputError
+from somrs.ontology.check import check
+from somrs.ontology.services import PROVIDER
+from somrs.ontology.types import WORKING, AttributeType, Kind, Ontology
+from somrs.ontology.units import convert_unit
+from somrs.service_manager.sdk.values import money, seconds
+
+PORTS = {"mqtt": 1883, "mqtts": 8883, "http": 80, "https": 443, "modbus": 502}
+PLACEHOLDER = re.compile(r"\?([^\W\d]\w*)")
+SENT_ALL = "sent"
+"""Of `done_when`: the service is done as soon as all is sent."""
+SESSION_TYPES = ("Lift", "AutomaticDoor")
+
+Path = tuple[str | int, ...]
+_KEYS = {"mqtt": ("topic",), "http": ("path", "put", "post"), "modbus": ("register",)}
+
+
+def parse_connection(name: str, settings: ConnectionEntry) -> Connection:
+    """The connection that an entry describes. Raises InputError."""
+    parts = urlsplit(settings.url)
+    example = "write mqtt://HOST:1883, http://HOST or modbus://HOST:502/UNIT"
+    if parts.scheme not in PORTS or not parts.hostname:
+        raise InputError(f"{settings.url!r} is not an address of a broker, a server or a Modbus device; {example}")
+    if parts.password is not None:
+        raise InputError("a password does not belong into an address; write it into a file, and its name as password_file:")
+    try:
+        port = parts.port or PORTS[parts.scheme]
+    except ValueError:
+        raise InputError(f"{settings.url!r} has no valid port; {example}") from None
+    path = parts.path.rstrip("/")
+    unit = path.removeprefix("/") if parts.scheme == "modbus" else ""
+    if unit and not (unit.isdigit() and int(unit) <= 255):
+        raise InputError(f"{unit!r} is not the number of a Modbus unit: write modbus://{parts.hostname}:{port}/1")
+    return Connection(
+        name=name,
+        scheme=parts.scheme,
+        host=parts.hostname,
+        port=port,
+        path="" if parts.scheme == "modbus" else path,
+        user=settings.user or parts.username,
+        password_file=settings.password_file,
+        unit=int(unit or 1),
+    )
+
+
+class Resolver:
+    """Makes one thing of its entry. `problems`: what is wrong, each with the path of the key below the thing."""
+
+    def __init__(self, name: str, ontology: Ontology, connections: Mapping[str, Connection]) -> None:
+        self.name, self.ontology, self.connections = name, ontology, connections
+        self.problems: list[tuple[Path, str]] = []
+        self._attributes: Mapping[str, AttributeType] = {}
+        self._default_connection: str | None = None
+
+    def thing(self, entry: ThingEntry) -> Thing | None:
+        """The thing; None if there are problems."""
+        if entry.type not in self.ontology.types:
+            self._problem(
+                ("type",), f"there is no type {entry.type}; {nearest(entry.type, self.ontology.types) or 'define it under types:'}"
+            )
+            return None
+        self._attributes, self._default_connection = self.ontology.attributes_of(entry.type), entry.connection
+        values, value_problems = initial_values(self.name, entry, self.ontology)
+        self.problems += value_problems
+        signals = tuple(filter(None, (self._signal(path, attribute) for path, attribute in entry.attributes.items())))
+        read_paths = frozenset(entry.attributes)
+        services = tuple(filter(None, (self._service(type, service, entry, read_paths) for type, service in entry.services.items())))
+        thing = Thing(
+            name=self.name,
+            type=entry.type,
+            values=values,
+            situation=self._formula(("situation",), entry.situation) if entry.situation is not None else None,
+            area=entry.area,
+            signals=signals,
+            availability=self._availability(entry.available) if entry.available is not None else None,
+            services=services,
+            door=self._door(entry),
+            session=self._session(entry) if entry.session is not None else None,
+            is_lift=self.ontology.is_subtype(entry.type, "Lift"),
+            has_working=WORKING in self._attributes,
+            definitions=definitions_for(entry.type, (service.type for service in services), self.ontology),
+        )
+        return thing if not self.problems else None
+
+    # Where values are read
+
+    def _signal(self, path: str, entry: AttributeEntry) -> Signal | None:
+        key: Path = ("attributes", path)
+        attribute = self._attributes.get(path)
+        if attribute is None or attribute.kind is Kind.COMPLEX:
+            hint = nearest(path, self._attributes) or "define it under attributes:, and name it in its type"
+            self._problem(key, f"objects of its type have no attribute {path} with a value; {hint}")
+            return None
+        source, conversion = self._source(key, entry), self._conversion(key, entry, attribute)
+        interval = self._seconds((*key, "interval"), entry.interval)
+        if source is None or conversion is None:
+            return None
+        dead_band = attribute.tolerance if entry.dead_band is None else entry.dead_band
+        return Signal(
+            path=path, source=source, conversion=conversion, steps=self._steps(key, entry.json_path), dead_band=dead_band, interval=interval
+        )
+
+    def _availability(self, entry: AvailabilityEntry) -> Availability | None:
+        if WORKING not in self._attributes:
+            self._problem(
+                ("available",), f"objects of its type have no attribute {WORKING}; let it be a StationaryDevice, or leave this out"
+            )
+        source = self._source(("available",), entry)
+        steps = self._steps(("available",), entry.json_path)
+        return Availability(source=source, steps=steps, online=entry.online) if source is not None else None
+
+    def _source(self, key: Path, entry: AttributeEntry | AvailabilityEntry) -> Source | None:
+        endpoint = self._place(key, entry.connection, {"topic": entry.topic, "path": entry.path, "register": entry.register_})
+        if endpoint is None:
+            return None
+        connection, _, place = endpoint
+        register = self._register(key, place, entry.encoding) if connection.kind == "modbus" else None
+        if connection.kind == "mqtt" and ("#" in place or "+" in place):
+            self._problem((*key, "topic"), "a topic of one thing has no wildcards + and #")
+        return Source(connection=connection.name, place=place, register=register, poll=self._seconds((*key, "poll"), entry.poll))
+
+    def _place(self, key: Path, name: str | None, places: Mapping[str, str | None]) -> tuple[Connection, str, str] | None:
+        """The connection of an entry, and its only place there, with the key under which it is written."""
+        name = name or self._default_connection or (next(iter(self.connections)) if len(self.connections) == 1 else None)
+        if name is None:
+            self._problem(
+                key, f"says no connection; write connection: and one of {', '.join(self.connections) or 'those under connections:'}"
+            )
+            return None
+        connection = self.connections.get(name)
+        if connection is None:
+            self._problem(
+                (*key, "connection"), f"there is no connection {name}; {nearest(name, self.connections) or 'name it under connections:'}"
+            )
+            return None
+        filled = {written: place for written, place in places.items() if place is not None}
+        allowed = [written for written in _KEYS[connection.kind] if written in places]
+        if len(filled) != 1 or next(iter(filled)) not in allowed:
+            expected = " or ".join(f"{written}:" for written in allowed)
+            self._problem(key, f"needs {expected}, and only this, because {name} speaks {connection.kind.upper()}")
+            return None
+        return connection, *next(iter(filled.items()))
+
+    def _register(self, key: Path, text: str, encoding: str | None) -> Register | None:
+        try:
+            return parse_register(text, encoding)
+        except InputError as error:
+            self._problem((*key, "register"), str(error))
+            return None
+
+    def _steps(self, key: Path, path: str | None) -> Steps | None:
+        try:
+            return json_steps(path) if path is not None else None
+        except InputError as error:
+            self._problem((*key, "json"), str(error))
+            return None
+
+    def _conversion(self, key: Path, entry: ConversionEntry, attribute: AttributeType) -> Conversion | None:
+        if entry.unit is not None and (attribute.unit is None or convert_unit(1.0, entry.unit, attribute.unit) is None):
+            unit = f"is in {attribute.unit}" if attribute.unit is not None else "has no unit"
+            self._problem((*key, "unit"), f"{attribute.name} {unit}, and {entry.unit} cannot be expressed in it")
+            return None
+        if entry.scale == 0:
+            self._problem((*key, "scale"), "scale is not 0")
+        kinds = {Kind.NUMBER: float, Kind.TRUTH: bool}
+        for text, value in entry.values.items():
+            if not isinstance(value, kinds.get(attribute.kind, str)) or (
+                attribute.kind is Kind.ENUMERATION and value not in attribute.values
+            ):
+                expected = ", ".join(attribute.values) if attribute.kind is Kind.ENUMERATION else f"a {attribute.kind}"
+                self._problem((*key, "values", text), f"{attribute.name} is {expected}, not {value}")
+        decimals = int(entry.decimals) if entry.decimals is not None else None
+        return Conversion(
+            attribute=attribute, values=dict(entry.values), scale=entry.scale, offset=entry.offset, unit=entry.unit, decimals=decimals
+        )
+
+    # What is written
+
+    def _service(self, type: str, entry: ServiceEntry, thing: ThingEntry, read_paths: frozenset[str]) -> ThingService | None:
+        key: Path = ("services", type)
+        definition = self.ontology.services.get(type)
+        if definition is None:
+            hint = nearest(type, self.ontology.services) or "define it under services:"
+            self._problem(key, f"there is no type of service {type}; {hint}")
+            return None
+        inputs = {parameter.name: parameter.type for parameter in definition.inputs}
+        variables = {**inputs, PROVIDER: thing.type}
+        for written, text in (("done_when", entry.done_when), ("failed_when", entry.failed_when), ("condition", entry.condition)):
+            if text is not None and text != SENT_ALL:
+                self._observable((*key, written), text, read_paths, variables)
+        done_when = entry.done_when
+        if done_when is None and (missing := _unread(definition.effect, read_paths)):
+            self._problem(key, f"no message says {', '.join(missing)}; write done_when: and what is read, or {SENT_ALL}")
+        self._amounts(key, entry)
+        return ThingService(
+            type=type,
+            commands=tuple(self._commands((*key, "write"), entry.write, thing, inputs)),
+            effect=definition.effect,
+            inputs=tuple(inputs),
+            price=entry.price,
+            duration=entry.duration,
+            condition=entry.condition,
+            done_when=None if done_when == SENT_ALL else done_when or definition.effect,
+            failed_when=entry.failed_when,
+            interrupt=tuple(self._commands((*key, "interrupt"), entry.interrupt, thing, inputs)),
+        )
+
+    def _commands(self, key: Path, entries: list[WriteEntry], thing: ThingEntry, inputs: Mapping[str, str]) -> Iterator[Command]:
+        for index, entry in enumerate(entries):
+            if (command := self._command((*key, index), entry, thing, inputs)) is not None:
+                yield command
+
+    def _command(self, key: Path, entry: WriteEntry, thing: ThingEntry, inputs: Mapping[str, str]) -> Command | None:
+        places = {"topic": entry.topic, "put": entry.put, "post": entry.post, "register": entry.register_}
+        endpoint = self._place(key, entry.connection, places)
+        if endpoint is None:
+            return None
+        connection, written, place = endpoint
+        register = self._register(key, place, entry.encoding) if connection.kind == "modbus" else None
+        if register is not None and not register.table.is_writable:
+            self._problem((*key, "register"), f"{place} can only be read; write to a coil or to a holding register")
+        if register is not None and register.encoding.startswith("bit"):
+            self._problem((*key, "as"), "one bit of a register cannot be written alone; write the whole register, or a coil")
+        for variable in PLACEHOLDER.findall(entry.payload) if isinstance(entry.payload, str) else ():
+            if variable not in inputs:
+                self._problem((*key, "payload"), f"?{variable} is no input of the service; it has {', '.join(inputs) or 'none'}")
+        conversions = {name: self._input(key, name, way, thing, inputs) for name, way in entry.convert.items()}
+        return Command(
+            connection=connection.name,
+            place=place,
+            payload=entry.payload,
+            register=register,
+            method=written.upper() if connection.kind == "http" else "",
+            content_type=entry.content_type,
+            retain=entry.retain,
+            conversions={name: conversion for name, conversion in conversions.items() if conversion is not None},
+        )
+
+    def _input(self, key: Path, name: str, way: InputEntry, thing: ThingEntry, inputs: Mapping[str, str]) -> Conversion | None:
+        """How an input is written: as its entry says, or as an attribute is read, the other way round."""
+        key = (*key, "convert", name)
+        if name not in inputs:
+            self._problem(key, f"{name} is no input of the service; it has {', '.join(inputs) or 'none'}")
+            return None
+        if way.inverse_of is None:
+            kind = Kind(inputs[name]) if inputs[name] in tuple(Kind) else Kind.TEXT
+            return self._conversion(key, way, AttributeType(name=name, kind=kind))
+        if way.inverse_of not in thing.attributes or way.inverse_of not in self._attributes:
+            hint = nearest(way.inverse_of, thing.attributes) or "write scale:, values: or decimals: instead"
+            self._problem(key, f"no message says {way.inverse_of}; {hint}")
+            return None
+        return self._conversion(("attributes", way.inverse_of), thing.attributes[way.inverse_of], self._attributes[way.inverse_of])
+
+    # Doors and lifts
+
+    def _door(self, entry: ThingEntry) -> Door | None:
+        if entry.door is None:
+            return None
+        if not self.ontology.is_subtype(entry.type, "AutomaticDoor"):
+            self._problem(("door",), f"a {entry.type} is no AutomaticDoor, which opens for robots; choose this type, or use services:")
+        if "Open" not in entry.attributes:
+            self._problem(("door",), "robots drive through when it is open; write under attributes: where Open is read")
+        sides = (
+            self._commands(("door", side), entries, entry, {}) for side, entries in (("open", entry.door.open), ("close", entry.door.close))
+        )
+        opening, closing = (tuple(side) for side in sides)
+        return Door(open=opening, close=closing)
+
+    def _session(self, entry: ThingEntry) -> Session | None:
+        assert entry.session is not None, "the caller looks"
+        session = entry.session
+        if not any(self.ontology.is_subtype(entry.type, type) for type in SESSION_TYPES):
+            self._problem(("session",), f"a {entry.type} is neither a Lift nor an AutomaticDoor; choose one of these types")
+        if entry.door is not None or entry.services:
+            self._problem(("session",), "has its services by its session; leave out door: and services:")
+        if self.ontology.is_subtype(entry.type, "Lift") and not session.levels:
+            self._problem(
+                ("session", "levels"), "a lift needs the names of its levels, by the storeys of the map: {Ground: '0', First: '1'}"
+            )
+        place = self._session_place(session)
+        if place is None:
+            return None
+        connection, name = place
+        poll = self._seconds(("session", "poll"), session.poll)
+        return Session(connection=connection.name, place=name.rstrip("/"), poll=poll, levels=dict(session.levels))
+
+    def _session_place(self, session: SessionEntry) -> tuple[Connection, str] | None:
+        endpoint = self._place(("session",), session.connection, {"topic": session.topic, "path": session.path})
+        return (endpoint[0], endpoint[2]) if endpoint is not None else None
+
+    # Formulas and amounts
+
+    def _formula(self, key: Path, text: str, variables: Mapping[str, str] | None = None) -> str | None:
+        try:
+            return str(check(text, self.ontology, variables=variables))
+        except FormulaError as error:
+            self._problem(key, str(error))
+            return None
+
+    def _observable(self, key: Path, text: str, read_paths: frozenset[str], variables: Mapping[str, str]) -> None:
+        """Check a formula about what messages say."""
+        if self._formula(key, text, variables) is None:
+            return
+        if missing := _unread(text, read_paths):
+            self._problem(key, f"no message says {', '.join(missing)}; say under attributes: where it is read")
+
+    def _amounts(self, key: Path, entry: ServiceEntry) -> None:
+        for written, read, amount in (("price", money, entry.price), ("duration", seconds, entry.duration)):
+            try:
+                read(amount)
+            except InputError as error:
+                self._problem((*key, written), str(error))
+
+    def _seconds(self, key: Path, amount: float | str) -> float:
+        try:
+            return seconds(amount)
+        except InputError as error:
+            self._problem(key, str(error))
+            return 1.0
+
+    def _problem(self, key: Path, message: str) -> None:
+        self.problems.append((key, message))
+
+
+def _unread(formula: str, read_paths: Collection[str]) -> list[str]:
+    """What a formula speaks of, besides attributes of ?Provider whose values are read."""
+    parsed = parse(formula)
+    relations = [str(literal) for literal in literals(parsed) if not isinstance(literal, Comparison)]
+    attributes = [term for term in terms(parsed) if isinstance(term, Attribute)]
+    provider_attributes = {
+        attribute for attribute in attributes if isinstance(attribute.owner, Variable) and attribute.owner.name == PROVIDER
+    }
+    unread = [
+        attribute.path if attribute in provider_attributes else str(attribute)
+        for attribute in attributes
+        if attribute not in provider_attributes or attribute.path not in read_paths
+    ]
+    return [*unread, *relations]

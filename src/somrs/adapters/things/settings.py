@@ -1,0 +1,43 @@
+"""The settings of the adapter, as a site file has them under `adapters:` `things:`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from somrs.adapters.things.mapping import ConnectionEntry
+from somrs.errors import InputError
+from somrs.ontology.files.structure import model_problems
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class HomeAssistantEntry(_Entry):
+    """A broker at which things announce themselves as Home Assistant expects it."""
+
+    connection: str
+    prefix: str = Field(default="homeassistant", description="The discovery prefix")
+
+
+class Settings(_Entry):
+    """The settings of the adapter. Paths are relative to the site file."""
+
+    gateway: str = Field(default="Gateway", description="The name on the map of the device that reports what things say")
+    mappings: list[str] = Field(default=[], description="Mapping files")
+    uses: list[str] = Field(default=[], description="Files with definitions that are used besides")
+    connections: dict[str, ConnectionEntry] = {}
+    home_assistant: list[HomeAssistantEntry] = []
+    descriptions: list[str] = Field(default=[], description="Thing Descriptions: files, or addresses with http:// or https://")
+
+
+def read_settings(settings: Mapping[str, Any]) -> Settings:
+    """The settings. Raises InputError with all problems."""
+    data = dict(settings)
+    problems = [f"adapters: things: {'.'.join(map(str, path))}: {message}" for path, _, message in model_problems(data, Settings)]
+    if problems:
+        raise InputError("\n".join(problems))
+    return Settings.model_validate(data)

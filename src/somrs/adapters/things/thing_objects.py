@@ -1,0 +1,82 @@
+"""The objects of things on the map: their values at first, and the definitions that they need."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator
+
+from somrs.adapters.things.mapping import ThingEntry
+from somrs.adapters.things.model import Thing
+from somrs.adapters.things.naming import object_name
+from somrs.ontology.conformance import violations_of
+from somrs.ontology.files.loading import upper
+from somrs.ontology.map import Map
+from somrs.ontology.naming import find_definition, key_of
+from somrs.ontology.objects import Object
+from somrs.ontology.types import Definition, Kind, Ontology, Value
+from somrs.ontology.units import convert_unit
+from somrs.service_manager.sdk.map_reader import MapReader
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*(\S.*?)\s*")
+_POSITION = ("PositionX", "PositionY", "PositionZ")
+
+Problems = list[tuple[tuple[str | int, ...], str]]
+
+
+def initial_values(name: str, entry: ThingEntry, ontology: Ontology) -> tuple[dict[str, Value], Problems]:
+    """The values with which a thing comes onto the map, in the units of their attributes, and what is wrong with them.
+
+    That values are missing is no problem: the thing may be on the map already.
+    """
+    attributes, problems = ontology.attributes_of(entry.type), Problems()
+    values: dict[str, Value] = {}
+    written = [*zip(_POSITION, entry.at or (), strict=False), *entry.values.items()]
+    for path, value in written:
+        key = ("values", path) if path in entry.values else ("at",)
+        attribute = attributes.get(path)
+        if attribute is not None and attribute.kind is Kind.NUMBER and isinstance(value, str):
+            match = _QUANTITY.fullmatch(value)
+            number = convert_unit(float(match[1]), match[2], attribute.unit) if match and attribute.unit else None
+            if number is None:
+                problems.append((key, f"{path} is a number{f' in {attribute.unit}' if attribute.unit else ''}, not {value!r}"))
+                continue
+            value = number
+        values[path] = value
+    for violation in violations_of(Map([Object(name=name, type=entry.type, values=values)], ()), ontology, [name]):
+        if violation.path in values:
+            problems.append((("values", violation.path), violation.message))
+    return values, problems
+
+
+async def whereabouts(map: MapReader, thing: Thing) -> str | None:
+    """What says where a thing is when it comes onto the map: its situation; else, without a position, what it is a part of."""
+    if thing.situation is not None or "PositionX" in thing.values:
+        return thing.situation
+    area_name = object_name(thing.area, ()) if thing.area else ""
+    queries = [f"?Place: AbstractObject = {name}" for name in dict.fromkeys((thing.area, area_name)) if await map.object(name or "-")]
+    if thing.area:
+        queries.append(f"?Place: AbstractObject.Label = {json.dumps(thing.area)}")
+    for query in (*queries, "?Place: AbstractObject = ?Place AND NOT ?Place isPartOf ?Whole: Object"):
+        if rows := await map.query(query, limit=1):
+            return f"{thing.name} isPartOf {rows[0]['Place']}"
+    return None
+
+
+def definitions_for(type: str, services: Iterable[str], ontology: Ontology) -> tuple[Definition, ...]:
+    """The definitions that a thing of the type needs, and that the upper ontology does not have."""
+    base = upper(2)
+    definitions = {key_of(definition): definition for definition in _definitions_of(type, services, ontology)}
+    return tuple(definition for key, definition in definitions.items() if find_definition(base, key) is None)
+
+
+def _definitions_of(type: str, services: Iterable[str], ontology: Ontology) -> Iterator[Definition]:
+    for ancestor in ontology.ancestors(type):
+        yield ontology.types[ancestor]
+    yield from ontology.attributes_of(type).values()
+    for name in services:
+        service = ontology.services[name]
+        yield service
+        for parameter in service.inputs:
+            for ancestor in ontology.ancestors(parameter.type):
+                yield ontology.types[ancestor]

@@ -1,0 +1,188 @@
+"""Things over MQTT: what they say comes onto the map, they have services, and fail and come back as they announce it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import socket
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import aiomqtt
+
+from somrs.protocol.messages.frp import Outcome
+from tests.support.accomplishing import accomplish
+from tests.support.hang import HANG_TIME
+from tests.support.mqtt_broker import MqttBroker
+from tests.support.things_lab import things_lab
+
+MAPPING = """
+connections:
+  house: {{url: "{url}"}}
+attributes:
+  Fault: {{kind: truth}}
+types:
+  FancyHeater: {{parent: Heater, attributes: [Fault]}}
+things:
+  Heater1:
+    type: FancyHeater
+    at: [1, 2, 0.5]
+    available: {{topic: heaters/1/status}}
+    attributes:
+      Temperature: {{topic: heaters/1/state, json: temperature, dead_band: 0.5}}
+      TargetTemperature: {{topic: heaters/1/state, json: target}}
+      HeatingMode: {{topic: heaters/1/state, json: mode, values: {{heat: Heating, "off": Off}}}}
+      Fault: {{topic: heaters/1/fault}}
+    services:
+      SetTemperature:
+        write: [{{topic: heaters/1/set, payload: '{{"target": ?Temperature}}'}}]
+        failed_when: "?Provider.Fault = TRUE"
+  Sensor1:
+    type: Sensor
+    at: [3, 3, 2]
+    attributes:
+      Temperature: {{topic: sensors/1, unit: degF}}
+"""
+
+
+class Heater:
+    """A heater that speaks MQTT. `is_stuck`: it says that it has a fault instead of heating."""
+
+    def __init__(self, client: aiomqtt.Client) -> None:
+        self._client = client
+        self.state = {"temperature": 18.0, "target": 16.0, "mode": "off"}
+        self.is_stuck = False
+
+    async def run(self) -> None:
+        await self._client.publish("heaters/1/status", "online", qos=1, retain=True)
+        await self.say()
+        await self._client.subscribe("heaters/1/set", qos=1)
+        async for message in self._client.messages:
+            assert isinstance(message.payload, bytes)
+            if self.is_stuck:
+                await self._client.publish("heaters/1/fault", "true", qos=1)
+            else:
+                self.state |= {"target": json.loads(message.payload)["target"], "mode": "heat"}
+                await self.say()
+
+    async def say(self) -> None:
+        await self._client.publish("heaters/1/state", json.dumps(self.state), qos=1, retain=True)
+
+
+def mqtt_client(broker: MqttBroker, will: aiomqtt.Will | None = None) -> aiomqtt.Client:
+    return aiomqtt.Client("127.0.0.1", broker.mqtt_port, will=will)
+
+
+@contextlib.asynccontextmanager
+async def heater(broker: MqttBroker) -> AsyncIterator[Heater]:
+    """A heater with a last will. At the end of the context its connection breaks off."""
+    will = aiomqtt.Will("heaters/1/status", "offline", qos=1, retain=True)
+    with contextlib.suppress(aiomqtt.MqttError):
+        async with mqtt_client(broker, will) as client:
+            device = Heater(client)
+            running = asyncio.create_task(device.run())
+            try:
+                yield device
+            finally:
+                running.cancel()
+                await asyncio.gather(running, return_exceptions=True)
+                connection = client._client.socket()
+                assert isinstance(connection, socket.socket)
+                connection.shutdown(socket.SHUT_RDWR)  # without a farewell, so that the broker publishes the will
+                await asyncio.wait([client._disconnected])
+
+
+def settings(tmp_path: Path, broker: MqttBroker) -> dict[str, object]:
+    (tmp_path / "things.yaml").write_text(MAPPING.format(url=broker.url))
+    return {"mappings": ["things.yaml"]}
+
+
+def test_a_heater_heats_to_a_temperature_and_the_map_has_what_it_says(tmp_path: Path) -> None:
+    async def test() -> None:
+        with MqttBroker(tmp_path) as broker:
+            async with things_lab(tmp_path, settings(tmp_path, broker)) as lab, heater(broker) as device:
+                await lab.until("Heater1.Temperature = 18 AND Heater1.HeatingMode = Off AND Heater1.Working = TRUE")
+                view = await accomplish(lab.client, "Heater1.TargetTemperature = 21.5")
+                assert view.outcome is Outcome.ACCOMPLISHED
+                assert device.state["target"] == 21.5
+                await lab.until("Heater1.TargetTemperature = 21.5 AND Heater1.HeatingMode = Heating AND Heater1.PositionX = 1")
+
+    asyncio.run(asyncio.wait_for(test(), HANG_TIME))
+
+
+def test_a_thing_that_says_that_it_failed_fails_the_task(tmp_path: Path) -> None:
+    async def test() -> None:
+        with MqttBroker(tmp_path) as broker:
+            async with things_lab(tmp_path, settings(tmp_path, broker)) as lab, heater(broker) as device:
+                await lab.until("Heater1.Working = TRUE")
+                device.is_stuck = True
+                view = await accomplish(lab.client, "Heater1.TargetTemperature = 21.5", waits=False)
+                assert view.outcome is Outcome.FAILED
+                await lab.until("Heater1.Fault = TRUE AND Heater1.TargetTemperature = 16")
+
+    asyncio.run(asyncio.wait_for(test(), HANG_TIME))
+
+
+def test_a_thing_whose_connection_breaks_does_not_work_until_it_is_back(tmp_path: Path) -> None:
+    async def test() -> None:
+        with MqttBroker(tmp_path) as broker:
+            async with things_lab(tmp_path, settings(tmp_path, broker)) as lab:
+                async with heater(broker):
+                    await lab.until("Heater1.Working = TRUE")
+                await lab.until("Heater1.Working = FALSE")
+                view = await accomplish(lab.client, "Heater1.TargetTemperature = 20", waits=False)
+                assert view.outcome is Outcome.FAILED
+                async with heater(broker):
+                    await lab.until("Heater1.Working = TRUE")
+                    assert (await accomplish(lab.client, "Heater1.TargetTemperature = 20")).outcome is Outcome.ACCOMPLISHED
+
+    asyncio.run(asyncio.wait_for(test(), HANG_TIME))
+
+
+def test_a_sensor_is_put_on_the_map_with_its_values_and_a_lost_broker_is_found_again(tmp_path: Path) -> None:
+    async def test() -> None:
+        with MqttBroker(tmp_path) as broker:
+            async with things_lab(tmp_path, settings(tmp_path, broker)) as lab:
+                async with mqtt_client(broker) as client:
+                    await client.publish("sensors/1", "68", qos=1, retain=True)
+                    await lab.until("Sensor1.Temperature = 20 AND Sensor1.PositionZ = 2")
+                broker.kill()
+                broker.start()
+                async with mqtt_client(broker) as client:
+                    await client.publish("sensors/1", "no number", qos=1, retain=True)
+                    await client.publish("sensors/1", "77", qos=1, retain=True)
+                    await lab.until("Sensor1.Temperature = 25")
+
+    asyncio.run(asyncio.wait_for(test(), HANG_TIME))
+
+
+def test_a_thing_that_announces_itself_joins_with_its_sensors_and_leaves_when_it_withdraws(tmp_path: Path) -> None:
+    device = {"ids": ["0x1"], "name": "hall lamp"}
+    lamp = {"~": "hall", "schema": "json", "cmd_t": "~/set", "stat_t": "~", "avty_t": "~/availability", "dev": device}
+    power = {"name": "power", "stat_t": "hall", "val_tpl": "{{ value_json.power }}", "dev_cla": "power", "unit_of_meas": "W", "dev": device}
+
+    async def test() -> None:
+        with MqttBroker(tmp_path) as broker:
+            settings = {"connections": {"house": {"url": broker.url}}, "home_assistant": [{"connection": "house"}]}
+            async with mqtt_client(broker) as client, things_lab(tmp_path, settings) as lab:
+                await client.publish("homeassistant/light/hall/config", json.dumps(lamp), qos=1, retain=True)
+                await client.publish("homeassistant/sensor/hall/power/config", json.dumps(power), qos=1, retain=True)
+                await client.publish("hall/availability", "online", qos=1, retain=True)
+                await client.publish("hall", '{"state": "OFF", "power": 0.5}', qos=1, retain=True)
+                await lab.until("HallLamp.On = FALSE AND HallLamp.Working = TRUE AND HallLamp.Power < 2")
+                switching = asyncio.create_task(accomplish(lab.client, "HallLamp.On = TRUE"))
+                await client.subscribe("hall/set", qos=1)
+                async for message in client.messages:
+                    assert message.payload == b'{"state": "ON"}'
+                    break
+                await client.publish("hall", '{"state": "ON", "power": 9.5}', qos=1, retain=True)
+                assert (await switching).outcome is Outcome.ACCOMPLISHED
+                await lab.until("HallLamp.On = TRUE AND HallLamp.Power > 8")
+                await client.publish("homeassistant/light/hall/config", b"", qos=1, retain=True)
+                while await lab.client.services():
+                    if {offer.provider for offer in await lab.client.services()} == {"Gateway"}:
+                        break
+                    await asyncio.sleep(0.05)
+
+    asyncio.run(asyncio.wait_for(test(), HANG_TIME))
