@@ -13,7 +13,10 @@ from somrs.adapters.things.conversion import Raw
 from somrs.adapters.things.messages import payload_text
 from somrs.adapters.things.model import Command, Connection, Source
 
-AT_LEAST_ONCE = 1
+AT_MOST_ONCE, AT_LEAST_ONCE = 0, 1
+"""Of messages to things, the broker says that it has them. Messages from things need no such word: a connection loses none, and after
+each new connection the broker sends what it retains again. NATS loses a retained message that comes at the same time as a
+subscription with more than this."""
 
 
 class MqttConnector:
@@ -104,7 +107,7 @@ class MqttConnector:
             fresh_topics = [topic for topic in self._topics if topic not in self._subscribed]
             stale_topics = [topic for topic in self._subscribed if topic not in self._topics]
             if fresh_topics:
-                await client.subscribe([(topic, AT_LEAST_ONCE) for topic in fresh_topics])
+                await client.subscribe([(topic, AT_MOST_ONCE) for topic in fresh_topics])
             if stale_topics:
                 await client.unsubscribe(stale_topics)
             self._subscribed = {*self._subscribed, *fresh_topics} - {*stale_topics}
