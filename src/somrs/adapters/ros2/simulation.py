@@ -9,12 +9,13 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-import somrs
 from somrs.adapters.ros2.process import ros_command, ros_environment
 from somrs.adapters.ros2.settings import RobotSettings, Settings
 
 log = logging.getLogger(__name__)
 
+SOURCE = Path(__file__).parents[3]
+"""Where the package `somrs` is."""
 PAUSE = 2.0
 """Seconds before nodes that have ended are started again."""
 
@@ -30,7 +31,7 @@ async def run_simulated(settings: Settings, folder: Path, robots: Mapping[str, R
 
 async def _run(name: str, command: list[str], settings: Settings) -> None:
     environment = ros_environment(settings)
-    paths = [str(Path(somrs.__file__).parents[1]), environment.get("PYTHONPATH", "")]
+    paths = [str(SOURCE), environment.get("PYTHONPATH", "")]
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
     while True:
         process = await asyncio.create_subprocess_exec(
