@@ -17,6 +17,7 @@ from somrs.adapters.things.gateway import gateway
 from somrs.adapters.things.home_assistant import Discovery
 from somrs.adapters.things.hub import Hub
 from somrs.adapters.things.library import library, ontology_below
+from somrs.adapters.things.mapping import ConnectionEntry
 from somrs.adapters.things.mapping_file import LoadedMapping, read_mapping
 from somrs.adapters.things.model import Connection, Thing
 from somrs.adapters.things.mqtt import MqttConnector
@@ -44,7 +45,8 @@ class ThingsAdapter:
         self.settings, self._folder = read_settings(settings), folder
         self._used_files = [folder / file for file in self.settings.uses]
         self.connections: dict[str, Connection] = {}
-        for name, entry in self.settings.connections.items():
+        broker = {"broker": ConnectionEntry(url=self.settings.broker)} if self.settings.broker is not None else {}
+        for name, entry in {**broker, **self.settings.connections}.items():
             try:
                 self.connections[name] = parse_connection(name, entry)
             except InputError as error:
@@ -77,6 +79,14 @@ class ThingsAdapter:
     @property
     def names(self) -> Collection[str]:
         return [self.settings.gateway, *(thing.name for mapping in self.mappings for thing in mapping.things if thing.is_device)]
+
+    @property
+    def simulated(self) -> Collection[str]:
+        """None: nothing of the simulator is behind the protocols of things."""
+        return ()
+
+    async def simulate(self, simulator: str) -> None:
+        """Do nothing, because nothing is simulated."""
 
     async def run(self, fleet: Fleet) -> None:
         """Connect all things, until it is cancelled."""

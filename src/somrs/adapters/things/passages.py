@@ -14,7 +14,8 @@ from somrs.adapters.things.http import HttpConnector
 from somrs.adapters.things.hub import Hub
 from somrs.adapters.things.model import Door, Session, Source, Thing
 from somrs.adapters.things.mqtt import MqttConnector
-from somrs.adapters.things.session import REPEAT, PassageSession, SessionRequest
+from somrs.adapters.things.session import REPEAT, PassageSession
+from somrs.adapters.things.session_messages import SessionRequest
 from somrs.adapters.things.state import Payload, SourceKey
 from somrs.adapters.things.thing_objects import whereabouts
 from somrs.devices.passage import DoorDevice, LiftDevice, PassageDevice

@@ -1,50 +1,18 @@
-"""The session interface of lifts and doors: its messages, and what a session is for the one who asks for it.
-
-A request names the session, the level at which the cabin is to be, and the level to which the ride leads; the doors stay open until the
-next request. A state says who has the session, where the cabin stands, and how its doors are. Both are the same over MQTT and HTTP.
-"""
+"""The session of a lift or a door, for the one who asks for it (messages: `session_messages.py`)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 import msgspec
-from msgspec import Struct
 
+from somrs.adapters.things.session_messages import SessionRequest, SessionState
 from somrs.traffic.passage_call import PassageCall, PassageStatus
 
 REPEAT = 2.0
 """Seconds after which a request is sent again that the state does not show: the controller may have been started again."""
 STANDING = 0.1
 """Difference in height up to which a floor is that of a level, m."""
-
-Doors = Literal["open", "closed", "moving"]
-Mode = Literal["normal", "shared", "fire", "emergency", "out-of-order"]
-
-
-class SessionRequest(Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Have the cabin at `level`, with open doors, for this session, or open the door; `end`: the session is over.
-
-    `destination`: the level to which the ride leads, as far as it is known.
-    """
-
-    session: str
-    level: str | None = None
-    destination: str | None = None
-    end: bool = False
-
-
-class SessionState(Struct, frozen=True, kw_only=True):
-    """How the lift or door is. `level`: at which the cabin stands; None while it moves. `session`: who has it.
-
-    `mode` shared: people or other systems use it now.
-    """
-
-    doors: Doors
-    level: str | None = None
-    session: str | None = None
-    mode: Mode = "normal"
 
 
 class PassageSession:
@@ -83,7 +51,7 @@ class PassageSession:
 
     def repeat(self, now: float) -> SessionRequest | None:
         """The request, if the state does not show that the passage has it, and it is time to send it again."""
-        is_shown = self.state is not None and (self.state.session == self.name) == (self.call is not None)
+        is_shown = self.is_ready if self.call is not None else self.state is not None and self.state.session != self.name
         if not self._has_request or is_shown or now < self._request_time + REPEAT:
             return None
         self._request_time = now

@@ -29,6 +29,7 @@ class Settings(_Entry):
     gateway: str = Field(default="Gateway", description="The name on the map of the device that reports what things say")
     mappings: list[str] = Field(default=[], description="Mapping files")
     uses: list[str] = Field(default=[], description="Files with definitions that are used besides")
+    broker: str | None = Field(default=None, description="The address of a broker, as the connection `broker`; own: one that is started")
     connections: dict[str, ConnectionEntry] = {}
     home_assistant: list[HomeAssistantEntry] = []
     descriptions: list[str] = Field(default=[], description="Thing Descriptions: files, or addresses with http:// or https://")

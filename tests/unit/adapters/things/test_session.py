@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.adapters.things.session import REPEAT, PassageSession, SessionRequest
+from somrs.adapters.things.session import REPEAT, PassageSession
+from somrs.adapters.things.session_messages import SessionRequest
 from somrs.traffic.passage_call import PassageCall, PassageStatus
 
 LEVELS = {0.0: "G", 4.0: "1"}
