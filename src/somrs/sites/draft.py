@@ -54,16 +54,7 @@ class Draft:
 
     def add_floor(self, outline: list[Point], elevation: float, storey: str, kind: str = "Floor", height: float = FLOOR_THICKNESS) -> str:
         """Add a floor, or what is like one, with this outline; its underside is that of the storey's floors."""
-        xs, ys = zip(*outline, strict=True)
-        x, y = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
-        values: dict[str, Value] = {
-            **pose(Box(x, y, 0, 0), elevation - FLOOR_THICKNESS),
-            "Shape.Form": "Polygon",
-            "Shape.Height": height,
-            "Shape.Outline": " ".join(f"{round(px - x, 3):g},{round(py - y, 3):g}" for px, py in outline),
-            "Color": "Grey",
-        }
-        return self.add(self.numbered(kind), kind, values, storey)
+        return self.add(self.numbered(kind), kind, floor_values(outline, elevation, height), storey)
 
     def site(self, name: str, file: str) -> Site:
         """The finished map. Raises ModelError if it breaks a rule of the ontology."""
@@ -88,6 +79,19 @@ def pose(box: Box, z: float) -> dict[str, Value]:
     yaw = math.remainder(box.yaw, math.tau)
     turned: dict[str, Value] = {"RotationZ": round(yaw, 4)} if abs(yaw) > 1e-4 else {}
     return {"PositionX": round(box.x, 3), "PositionY": round(box.y, 3), "PositionZ": round(z, 3), **turned}
+
+
+def floor_values(outline: list[Point], elevation: float, height: float = FLOOR_THICKNESS) -> dict[str, Value]:
+    """The pose, the shape and the colour of a floor with this outline, whose top is at the elevation if it has the usual thickness."""
+    xs, ys = zip(*outline, strict=True)
+    x, y = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
+    return {
+        **pose(Box(x, y, 0, 0), elevation - FLOOR_THICKNESS),
+        "Shape.Form": "Polygon",
+        "Shape.Height": height,
+        "Shape.Outline": " ".join(f"{round(px - x, 3):g},{round(py - y, 3):g}" for px, py in outline),
+        "Color": "Grey",
+    }
 
 
 def box_shape(box: Box, height: float) -> dict[str, Value]:

@@ -1,1 +1,1 @@
-"""Maps that robots make: occupancy grids become buildings, and robots explore."""
+"""Robots that map: they explore floors of which there is no map, and what they see comes to the map."""

@@ -25,9 +25,12 @@ _LARGEST_SPOT = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Room:
-    """A room. `outline`: the edge of its floor, which reaches under its walls, m. `cells`: how many cells of the grid are in it."""
+    """A room. `outline`: the edge of its floor, which reaches under its walls, m. `middle`: the point that is farthest from its edge, m.
+    `cells`: how many cells of the grid are in it.
+    """
 
     outline: list[Point]
+    middle: Point
     cells: int
 
 
@@ -61,7 +64,10 @@ def building_of(grid: OccupancyGrid) -> Building:
     return Building(
         walls=[_on_map(wall, grid) for wall in structure.walls],
         obstacles=[_on_map(obstacle, grid) for obstacle in structure.obstacles],
-        rooms=[Room(outline=_floor_outline(labels == number, grid), cells=counts[number]) for number in order],
+        rooms=[
+            Room(outline=_floor_outline(labels == number, grid), middle=_middle(labels == number, grid), cells=counts[number])
+            for number in order
+        ],
         doors=[
             Door(box=_on_map(box, grid), rooms=(order.index(doorway.rooms[0]), order.index(doorway.rooms[1])))
             for doorway, box in zip(rooms.doorways, boxes, strict=True)
@@ -163,6 +169,13 @@ def _floor_outline(room: Mask, grid: OccupancyGrid) -> list[Point]:
     outline = outline_of(mask, grid.resolution, 1.5 * grid.resolution)
     corners = [(x - margin * grid.resolution, y - margin * grid.resolution) for x, y in outline]
     return [(round(x, 3), round(y, 3)) for x, y in grid.to_map(corners).tolist()]
+
+
+def _middle(room: Mask, grid: OccupancyGrid) -> Point:
+    distances = ndimage.distance_transform_edt(np.pad(room, 1))[1:-1, 1:-1]
+    row, column = np.unravel_index(int(distances.argmax()), distances.shape)
+    ((x, y),) = grid.to_map([((column + 0.5) * grid.resolution, (row + 0.5) * grid.resolution)]).tolist()
+    return x, y
 
 
 def _on_map(box: Box, grid: OccupancyGrid) -> Box:

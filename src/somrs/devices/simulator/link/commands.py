@@ -264,12 +264,13 @@ class Sighting(Struct, frozen=True, kw_only=True):
 
     `values`: colour, form and sizes, by attribute path; the pose is that of the middle of its underside. All are measured with the camera's
     noise. `support` and `container`: the landmark that it is on or in; `held_by`: the position, in the same result, of the robot that
-    holds it. `robot`: whether it is one. `alike`: whether it looks like what the command was to look for.
+    holds it. `robot`, `furniture`: whether it is one, or a piece of it. `alike`: whether it looks like what the command was to look for.
     """
 
     type: str
     values: dict[str, Value] = {}
     robot: bool = False
+    furniture: bool = False
     alike: bool = False
     x: float
     y: float

@@ -1,0 +1,179 @@
+"""A robot of the simulator that makes a map of an unknown floor: the service ExploreFloor.
+
+What it finds comes to the map while it goes: rooms, walls, doors and furniture as objects that follow what it knows, things as sightings,
+which the Repository identifies.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+
+from somrs.adapters.mapping.exploring import explore
+from somrs.adapters.mapping.floor_map import FloorMap, Shown
+from somrs.adapters.mapping.reporting import situation_of, things_on
+from somrs.adapters.mapping.survey import Survey
+from somrs.devices.link_security import link_credentials
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice, number_of
+from somrs.devices.simulator.link.command_link import CommandLink
+from somrs.devices.simulator.link.commands import CommandDone
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.devices.simulator.link.link import RobotLink, link_address
+from somrs.entish.formula import Formula
+from somrs.errors import DeviceError, RemoteError, UsageError
+from somrs.ontology.objects import Object
+from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.types import RelationType
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.observations import Observation
+from somrs.service_manager.sdk.device import Situation, Task, service
+from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+from somrs.sites.occupancy.building import building_of
+from somrs.sites.plan import Box
+
+log = logging.getLogger(__name__)
+
+WAS_EXPLORED_BY = RelationType(
+    name="wasExploredBy", joins=("Storey", "MobileRobot"), functional=True, doc="The robot has made the map of the storey"
+)
+EXPLORE_FLOOR = ServiceType(
+    name="ExploreFloor",
+    inputs=(Parameter(name="Storey", type="Storey"),),
+    effect="?Storey wasExploredBy ?Provider",
+    doc="Drive through all of a storey that can be reached, and put on the map what is there",
+)
+_USUAL_RADIUS = 0.3
+"""Radius of a robot of which the map does not say it, m."""
+DURATION = 900.0
+"""How long it takes to explore a floor, s: nobody knows before."""
+LOOKS_PER_REPORT = 3
+"""After so many looks, the map is brought up to date."""
+ON_FLOOR = 0.2
+"""How far the height of a robot's floor may be from the elevation of its storey, m."""
+_FOLLOWED = ("Wall", "Door", "Furniture")
+
+
+async def _able(device: MappingRobot, task: Task) -> None:
+    state, elevation = await device.check_working(), await device.elevation(task)
+    if state.z is not None and abs(state.z - elevation) > ON_FLOOR:
+        raise Refusal(f"{device.name} is on another storey than {task.inputs['Storey']}, and explores only its own")
+
+
+class MappingRobot(SimulatedDevice):
+    """A mobile robot in the simulator with a laser scanner and a camera. Its own program drives it, by what it has seen."""
+
+    type = "MobileRobot"
+    types = (WAS_EXPLORED_BY,)
+    features = ("OperationRange", "Speed", "Price")
+
+    def _make_link(self) -> CommandLink:
+        try:
+            host, port, map_name = link_address(self.simulator or "")
+            credentials = link_credentials(self.simulator or "")
+        except UsageError as error:
+            raise DeviceError(f"{self.name} needs a simulator: {error}") from None
+        return RobotLink(
+            host, port, self.name, silence=self.silence, on_state=self._notice_state, map=map_name, credentials=credentials, outside=True
+        )
+
+    async def elevation(self, task: Task) -> float:
+        """The height of the storey that is to be explored, m."""
+        rows = await task.map.query(f"{task.inputs['Storey']}.Elevation = ?Z", limit=1)
+        return number_of(rows[0]["Z"]) if rows else 0.0
+
+    @service(EXPLORE_FLOOR, price=SimulatedDevice.price, duration=DURATION, able=_able, inputs=("Storey",))
+    async def explore_floor(self, task: Task) -> Situation:
+        survey = Survey(await self._radius(task))
+        findings = _Findings(self, task, survey, await self._floor_map(task))
+        try:
+            state = await self.retry_when_link_lost(lambda: explore(self._link, survey, findings.note))
+        except RobotGaveUp as failure:
+            await findings.publish()
+            raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
+        await findings.publish()
+        return " AND ".join([f"{task.inputs['Storey']} wasExploredBy {self.name}", *self._own_pose(state)])
+
+    @explore_floor.stopping
+    async def stand_still(self, task: Task) -> Situation:
+        try:
+            return " AND ".join(self._own_pose((await self.retry_when_link_lost(self._link.stop)).state))
+        except RobotGaveUp as failure:
+            raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
+
+    @explore_floor.compensation
+    async def keep_map(self, task: Task, situation: Formula) -> Situation:
+        """What was seen is so, whoever asked for it; report where the robot is."""
+        return await self.stand_still(task)
+
+    def _failure_situation(self, failure: RobotGaveUp) -> str:
+        """Where the robot is, and whether it works."""
+        pose = self._own_pose(failure.state) if failure.state is not None and not self._link.silent else []
+        is_broken = self._link.silent or not self._link.connected or (failure.state is not None and failure.state.faults)
+        return " AND ".join([*pose, *([self._out_of_order()] if is_broken or not pose else [])])
+
+    async def _radius(self, task: Task) -> float:
+        rows = await task.map.query(f"{self.name}.Shape.Radius = ?Radius", limit=1)
+        return number_of(rows[0]["Radius"]) if rows else _USUAL_RADIUS
+
+    async def _floor_map(self, task: Task) -> FloorMap:
+        """What the map has of the storey already."""
+        names = [str(row["It"]) for row in await task.map.query("?It: Object = ?It")]
+        floor_map = FloorMap(str(task.inputs["Storey"]), await self.elevation(task), names)
+        for kind in _FOLLOWED:
+            for row in await task.map.query(f"?It: {kind}.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"):
+                object = await task.map.object(str(row["It"]))
+                if object is not None and abs(number_of(row["Z"]) - floor_map.elevation) <= ON_FLOOR:
+                    floor_map.add_foreign(object.name, _shown_as(object, kind))
+        return floor_map
+
+
+def _shown_as(object: Object, kind: str) -> Shown:
+    def number(path: str) -> float:
+        value = object.values.get(path)
+        return float(value) if isinstance(value, int | float) else 0.0
+
+    radius = number("Shape.Radius")
+    width, depth = number("Shape.Width") or 2 * radius, number("Shape.Depth") or 2 * radius
+    box = Box(number("PositionX"), number("PositionY"), width, depth, number("RotationZ"))
+    return Shown(kind=kind if kind != "Furniture" else object.type, box=box, values=object.values)
+
+
+class _Findings:
+    """Brings what a robot finds to the map."""
+
+    def __init__(self, device: MappingRobot, task: Task, survey: Survey, floor_map: FloorMap) -> None:
+        self._device, self._task, self._survey, self._floor_map = device, task, survey, floor_map
+        self._looks = 0
+
+    async def note(self, view: CommandDone) -> None:
+        """Note a look, and bring the map up to date now and then."""
+        seen_at = time.time()
+        self._looks += 1
+        if self._looks % LOOKS_PER_REPORT == 1:
+            await self.publish()
+            rooms = self._floor_map.room_count
+            note = f"has looked {self._looks} times, and found {rooms} room{'s' if rooms != 1 else ''}"
+            await self._task.progress(1 - 1 / (1 + self._looks / 50), " AND ".join(self._device._own_pose(view.state)), note)
+        await self._report_things(view, seen_at)
+
+    async def publish(self) -> None:
+        """Bring the map up to date with the survey."""
+        grid = self._survey.grid()
+        building = await asyncio.to_thread(building_of, grid)
+        changes = self._floor_map.follow(building, self._survey.pieces, self._survey.robots)
+        if not changes:
+            return
+        try:
+            await self._device.map.report(UpdateMap(changes=tuple(changes), author=self._device.name))
+        except RemoteError as error:
+            log.warning("%s: what it found cannot be put on the map: %s", self._device.name, error)
+
+    async def _report_things(self, view: CommandDone, seen_at: float) -> None:
+        things = things_on(self._floor_map, [sighting for sighting in view.sightings if not (sighting.robot or sighting.furniture)])
+        if not things:
+            return
+        try:
+            await self._device.report(situation_of(things), Observation(as_of=seen_at))
+        except RemoteError as error:
+            log.warning("%s: what it saw cannot be put on the map: %s", self._device.name, error)

@@ -1,0 +1,83 @@
+"""Ways over free cells, against a plain twin, and frontiers."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from somrs.adapters.mapping.survey import LEG, legs_of
+from somrs.adapters.mapping.ways import Ways, is_clear_line, path_length, shortest_ways
+from somrs.sites.occupancy.grid import Cell, OccupancyGrid
+
+
+def plain_lengths(is_open: np.ndarray, start: tuple[int, int]) -> np.ndarray:
+    """Dijkstra's algorithm, cell by cell."""
+    lengths = np.full(is_open.shape, math.inf)
+    queue = [(0.0, start)] if is_open[start] else []
+    while queue:
+        length, (row, column) = heapq.heappop(queue)
+        if length >= lengths[row, column]:
+            continue
+        lengths[row, column] = length
+        for row_step, column_step in product((-1, 0, 1), repeat=2):
+            r, c = row + row_step, column + column_step
+            if (row_step or column_step) and 0 <= r < is_open.shape[0] and 0 <= c < is_open.shape[1] and is_open[r, c]:
+                heapq.heappush(queue, (length + math.hypot(row_step, column_step), (r, c)))
+    return lengths
+
+
+@given(
+    is_open=arrays.arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([True, True, False])),
+    data=st.data(),
+)
+def test_the_lengths_of_ways_are_those_of_the_plain_twin(is_open: np.ndarray, data: st.DataObject) -> None:
+    start = data.draw(st.tuples(st.integers(0, is_open.shape[0] - 1), st.integers(0, is_open.shape[1] - 1)))
+    assert shortest_ways(is_open, start)[0] == pytest.approx(plain_lengths(is_open, start))
+
+
+def hall(*, unknown: slice) -> OccupancyGrid:
+    """A hall of 6 m by 3 m with a wall across it that has a gap of 1 m in the north; columns of it are unknown."""
+    states = np.full((60, 120), Cell.OCCUPIED, dtype=np.int8)
+    states[1:-1, 1:-1] = Cell.FREE
+    states[:40, 58:60] = Cell.OCCUPIED
+    states[:, unknown] = Cell.UNKNOWN
+    return OccupancyGrid(states=states, resolution=0.05, x=-1.0, y=2.0)
+
+
+def test_the_way_to_a_frontier_leads_around_what_is_in_the_way_and_keeps_clear_of_it() -> None:
+    grid = hall(unknown=slice(100, 120))
+    (frontier,) = Ways(grid, (0.0, 2.8), 0.3).frontiers()
+    assert frontier.middle[0] == pytest.approx(-1.0 + 5.0, abs=0.1)
+    assert frontier.length == pytest.approx(2.9, abs=0.2)
+    assert frontier.way[0] == (0.0, 2.8)
+    assert frontier.distance == pytest.approx(path_length(frontier.way))
+    assert frontier.distance > 4.0
+    free = grid.mask(Cell.FREE)
+    cells = [(int((y - 2.0) / 0.05), int((x + 1.0) / 0.05)) for x, y in frontier.way]
+    for start, end in pairwise(cells[1:]):
+        assert is_clear_line(free, start, end)
+
+
+def test_robots_are_given_a_wide_berth_and_what_they_cut_off_is_not_driven_to() -> None:
+    grid = hall(unknown=slice(100, 120))
+    assert Ways(grid, (0.0, 2.8), 0.3, robots=[(1.95, 4.5)], berth=0.7).frontiers() == []
+
+
+def test_there_is_no_frontier_where_all_is_known_or_nothing_is() -> None:
+    assert Ways(hall(unknown=slice(0, 0)), (0.0, 2.8), 0.3).frontiers() == []
+    blank = OccupancyGrid(states=np.full((20, 20), Cell.UNKNOWN, dtype=np.int8), resolution=0.05)
+    assert Ways(blank, (0.5, 0.5), 0.3).frontiers() == []
+
+
+def test_no_leg_is_longer_than_a_robot_drives_without_a_scan() -> None:
+    ends = legs_of([(0.0, 0.0), (4.0, 0.0), (4.0, 1.0)])
+    assert ends[-1] == (4.0, 1.0)
+    assert (4.0, 0.0) in ends
+    assert max(math.dist(start, end) for start, end in pairwise([(0.0, 0.0), *ends])) <= LEG
