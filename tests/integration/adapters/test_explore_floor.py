@@ -15,8 +15,9 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
 from somrs.space.findings import find_mistakes
 from tests.support.map_comparison import compare
+from tests.support.paths import ROOT
 
-EXAMPLE = Path("examples/unknown_floor")
+EXAMPLE = ROOT / "examples" / "unknown_floor"
 
 
 @asynccontextmanager

@@ -20,10 +20,11 @@ from somrs.ontology.objects import Object, ObjectAdded
 from somrs.sites.occupancy.building import building_of
 from somrs.space.findings import find_mistakes
 from tests.support.map_comparison import compare, draw
+from tests.support.paths import ROOT
 from tests.support.simulated_link import SimulatedLink
 
-WORLD = Path("examples/unknown_floor/world.yaml")
-SITE = Path("examples/unknown_floor/site.yaml")
+WORLD = ROOT / "examples" / "unknown_floor" / "world.yaml"
+SITE = WORLD.with_name("site.yaml")
 
 
 def test_the_map_that_a_robot_makes_is_the_building(tmp_path: Path) -> None:
