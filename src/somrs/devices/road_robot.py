@@ -48,6 +48,7 @@ class RoadRobot(MobileRobot):
 
     def __init__(self, name: str, simulator: str | None = None) -> None:
         super().__init__(name, simulator)
+        self._working, self._known_broken, self._reported_charge = 0, False, None  # a state may come before the device is opened
         self._road_link = RoadLink(self, self._notice_state)
         self.road = self._road_link.traveller
         """Drives where traffic lets it; the program that runs the device connects it to traffic."""
@@ -61,9 +62,6 @@ class RoadRobot(MobileRobot):
 
     async def open(self) -> None:
         """Connect to the robot, and call this: it waits for the first state of the robot."""
-        self._working = 0
-        self._reported_charge = None
-        self._known_broken = False
         await super().open()
 
     def services(self) -> Mapping[str, Service]:

@@ -10,17 +10,21 @@ from typing import Any
 
 from somrs.adapters.adapter import Fleet
 from somrs.adapters.vda5050.control.exchange import Tick
-from somrs.adapters.vda5050.messages.header import Topic
+from somrs.adapters.vda5050.messages.header import Topic, Version
 from somrs.adapters.vda5050.mqtt import Connection, Message, broker_address
 from somrs.adapters.vda5050.robot import DrivenVda5050Vehicle, Vda5050Vehicle
 from somrs.adapters.vda5050.session import VehicleSession
 from somrs.adapters.vda5050.settings import read_settings
+from somrs.adapters.vda5050.simulated.link_body import serve_simulated
 from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
 
 log = logging.getLogger(__name__)
 
 FROM_VEHICLES = {Topic.CONNECTION: 1, Topic.STATE: 0, Topic.FACTSHEET: 0, Topic.VISUALIZATION: 0}
 """The topics on which vehicles publish, and the quality of service of each (2.1, 6.2)."""
+
+VERSIONS = {"2.0": Version.V2_0, "2.1": Version.V2_1, "3.0": Version.V3_0}
+"""As settings name them."""
 
 TICK = 1.0
 """Seconds between two looks at what has to be sent again."""
@@ -44,6 +48,17 @@ class Vda5050Adapter:
     @property
     def names(self) -> Collection[str]:
         return self._settings.vehicles.keys()
+
+    @property
+    def simulated(self) -> Collection[str]:
+        return [name for name, vehicle in self._settings.vehicles.items() if vehicle.simulated is not None]
+
+    async def simulate(self, simulator: str) -> None:
+        async with asyncio.TaskGroup() as group:
+            for text, version in VERSIONS.items():
+                names = [name for name, vehicle in self._settings.vehicles.items() if vehicle.simulated == text]
+                if names:
+                    group.create_task(serve_simulated(names, simulator, self._address, version))
 
     async def run(self, fleet: Fleet) -> None:
         topics = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 from msgspec import Struct
@@ -14,13 +14,18 @@ from somrs.adapters.vda5050.mqtt import Certificates
 from somrs.adapters.vda5050.topics import VehicleAddress
 from somrs.errors import UsageError
 
+MAKER = "SOMRS"
+"""The manufacturer of simulated vehicles."""
+
 
 class VehicleSettings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown_fields=True):
-    """A vehicle. `actions`: what it can do, if it sends no factsheet, such as `[pick, drop, startCharging]`."""
+    """A vehicle. `actions`: what it can do, if it sends no factsheet, such as `[pick, drop, startCharging]`. `simulated`: the version
+    that a robot of the simulator with its name speaks, such as `"2.1"`; its serial number is its name."""
 
-    manufacturer: str
-    serial_number: str
+    manufacturer: str = MAKER
+    serial_number: str = ""
     actions: tuple[str, ...] | None = None
+    simulated: Literal["2.0", "2.1", "3.0"] | None = None
 
 
 class MapSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -86,6 +91,7 @@ def read_settings(settings: Mapping[str, Any]) -> Settings:
     for interface in read.interfaces:
         if not interface or any(character in interface for character in "+#$") or interface.strip("/") != interface:
             raise UsageError(f"adapters: vda5050: interface: {interface!r} cannot begin a topic: write it as the vehicles do, such as uagv")
+    read = msgspec.structs.replace(read, vehicles={name: _named(name, vehicle) for name, vehicle in read.vehicles.items()})
     serials: dict[tuple[str, str], str] = {}
     for name, vehicle in read.vehicles.items():
         twin = serials.setdefault((vehicle.manufacturer, vehicle.serial_number), name)
@@ -95,3 +101,12 @@ def read_settings(settings: Mapping[str, Any]) -> Settings:
                 "give each its own serialNumber"
             )
     return read
+
+
+def _named(name: str, vehicle: VehicleSettings) -> VehicleSettings:
+    """A vehicle with its serial number, which is the name of a simulated one. Raises UsageError."""
+    if vehicle.simulated is not None:
+        return msgspec.structs.replace(vehicle, manufacturer=MAKER, serial_number=name)
+    if not vehicle.serial_number:
+        raise UsageError(f"adapters: vda5050: vehicles: {name}: give its manufacturer and serialNumber, as they are in its topics")
+    return vehicle
