@@ -41,16 +41,16 @@ class Ros2Robot(CarryingRobot):
         await self._connection.halt()
 
     async def pick(self, thing: str, support: str) -> None:
-        await self._connection.pick(thing, support, await self._object_pose(thing))
+        await self._connection.pick(thing, support, self._object_pose(thing))
 
     async def drop(self, thing: str, support: str) -> None:
-        await self._connection.drop(thing, support, await self._object_pose(support))
+        await self._connection.drop(thing, support, self._object_pose(support))
 
     async def put_down(self, thing: str) -> tuple[float, float, float, str]:
         return (*await self._connection.put_down(thing), "")
 
     async def charge_at(self, charger: str) -> None:
-        await self._connection.charge(charger, await self._object_pose(charger))
+        await self._connection.charge(charger, self._object_pose(charger))
 
     async def interrupt(self) -> None:
         await self._connection.interrupt()
@@ -64,14 +64,12 @@ class Ros2Robot(CarryingRobot):
         else:
             self.observed(f"{self.name}.{attribute} = {as_term(value)}")
 
-    async def _object_pose(self, name: str) -> Pose:
+    def _object_pose(self, name: str) -> Pose:
         """The pose of an object of the map. Raises RobotFailed."""
-        rows = await self.map.query(f"{name}.PositionX = ?X AND {name}.PositionY = ?Y", limit=1)
-        if not rows:
+        solid = self.building.solids.get(name)
+        if solid is None:
             raise RobotFailed(f"the map does not say where {name} is")
-        turned = await self.map.query(f"{name}.RotationZ = ?Yaw", limit=1)
-        values = rows[0]["X"], rows[0]["Y"], turned[0]["Yaw"] if turned else 0.0
-        return Pose(*(float(value) for value in values if isinstance(value, int | float)))
+        return Pose(solid.x, solid.y, solid.yaw)
 
 
 @functools.cache
