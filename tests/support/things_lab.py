@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from somrs.deployment.device import DeviceRunner
 from somrs.errors import RemoteError
 from somrs.service_manager.sdk.device import Device
 from tests.support.hang import HANG_TIME
-from tests.support.small_system import SmallSystem
+from tests.support.small_system import Porter, SmallSystem
 
 
 class RunningFleet:
@@ -79,9 +79,9 @@ class ThingsLab:
 
 
 @contextlib.asynccontextmanager
-async def things_lab(folder: Path, settings: Mapping[str, Any], site: str = "") -> AsyncIterator[ThingsLab]:
+async def things_lab(folder: Path, settings: Mapping[str, Any], site: str = "", porters: Sequence[Porter] = ()) -> AsyncIterator[ThingsLab]:
     """A system with the adapter, which has these settings. `site`: the map; by default that of small systems."""
-    system = SmallSystem(folder / "data", [])
+    system = SmallSystem(folder / "data", porters)
     if site:
         system.site = site
     await system.start()

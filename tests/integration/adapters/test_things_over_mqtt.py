@@ -12,17 +12,22 @@ from pathlib import Path
 import aiomqtt
 
 from somrs.protocol.messages.frp import Outcome
-from tests.support.accomplishing import accomplish
+from somrs.protocol.messages.submission import Submit
+from tests.support.accomplishing import accomplish, finished
 from tests.support.hang import HANG_TIME
 from tests.support.mqtt_broker import MqttBroker
+from tests.support.small_system import Porter
 from tests.support.things_lab import things_lab
+from tests.support.virtual_system import SITE
 
 MAPPING = """
 connections:
   house: {{url: "{url}"}}
 attributes:
   Fault: {{kind: truth}}
+  Stable: {{kind: truth}}
 types:
+  LabScale: {{parent: Scale, attributes: [MeasuredWeight, Stable]}}
   FancyHeater: {{parent: Heater, attributes: [Fault]}}
 things:
   Heater1:
@@ -38,6 +43,18 @@ things:
       SetTemperature:
         write: [{{topic: heaters/1/set, payload: '{{"target": ?Temperature}}'}}]
         failed_when: "?Provider.Fault = TRUE"
+  Scale1:
+    type: LabScale
+    at: [1, 3, 0]
+    attributes:
+      MeasuredWeight: {{topic: scales/1, json: weight, unit: g}}
+      Stable: {{topic: scales/1, json: stable}}
+    services:
+      WeighObject:
+        write: [{{topic: scales/1/get, payload: now}}]
+        demand: "?Object isOn ?Provider"
+        done_when: "?Provider.Stable = TRUE"
+        outputs: {{Weight: MeasuredWeight}}
   Sensor1:
     type: Sensor
     at: [3, 3, 2]
@@ -153,6 +170,32 @@ def test_a_sensor_is_put_on_the_map_with_its_values_and_a_lost_broker_is_found_a
                     await client.publish("sensors/1", "no number", qos=1, retain=True)
                     await client.publish("sensors/1", "77", qos=1, retain=True)
                     await lab.until("Sensor1.Temperature = 25")
+
+    asyncio.run(asyncio.wait_for(test(), HANG_TIME))
+
+
+TIN = "Tin001: {type: Tin, at: [1, 1.3, 0.8], Shape: {Form: Cylinder, Radius: 0.04, Height: 0.1}}"
+SITE_WITH_TIN = SITE.replace("Tin001: {type: Jar, at: [1, 1.3, 0.8]}", TIN) + "types: {Tin: {parent: Graspable}}\n"
+
+
+def test_a_scale_weighs_what_a_robot_puts_on_it(tmp_path: Path) -> None:
+    async def test() -> None:
+        with MqttBroker(tmp_path) as broker:
+            porters = [Porter("Robot1")]
+            async with (
+                things_lab(tmp_path, settings(tmp_path, broker), SITE_WITH_TIN, porters) as lab,
+                mqtt_client(broker) as client,
+            ):
+                await client.subscribe("scales/1/get")
+                await lab.until("Scale1.PositionX = 1")
+                assert (await accomplish(lab.client, "Tin001 isOn Scale1")).outcome is Outcome.ACCOMPLISHED
+                submission = Submit(effect="Tin001.Weight = ?Weight", recognise=True)
+                weighing = asyncio.create_task(finished(lab.client, await lab.client.submit(submission)))
+                await anext(aiter(client.messages))
+                await client.publish("scales/1", '{"weight": 412, "stable": false}')
+                await client.publish("scales/1", '{"weight": 320, "stable": true}')
+                assert (await weighing).outcome is Outcome.ACCOMPLISHED
+                await lab.until("Tin001.Weight = 320 g")
 
     asyncio.run(asyncio.wait_for(test(), HANG_TIME))
 

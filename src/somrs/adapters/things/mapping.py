@@ -86,7 +86,9 @@ class WriteEntry(_Place):
 class ServiceEntry(_Entry):
     """A service of a thing."""
 
-    write: list[WriteEntry] = Field(min_length=1, description="What is sent, one after the other")
+    write: list[WriteEntry] = Field(default=[], description="What is sent, one after the other")
+    outputs: dict[str, str] = Field(default={}, description="The outputs of the service, and the attributes that they are read from")
+    demand: str | None = Field(default=None, description="Entish; what has to hold on the map when it starts, for which a plan has to see")
     price: Amount = 0.0
     duration: Amount = "5 s"
     condition: str | None = Field(default=None, description="Entish about ?Provider; the service is refused, for now, unless it holds")

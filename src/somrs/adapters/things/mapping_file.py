@@ -54,17 +54,18 @@ class _Reading:
                 self.connections[name] = parse_connection(name, entry)
             except InputError as error:
                 self._problem(("connections", name), str(error))
-        things = tuple(self._things(file))
+        own_connections = [name for name in file.connections if name in self.connections]
+        things = tuple(self._things(file, own_connections[0] if len(own_connections) == 1 else None))
         if self.problems:
             raise ModelError(sorted(self.problems, key=lambda problem: problem.line or 0))
         return LoadedMapping(connections=self.connections, things=things, ontology=self.ontology)
 
-    def _things(self, file: MappingFile) -> Iterator[Thing]:
+    def _things(self, file: MappingFile, default_connection: str | None) -> Iterator[Thing]:
         for name, entry in file.things.items():
             if NAME.fullmatch(name) is None:
                 self._problem(("things", name), "is not a name of an object: a letter, and then letters, digits, _ or -")
                 continue
-            resolver = Resolver(name, self.ontology, self.connections)
+            resolver = Resolver(name, self.ontology, self.connections, default_connection)
             thing = resolver.thing(entry)
             for path, message in resolver.problems:
                 self._problem(("things", name, *path), message)

@@ -83,15 +83,17 @@ class Command(Struct, frozen=True, kw_only=True):
 
 
 class ThingService(Struct, frozen=True, kw_only=True):
-    """A service of a thing. `done_when`, `failed_when`, `condition`: Entish about ?Provider and the inputs.
+    """A service of a thing. `done_when`, `failed_when`, `condition`: Entish about ?Provider and the inputs, over what the thing says.
 
-    `done_when` None: as soon as all is sent.
+    `done_when` None: as soon as all is sent. `outputs`: the attributes from which they are read. `demand`: what has to hold on the map.
     """
 
     type: str
     commands: tuple[Command, ...]
     effect: str
     inputs: tuple[str, ...] = ()
+    outputs: dict[str, str] = {}
+    demand: str | None = None
     price: float | str = 0.0
     duration: float | str = 5.0
     condition: str | None = None

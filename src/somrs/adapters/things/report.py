@@ -16,14 +16,14 @@ from somrs.adapters.things.home_assistant import Discovery
 from somrs.adapters.things.library import ontology_below
 from somrs.adapters.things.mapping import ConnectionEntry
 from somrs.adapters.things.mapping_file import read_mapping
-from somrs.adapters.things.model import Command, Signal, Thing
+from somrs.adapters.things.model import Command, Connection, Signal, Thing
 from somrs.adapters.things.resolving import parse_connection
 from somrs.errors import InputError
 from somrs.ontology.files.loading import load
 from somrs.ontology.types import Ontology
 
 BROKER = "broker"
-"""The connection of discovery messages in a file, which do not say where they come from."""
+"""The connection that the settings of the adapter may have, and of discovery messages in a file, which do not say where they come from."""
 
 
 class ThingRow(Struct, frozen=True):
@@ -70,7 +70,7 @@ def check_file(file: str, used_files: Sequence[Path] = ()) -> ThingsReport:
     if file.endswith((".yaml", ".yml")):
         if not Path(file).is_file():
             raise InputError(f"there is no file {file}")
-        return _report(read_mapping(Path(file), used_files=used_files).things)
+        return _report(read_mapping(Path(file), _broker(), used_files).things)
     try:
         text, address = asyncio.run(load_description(file, Path()))
     except (aiohttp.ClientError, OSError) as error:
@@ -97,8 +97,11 @@ def _discovered(messages: dict[str, object], ontology: Ontology) -> Iterable[Thi
         discovery.received(topic, json.dumps(payload).encode())
     if discovery.complaints:
         raise InputError("\n".join(discovery.complaints))
-    connections = {BROKER: parse_connection(BROKER, ConnectionEntry(url="mqtt://localhost"))}
-    return [resolve_discovered(discovered, ontology, connections).thing for discovered in discovery.things()]
+    return [resolve_discovered(discovered, ontology, _broker()).thing for discovered in discovery.things()]
+
+
+def _broker() -> dict[str, Connection]:
+    return {BROKER: parse_connection(BROKER, ConnectionEntry(url="mqtt://localhost"))}
 
 
 def _report(things: Iterable[Thing]) -> ThingsReport:

@@ -26,7 +26,7 @@ from somrs.entish.formula import Attribute, Comparison, Variable, literals, term
 from somrs.entish.parse import nearest, parse
 from somrs.errors import FormulaError, InputError
 from somrs.ontology.check import check
-from somrs.ontology.services import PROVIDER
+from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.types import WORKING, AttributeType, Kind, Ontology
 from somrs.ontology.units import convert_unit
 from somrs.service_manager.sdk.values import money, seconds
@@ -70,13 +70,16 @@ def parse_connection(name: str, settings: ConnectionEntry) -> Connection:
 
 
 class Resolver:
-    """Makes one thing of its entry. `problems`: what is wrong, each with the path of the key below the thing."""
+    """Makes one thing of its entry. `default_connection`: that of entries which say none; None: the only one, if there is one.
 
-    def __init__(self, name: str, ontology: Ontology, connections: Mapping[str, Connection]) -> None:
+    `problems`: what is wrong, each with the path of the key below the thing.
+    """
+
+    def __init__(self, name: str, ontology: Ontology, connections: Mapping[str, Connection], default_connection: str | None = None) -> None:
         self.name, self.ontology, self.connections = name, ontology, connections
         self.problems: list[tuple[Path, str]] = []
         self._attributes: Mapping[str, AttributeType] = {}
-        self._default_connection: str | None = None
+        self._default_connection = default_connection or (next(iter(connections)) if len(connections) == 1 else None)
 
     def thing(self, entry: ThingEntry) -> Thing | None:
         """The thing; None if there are problems."""
@@ -85,7 +88,8 @@ class Resolver:
                 ("type",), f"there is no type {entry.type}; {nearest(entry.type, self.ontology.types) or 'define it under types:'}"
             )
             return None
-        self._attributes, self._default_connection = self.ontology.attributes_of(entry.type), entry.connection
+        self._attributes = self.ontology.attributes_of(entry.type)
+        self._default_connection = entry.connection or self._default_connection
         values, value_problems = initial_values(self.name, entry, self.ontology)
         self.problems += value_problems
         signals = tuple(filter(None, (self._signal(path, attribute) for path, attribute in entry.attributes.items())))
@@ -147,7 +151,7 @@ class Resolver:
 
     def _place(self, key: Path, name: str | None, places: Mapping[str, str | None]) -> tuple[Connection, str, str] | None:
         """The connection of an entry, and its only place there, with the key under which it is written."""
-        name = name or self._default_connection or (next(iter(self.connections)) if len(self.connections) == 1 else None)
+        name = name or self._default_connection
         if name is None:
             self._problem(
                 key, f"says no connection; write connection: and one of {', '.join(self.connections) or 'those under connections:'}"
@@ -214,6 +218,9 @@ class Resolver:
         for written, text in (("done_when", entry.done_when), ("failed_when", entry.failed_when), ("condition", entry.condition)):
             if text is not None and text != SENT_ALL:
                 self._observable((*key, written), text, read_paths, variables)
+        if entry.demand is not None:
+            self._formula((*key, "demand"), entry.demand, variables)
+        self._check_outputs(key, entry, definition, read_paths)
         done_when = entry.done_when
         if done_when is None and (missing := _unread(definition.effect, read_paths)):
             self._problem(key, f"no message says {', '.join(missing)}; write done_when: and what is read, or {SENT_ALL}")
@@ -223,6 +230,8 @@ class Resolver:
             commands=tuple(self._commands((*key, "write"), entry.write, thing, inputs)),
             effect=definition.effect,
             inputs=tuple(inputs),
+            outputs=dict(entry.outputs),
+            demand=entry.demand,
             price=entry.price,
             duration=entry.duration,
             condition=entry.condition,
@@ -230,6 +239,15 @@ class Resolver:
             failed_when=entry.failed_when,
             interrupt=tuple(self._commands((*key, "interrupt"), entry.interrupt, thing, inputs)),
         )
+
+    def _check_outputs(self, key: Path, entry: ServiceEntry, definition: ServiceType, read_paths: frozenset[str]) -> None:
+        names = {parameter.name for parameter in definition.outputs}
+        for name, path in entry.outputs.items():
+            if path not in read_paths:
+                self._problem((*key, "outputs", name), f"no message says {path}; {nearest(path, read_paths) or 'say where it is read'}")
+        if names != entry.outputs.keys():
+            problem = f"{definition.name} has the outputs {', '.join(sorted(names)) or 'none'}; write outputs: and where each is read"
+            self._problem((*key, "outputs"), problem)
 
     def _commands(self, key: Path, entries: list[WriteEntry], thing: ThingEntry, inputs: Mapping[str, str]) -> Iterator[Command]:
         for index, entry in enumerate(entries):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 from somrs.adapters.things.connector import Rejection
@@ -12,7 +12,7 @@ from somrs.adapters.things.model import Command, Thing, ThingService
 from somrs.adapters.things.thing_objects import whereabouts
 from somrs.entish.formula import Formula
 from somrs.errors import InputError
-from somrs.service_manager.sdk.device import Device, Service, Situation, Task
+from somrs.service_manager.sdk.device import Device, Result, Service, Situation, Task
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.service_manager.sdk.values import fill_in
 
@@ -33,7 +33,7 @@ class ThingDevice(Device):
         self.situation = await whereabouts(self.map, self.thing)
         self.hub.resample(self.name)
 
-    def check_ability(self, plan: ThingService, task: Task) -> None:
+    async def check_ability(self, plan: ThingService, task: Task) -> None:
         """Check that the thing works, and that the service is possible now. Raises Refusal."""
         state = self.hub.states.get(self.name)
         if state is None:
@@ -43,11 +43,18 @@ class ThingDevice(Device):
         for connection in dict.fromkeys(command.connection for command in plan.commands):
             if connection not in self.hub.reached_connections:
                 raise Refusal(f"the connection {connection} of {self.name} is not there", not_now=True)
+        if plan.demand is not None and not await task.map.holds(demand := self._formula(plan.demand, task)):
+            raise Refusal(f"{demand} does not hold", condition=demand)
         if plan.condition is not None and not state.holds(self._formula(plan.condition, task)):
             raise Refusal(f"{plan.condition} does not hold", not_now=True)
 
-    async def perform(self, plan: ThingService, task: Task) -> Situation:
+    async def perform(self, plan: ThingService, task: Task) -> Situation | Result:
         """Send the messages of a service, and wait until it is done. Raises ServiceFailed."""
+        await self._carry_out(plan, task)
+        values = self.hub.states[self.name].values
+        return Result(outputs={name: values[path] for name, path in plan.outputs.items()}) if plan.outputs else None
+
+    async def _carry_out(self, plan: ThingService, task: Task) -> None:
         done = self._formula(plan.done_when, task) if plan.done_when is not None else None
         failed = self._formula(plan.failed_when, task) if plan.failed_when is not None else None
         state = self.hub.states[self.name]
@@ -55,15 +62,18 @@ class ThingDevice(Device):
         self.hub.observe(self.name, news.set)
         try:
             await self._send(plan.commands, task)
+            while any(path not in state.values for path in plan.outputs.values()):
+                await news.wait()
+                news.clear()
             if done is None or (plan.done_when == plan.effect and state.holds(done)):
-                return None
+                return
             while True:
                 await news.wait()
                 news.clear()
                 if failed is not None and state.holds(failed):
                     raise ServiceFailed(f"{self.name} says {failed}", self._whereabouts())
                 if state.holds(done):
-                    return None
+                    return
                 if state.is_online is False:
                     raise ServiceFailed(f"{self.name} does not work any more", self._whereabouts())
         finally:
@@ -106,14 +116,16 @@ def thing_device(thing: Thing, hub: Hub) -> ThingDevice:
 
 
 def _service(plan: ThingService) -> Service:
-    async def perform(device: ThingDevice, task: Task) -> Situation:
+    async def perform(device: ThingDevice, task: Task) -> Situation | Result:
         return await device.perform(plan, task)
 
     async def stop(device: ThingDevice, task: Task) -> Situation:
         return await device.interrupt(plan, task)
 
-    able: Callable[[ThingDevice, Task], None] = lambda device, task: device.check_ability(plan, task)  # noqa: E731
-    offered_service = Service(perform, plan.type, plan.price, plan.duration, able, inputs=plan.inputs)
+    async def able(device: ThingDevice, task: Task) -> None:
+        await device.check_ability(plan, task)
+
+    offered_service = Service(perform, plan.type, plan.price, plan.duration, able, inputs=plan.inputs, outputs=tuple(plan.outputs))
     offered_service.name = plan.type
     offered_service.stopping(stop)
     return offered_service

@@ -1,0 +1,31 @@
+"""The mapping files on the page about things are right."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from somrs.adapters.things.adapter import ThingsAdapter
+
+PAGE = Path(__file__).parents[4] / "docs" / "how-to" / "connect-things.md"
+BLOCKS = re.findall(r"```yaml\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+
+
+@pytest.mark.parametrize("block", [block for block in BLOCKS if "things:" in block and "adapters:" not in block])
+def test_a_mapping_of_the_page_is_right(tmp_path: Path, block: str) -> None:
+    (tmp_path / "things.yaml").write_text(block)
+    adapter = ThingsAdapter({"broker": "mqtt://localhost", "mappings": ["things.yaml"]}, tmp_path)
+    names = list(yaml.safe_load(block)["things"])
+    assert [thing.name for thing in adapter.mappings[0].things] == names
+
+
+@pytest.mark.parametrize("block", [block for block in BLOCKS if "adapters:" in block])
+def test_settings_of_the_page_are_right(tmp_path: Path, block: str) -> None:
+    settings = yaml.safe_load(block)["adapters"]["things"]
+    if settings.get("broker") == "own":
+        settings["broker"] = "mqtt://localhost"
+    (tmp_path / "things.yaml").write_text("things: {}\n")
+    ThingsAdapter(settings, tmp_path)

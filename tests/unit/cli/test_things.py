@@ -1,0 +1,50 @@
+"""`somrs thing check` as a user meets it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from somrs.cli.main import app
+
+RUNNER = CliRunner()
+
+MAPPING = """
+things:
+  Lamp1:
+    type: Light
+    connection: broker
+    attributes: {On: {topic: lamp/state}}
+    services: {SwitchOn: {write: [{topic: lamp/set, payload: "ON"}]}}
+"""
+
+
+def check(file: Path, *options: str, code: int = 0) -> str:
+    result = RUNNER.invoke(app, ["thing", "check", str(file), *options], env={"COLUMNS": "200"})
+    assert result.exit_code == code, result.output
+    return result.output
+
+
+def test_what_a_mapping_becomes_is_printed(tmp_path: Path) -> None:
+    file = tmp_path / "things.yaml"
+    file.write_text(MAPPING)
+    printed = check(file)
+    for expected in ("Lamp1", "broker: lamp/state", "SwitchOn", "?Provider.On = TRUE", "broker: lamp/set <- ON"):
+        assert expected in printed
+    report = json.loads(check(file, "--json"))
+    assert report["services"][0]["done_when"] == "?Provider.On = TRUE"
+
+
+def test_problems_are_printed_with_their_lines_and_the_exit_status_is_2(tmp_path: Path) -> None:
+    file = tmp_path / "things.yaml"
+    file.write_text(MAPPING.replace("type: Light", "type: Lihgt"))
+    assert f"{file}:4: Lamp1: there is no type Lihgt; did you mean Light" in check(file, code=2)
+    assert "there is no file" in check(tmp_path / "none.yaml", code=2)
+
+
+def test_what_is_not_mapped_is_printed(tmp_path: Path) -> None:
+    file = tmp_path / "discovery.json"
+    file.write_text(json.dumps({"homeassistant/button/bell/config": {"name": "Bell", "command_topic": "bell"}}))
+    assert "not mapped: Bell: Bell: an entity of the kind button" in check(file)
