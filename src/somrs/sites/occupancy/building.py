@@ -13,7 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from somrs.sites.occupancy.grid import Cell, Mask, OccupancyGrid
-from somrs.sites.occupancy.rooms import WIDEST_DOOR, Doorway, Labels, Rooms, find_rooms, outline_of
+from somrs.sites.occupancy.rooms import NARROWEST_DOOR, WIDEST_DOOR, Doorway, Labels, Rooms, find_rooms, outline_of
 from somrs.sites.occupancy.walls import WALL_THICKNESS, Structure, find_structure
 from somrs.sites.plan import Box, Point
 
@@ -57,7 +57,9 @@ def building_of(grid: OccupancyGrid) -> Building:
     structure = find_structure(grid)
     cells = room_cells(grid, structure)
     rooms = find_rooms(cells, grid.resolution)
-    boxes = [_door_box(doorway, structure, grid) for doorway in rooms.doorways]
+    doorways = [(doorway, _door_box(doorway, structure, grid)) for doorway in rooms.doorways]
+    doorways = [(doorway, box) for doorway, box in doorways if box.width >= NARROWEST_DOOR]
+    boxes = [box for _, box in doorways]
     labels = _cut_at_doors(cells, rooms, boxes, grid)
     counts = {number: int(np.count_nonzero(labels == number)) for number in rooms.numbers}
     order = sorted(counts, key=lambda number: (-counts[number], number))
@@ -69,8 +71,7 @@ def building_of(grid: OccupancyGrid) -> Building:
             for number in order
         ],
         doors=[
-            Door(box=_on_map(box, grid), rooms=(order.index(doorway.rooms[0]), order.index(doorway.rooms[1])))
-            for doorway, box in zip(rooms.doorways, boxes, strict=True)
+            Door(box=_on_map(box, grid), rooms=(order.index(doorway.rooms[0]), order.index(doorway.rooms[1]))) for doorway, box in doorways
         ],
     )
 
@@ -140,7 +141,8 @@ def _door_box(doorway: Doorway, structure: Structure, grid: OccupancyGrid) -> Bo
         u_offset, _ = wall.local(doorway.middle)
         middle, depth, yaw = wall.world((u_offset, 0.0)), wall.depth, wall.yaw
     box = Box(*middle, doorway.width, depth, yaw)
-    right, left = (_reach(box, sign, structure.walls, grid) for sign in (1, -1))
+    near_walls = [wall for wall in structure.walls if wall.gap(middle) <= WIDEST_DOOR]
+    right, left = (_reach(box, sign, near_walls, grid) for sign in (1, -1))
     x, y = box.world(((right - left) / 2, 0.0))
     return Box(x, y, right + left, depth, yaw)
 

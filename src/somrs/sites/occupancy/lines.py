@@ -49,6 +49,7 @@ class _Votes:
         main = int((energy + np.roll(energy, 90)).argmax())
         differences = (np.arange(180) - main + 45) % 90 - 45
         self._weights = np.where(np.abs(differences) <= 2, _MAIN_WEIGHT, 1.0)[:, None]
+        self._renew_scores()
 
     def _add(self, points: Points, weight: int) -> None:
         for row, normal in enumerate(self.normals):
@@ -59,18 +60,23 @@ class _Votes:
         is_removed = is_removed & self.is_alive
         self.is_alive &= ~is_removed
         self._add(self.points[is_removed], -1)
+        self._renew_scores()
 
-    def best(self) -> tuple[int, int, int]:
-        """The number of votes of the best line, its angle and its place, each as an index."""
+    def _renew_scores(self) -> None:
         pairs = self._counts[:, :-1] + self._counts[:, 1:]  # a line that is not along the cells is spread over two
-        pairs[self._is_dead] = 0
-        pairs = pairs * self._weights
-        angle, place = np.unravel_index(int(pairs.argmax()), pairs.shape)
-        return int(pairs[angle, place]), int(angle), int(place)
+        self._scores = np.where(self._is_dead, 0.0, pairs * self._weights)
+
+    def best(self) -> tuple[float, int, int]:
+        """The score of the best line, its angle and its place, each as an index."""
+        angle, place = np.unravel_index(int(self._scores.argmax()), self._scores.shape)
+        return float(self._scores[angle, place]), int(angle), int(place)
 
     def discard(self, angle: int, place: int) -> None:
-        """Try this line no more."""
-        self._is_dead[angle, place] = True
+        """Try this line no more, nor those beside it, which have no more votes and go through nearly the same cells."""
+        beside = (angle - 1) % len(_ANGLES), (angle + 1) % len(_ANGLES)
+        for scores, value in ((self._is_dead, True), (self._scores, 0.0)):
+            scores[angle, max(place - 1, 0) : place + 2] = value
+            scores[[*beside], place] = value
 
     def candidates(self, angle: int, place: int) -> npt.NDArray[np.intp]:
         """The indexes of the points near a line, in their order along it."""
@@ -89,8 +95,8 @@ def find_lines(grid: OccupancyGrid) -> list[Box]:
     votes, lines = _Votes(points, grid.resolution), list[Box]()
     least_votes = max(3, round(0.6 * SHORTEST / grid.resolution))
     while True:
-        count, angle, place = votes.best()
-        if count < least_votes:
+        score, angle, place = votes.best()
+        if score < least_votes:
             return lines
         run = _longest_run(points, votes.candidates(angle, place), votes.normals[angle])
         if len(run) < least_votes:

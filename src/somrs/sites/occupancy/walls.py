@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from somrs.sites.occupancy.grid import Cell, Mask, OccupancyGrid, Points
 from somrs.sites.occupancy.lines import aligned, find_lines, free_share, joined, main_direction, widened
-from somrs.sites.plan import Box
+from somrs.sites.plan import Box, cleared
 
 WALL_THICKNESS = 0.1
 """Thickness of a wall of which only one face was seen, m."""
@@ -29,6 +29,8 @@ _LONGEST_HIDDEN = 4.0
 """The longest part of a wall that something may hide, m."""
 _COMPACT = 0.55
 """Share of the rectangle around an obstacle that it fills."""
+_FARTHEST_MOVE = 0.25
+"""An obstacle is moved at most so far out of a wall, m."""
 _FEWEST_CELLS = 3
 """An obstacle has so many occupied cells; fewer are noise."""
 
@@ -56,7 +58,14 @@ def find_structure(grid: OccupancyGrid) -> Structure:
     fronts = list(_against_walls(lines, grid))
     lines = [line for line in lines if not any(_belongs_to(line, front, grid.resolution) for front in fronts)]
     walls = joined([_as_thick_as_walls(line, grid) for line in lines], grid, _LONGEST_HIDDEN)
-    return Structure(walls=walls, obstacles=[*obstacles, *fronts], direction=direction)
+    standing = [box for obstacle in (*obstacles, *fronts) if (box := _beside_walls(obstacle, walls)) is not None]
+    return Structure(walls=walls, obstacles=standing, direction=direction)
+
+
+def _beside_walls(obstacle: Box, walls: Sequence[Box]) -> Box | None:
+    """The obstacle, moved out of walls into which it reaches a little; None for what is in a wall, and so a part of it."""
+    moved = cleared(obstacle, [wall for wall in walls if wall.gap((obstacle.x, obstacle.y)) < obstacle.reach], 0.001)
+    return moved if moved is not None and math.dist((moved.x, moved.y), (obstacle.x, obstacle.y)) <= _FARTHEST_MOVE else None
 
 
 def _islands(grid: OccupancyGrid) -> Iterator[Points]:

@@ -19,7 +19,7 @@ _DOORS = st.lists(st.one_of(st.none(), st.tuples(st.floats(0.8, 1.3), st.floats(
 PLANS = st.builds(rooms_in_rows, _LENGTHS, _LENGTHS, st.sampled_from([0.1, 0.2]), _DOORS)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(plan=PLANS, yaw=st.sampled_from([0.0, 0.2, -0.6]))
 def test_walls_rooms_and_doors_of_a_floor_plan_are_found(plan: FloorPlan, yaw: float) -> None:
     building = building_of(grid_of(plan, yaw=yaw))
@@ -38,7 +38,7 @@ def test_walls_rooms_and_doors_of_a_floor_plan_are_found(plan: FloorPlan, yaw: f
         assert abs(math.remainder(nearest.yaw - door.yaw, math.pi)) <= math.radians(5)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=6)
 @given(plan=PLANS, shade=st.sampled_from([0.06, 1.0]))
 def test_the_same_walls_are_found_of_filled_and_of_hollow_ones(plan: FloorPlan, shade: float) -> None:
     walls = building_of(grid_of(plan, skin=shade)).walls

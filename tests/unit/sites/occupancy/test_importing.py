@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from PIL import Image
 
 from somrs.cli.import_commands import import_site
@@ -47,10 +48,13 @@ def test_a_saved_map_becomes_a_site_file_without_mistakes(tmp_path: Path, capsys
     assert find_mistakes(loaded.map, loaded.ontology) == []
 
 
-@settings(deadline=None, max_examples=10)
-@given(plan=PLANS)
-def test_every_floor_plan_becomes_a_map_without_mistakes(plan: FloorPlan) -> None:
+@settings(deadline=None, max_examples=8)
+@given(plan=PLANS, noise=st.sampled_from([0.0, 0.002, 0.02]), seed=st.integers(0, 1000))
+def test_every_floor_plan_becomes_a_map_without_mistakes_also_of_a_noisy_grid(plan: FloorPlan, noise: float, seed: int) -> None:
+    grid, rng = grid_of(plan, yaw=0.3), np.random.default_rng(seed)
+    is_noise = rng.random(grid.shape) < noise
+    grid.states[is_noise] = rng.integers(-1, 2, size=int(is_noise.sum()))
     draft = Draft()
-    add_building(draft, "Hall", building_of(grid_of(plan)))
+    add_building(draft, "Hall", building_of(grid))
     site = draft.site("Hall", "hall.yaml")
     assert find_mistakes(site.map, site.ontology) == []
