@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import socket
 import ssl
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -105,6 +106,22 @@ class Connection:
         self._outgoing: deque[Message] = deque()
         self._wake = asyncio.Event()
         self.is_connected = False
+        self._client_in_use: aiomqtt.Client | None = None
+        self._may_connect = asyncio.Event()
+        self._may_connect.set()
+
+    def cut(self) -> None:
+        """Lose the connection without a goodbye, as a robot does that drives out of the radio network, and make none until `restore`."""
+        if not self._may_connect.is_set():
+            return
+        self._may_connect.clear()
+        link = self._client_in_use._client.socket() if self._client_in_use is not None else None
+        if isinstance(link, socket.socket):
+            link.shutdown(socket.SHUT_RDWR)
+
+    def restore(self) -> None:
+        """Connect again after `cut`."""
+        self._may_connect.set()
 
     def publish(self, message: Message) -> None:
         """Send a message as soon as possible. It is lost if the broker is not there, as messages with a quality of 0 are."""
@@ -116,9 +133,10 @@ class Connection:
         """Connect, and connect again whenever the connection is lost, until cancelled."""
         is_told = False
         while True:
+            await self._may_connect.wait()
             try:
                 async with self._client() as client:
-                    is_told = False
+                    is_told, self._client_in_use = False, client
                     for topic, quality in self._topics:
                         await client.subscribe(topic, qos=quality)
                     self._outgoing.clear()
@@ -132,6 +150,7 @@ class Connection:
                     is_told = True
                     log.warning("%s:%d: the broker is waited for: %s", self._address.host, self._address.port, errors.exceptions[0])
             finally:
+                self._client_in_use = None
                 if self.is_connected:
                     self.is_connected = False
                     self._on_connection(False)

@@ -62,6 +62,8 @@ class RoadLink(CommandLink):
         self.traveller = Traveller(robot, on_state, self._end_at_once)
         self._current: asyncio.Task[CommandDone] | None = None
         self._reason_of_end = "stopped", "the command was ended"
+        self._is_lost = False
+        """Whether the thing that the robot was to take may be somewhere else now."""
         self._stand: Stand | None = None
         """Where the robot stands to work, if it does."""
 
@@ -103,12 +105,25 @@ class RoadLink(CommandLink):
         await self._end_current("stopped", f"{self.robot.name} received another command")
         if isinstance(command, Stop):
             return self._done()
-        self.traveller.activity = type(command).__name__
+        self.traveller.activity, self._is_lost = type(command).__name__, False
         self._current = task = asyncio.create_task(self._carry_out(command))
         await asyncio.wait({task})
-        if not task.cancelled():
+        try:
             return task.result()
-        raise RobotGaveUp(*self._reason_of_end, self.state)
+        except asyncio.CancelledError:
+            reason, description = self._reason_of_end
+            raise RobotGaveUp(reason, description, self.state, self._untouched(command)) from None
+        except RobotGaveUp as failure:
+            states = failure.object_states or self._untouched(command)
+            raise RobotGaveUp(failure.reason, failure.description, self.state, states) from None
+
+    def _untouched(self, command: Command) -> tuple[ObjectState, ...]:
+        """The thing that the robot was to take and has not touched: it is where the map has it. Empty if the command was for none."""
+        solids, name = self.robot.building.solids, command.object if isinstance(command, Approach | Grip) else ""
+        if name not in solids or solids[name].role is not Role.THING or self.robot.holding is not None or self._is_lost:
+            return ()
+        x, y, z, yaw = self.robot.building.pose(name)
+        return (ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self.robot.building.support_of(name)),)
 
     async def _end_current(self, reason: str, description: str) -> None:
         task, self._current = self._current, None
@@ -188,18 +203,18 @@ class RoadLink(CommandLink):
 
     # Things
 
-    async def _working(self, work: Coroutine[object, object, None], *object_states: ObjectState) -> None:
-        """Let the robot work where it stands: nobody asks it to make room. `object_states`: what holds of things if it fails."""
+    async def _working(self, work: Coroutine[object, object, None]) -> None:
+        """Let the robot work where it stands: nobody asks it to make room."""
         self.traveller.tell_mobility()
         try:
             await work
         except RobotFailed as failure:
-            self.traveller.renew_state()
-            is_lost = failure.is_lost or self.robot.holding is not None
-            raise RobotGaveUp("not-possible", failure.description, self.state, () if is_lost else object_states) from None
+            self._is_lost = failure.is_lost
+            raise RobotGaveUp("not-possible", failure.description, self.state) from None
         except asyncio.CancelledError:
             if self.connected:
                 await asyncio.shield(self.robot.interrupt())
+                self._is_lost = False
             raise
         finally:
             self.traveller.activity = None
@@ -212,8 +227,9 @@ class RoadLink(CommandLink):
             await self._approach(thing)
             self.traveller.activity = "Grip"
         support, (x, y, z, yaw) = building.support_of(thing), building.pose(thing)
-        untouched = ObjectState(object=thing, x=x, y=y, z=z, yaw=yaw, support=support)
-        await self._working(robot.pick(thing, support or ""), untouched)
+        self._is_lost = True  # for who cannot be asked any more
+        await self._working(robot.pick(thing, support or ""))
+        self._is_lost = False
         robot.holding = thing
         self.traveller.renew_state()
         return self._done(ObjectState(object=thing, x=x, y=y, z=z, yaw=yaw, held_by=robot.name))

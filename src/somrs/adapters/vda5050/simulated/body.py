@@ -11,7 +11,8 @@ from msgspec import Struct
 class Sensed(Struct, frozen=True, kw_only=True):
     """How the body is. Lengths in metres, angles in radians on the vehicle's map; `charge`: 0 to 100.
 
-    `finished`: the number of the last command that has ended, and `failure` why it failed; None: it did not.
+    `finished`: the number of the last command that has ended, and `failure` why it failed; None: it did not. `fault`: why the body cannot
+    move until somebody mends it; None: it can.
     """
 
     x: float
@@ -22,6 +23,7 @@ class Sensed(Struct, frozen=True, kw_only=True):
     is_charging: bool
     finished: int = 0
     failure: str | None = None
+    fault: str | None = None
 
 
 class Drive(Struct, frozen=True, kw_only=True):
@@ -69,6 +71,10 @@ class Body(Protocol):
     def sense(self, now: float) -> Sensed:
         """How the body is now. `now`: in seconds, by a clock that only goes forward."""
 
+    @property
+    def is_reachable(self) -> bool:
+        """Whether its radio works."""
+
 
 HANDLING = 4.0
 """Seconds that the stand-in takes to pick or drop."""
@@ -79,6 +85,7 @@ class StandInBody:
 
     def __init__(self, x: float = 0.0, y: float = 0.0, yaw: float = 0.0, *, speed: float = 1.0, charge: float = 80.0) -> None:
         self.x, self.y, self.yaw, self.speed, self.charge = x, y, yaw, speed, charge
+        self.is_reachable = True
         self.obstacle: str | None = None
         """What keeps the body from beginning anything; None: nothing."""
         self._now: float | None = None

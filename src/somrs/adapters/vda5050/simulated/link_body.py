@@ -14,7 +14,7 @@ from somrs.adapters.vda5050.simulated.factsheet import factsheet
 from somrs.adapters.vda5050.simulated.program import MqttVehicle, address_of, serve
 from somrs.adapters.vda5050.simulated.vehicle import SimulatedVehicle
 from somrs.devices.link_security import link_credentials
-from somrs.devices.simulator.link.commands import RobotState
+from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.link import RobotLink, link_address
 
@@ -49,7 +49,13 @@ class LinkBody:
             is_charging=is_charging,
             finished=self._number if is_charging else self._finished,
             failure=self._failure,
+            fault="the drive is dead" if Fault.DRIVE in state.faults else None,
         )
+
+    @property
+    def is_reachable(self) -> bool:
+        """Whether its radio works."""
+        return self._link.connected and not self._link.silent
 
     async def _carry_out(self, number: int, command: Command) -> None:
         failure = None

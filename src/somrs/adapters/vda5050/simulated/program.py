@@ -42,6 +42,7 @@ class MqttVehicle:
         try:
             while True:
                 await asyncio.sleep(PERIOD)
+                (self.connection.restore if self.body.is_reachable else self.connection.cut)()
                 self.give(Felt(sensed=self.body.sense(time.monotonic())))
         except asyncio.CancelledError:
             self._publish(Topic.CONNECTION, ConnectionMessage(connection_state=ConnectionState.OFFLINE))

@@ -59,6 +59,10 @@ RETRY = 2.0
 """Seconds after which the vehicle tries again to drive, when something was in its way."""
 
 
+DRIVE_ERROR = "driveError"
+"""The type of the error of a vehicle whose drive is dead."""
+
+
 class SimulatedVehicle:
     """`map_id`: the map on which it is. `interval`: seconds between two states if nothing happens; the standard allows 30."""
 
@@ -226,6 +230,8 @@ class SimulatedVehicle:
     # The body.
 
     def _feel(self, sensed: Sensed, now: float) -> None:
+        if sensed.fault != (self._sensed.fault if self._sensed is not None else None):
+            self._note_fault(sensed.fault)
         self._sensed = sensed
         self._see_nodes(sensed)
         if self._busy is not None and sensed.finished == self._number:
@@ -234,6 +240,12 @@ class SimulatedVehicle:
             self._finish(self._cancelling)
         if not sensed.is_charging:
             self._finish(self._disconnecting)
+
+    def _note_fault(self, fault: str | None) -> None:
+        """The body cannot move any more, or can again."""
+        self._own_errors = [error for error in self._own_errors if error.error_type != DRIVE_ERROR]
+        if fault is not None:
+            self._own_errors.append(VehicleError(error_type=DRIVE_ERROR, error_level=ErrorLevel.FATAL, error_description=fault))
 
     def _finish(self, action_ids: list[str]) -> None:
         """The instant actions of these ids have come to their end."""
