@@ -28,7 +28,6 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.traffic import (
-    Berth,
     EnterTraffic,
     Granted,
     Mobility,
@@ -45,99 +44,28 @@ from somrs.protocol.messages.traffic import (
     TripEnded,
 )
 from somrs.traffic.participant import Participant
+from somrs.traffic.robot_tasks import (
+    Astray,
+    Complaint,
+    Follow,
+    Locate,
+    MobilityChanged,
+    PlacePassed,
+    RoadmapRead,
+    SilenceChanged,
+    Standing,
+    TripGivenUp,
+    TripOver,
+    TripWanted,
+    WayPlace,
+)
 
 LEASE = 30.0
 """The lease of a robot's places, in seconds."""
+MOST_UNANSWERED = 50
+"""How many requests it remembers whose answers have not come."""
 PAUSE = 2.0
 """The time after which something is tried again that was refused or failed, in seconds."""
-
-
-# What the program asks the hardware for
-
-
-class RoadmapRead(Struct, frozen=True):
-    """The places and lanes of an edition of the roadmap."""
-
-    edition: int
-    places: tuple[RoadmapPlace, ...]
-
-
-class Locate(Struct, frozen=True):
-    """Find out where the robot stands on the roadmap; answered by Standing, as soon as it stands."""
-
-    roadmap: RoadmapRead
-
-
-class Standing(Struct, frozen=True, kw_only=True):
-    """Where a robot is: at a place or a berth, or on its way from there to the next one."""
-
-    place: str
-    towards: str | None = None
-    berths: tuple[Berth, ...] = ()
-
-
-class WayPlace(Struct, frozen=True):
-    """A place on the way, with its number. `released`: the robot may drive there."""
-
-    number: int
-    name: str
-    released: bool
-
-
-class Follow(Struct, frozen=True):
-    """Drive along these places, of which the first is where the robot is or was last; answered at once."""
-
-    way: tuple[WayPlace, ...]
-
-
-class TripOver(Struct, frozen=True):
-    """A trip has ended, or was refused for a reason."""
-
-    trip: str
-    ended: TripEnded | None = None
-    refusal: str = ""
-
-
-class Complaint(Struct, frozen=True):
-    """Traffic does not take the robot, for this reason."""
-
-    text: str
-
-
-# What the hardware notifies the program of
-
-
-class TripWanted(Struct, frozen=True):
-    """The robot wants to go to a place, or to a berth of its own."""
-
-    trip: str
-    stop: Berth | str
-
-
-class TripGivenUp(Struct, frozen=True):
-    """The robot does not want to go on with its trip, and stands."""
-
-
-class PlacePassed(Struct, frozen=True):
-    """The robot has come to the place of this number, or past it."""
-
-    number: int
-
-
-class MobilityChanged(Struct, frozen=True):
-    """Whether the robot can make room."""
-
-    mobility: Mobility
-
-
-class SilenceChanged(Struct, frozen=True):
-    """Whether nothing is heard of the robot: then nobody says where it is, and traffic takes it to be silent when its lease ends."""
-
-    is_silent: bool
-
-
-class Astray(Struct, frozen=True):
-    """The robot is not where traffic has it, or cannot drive on from there: it enters anew."""
 
 
 class _Due(Struct, frozen=True, tag=True):
@@ -169,6 +97,8 @@ class RobotProgram:
         self._is_requested = False
         self._told: tuple[WayPlace, ...] = ()
         self._locating: _Question | None = None
+        self._is_entering, self._entry_time = False, 0.0
+        """Whether its entry has not been answered, and when it was sent."""
         self._refusals = 0
         """How often traffic has refused it since it took part last."""
         self._sent: dict[str, Body] = {}
@@ -193,7 +123,8 @@ class RobotProgram:
                 self._locating = None
                 yield from self._enter(value, now)
             case DeliveryFailed(message=Message(header=header)):
-                self._sent.pop(header.message_id, None)
+                if isinstance(self._sent.pop(header.message_id, None), EnterTraffic):
+                    self._entry_time = -LEASE
                 yield SetTimer(_Due(), now + PAUSE)
 
     # Messages
@@ -241,6 +172,7 @@ class RobotProgram:
             case ReportPlace() if self._participant is not None and request.fence == self._participant.fence:
                 yield from self._locate()
             case EnterTraffic():
+                self._is_entering = False
                 self._refusals += 1
                 if self._refusals == 1:
                     yield self._ask(Complaint(fault.text))
@@ -285,6 +217,7 @@ class RobotProgram:
         self._participant = Participant(self._robot, value.place, value.towards)
         self._is_requested = False
         entry = self._participant.enter(LEASE, value.berths, self._mobility)
+        self._is_entering, self._entry_time = True, now
         yield self._send(structs.replace(entry, edition=self._edition))
 
     def _take_part(self, answer: TrafficEntered, request: EnterTraffic | ReportPlace, now: float) -> Effects:
@@ -294,6 +227,7 @@ class RobotProgram:
         yield SetTimer(_Due(), now + answer.renew_within / 2)
         if isinstance(request, EnterTraffic) and participant.entered(answer):
             self._refusals = self._returning = 0
+            self._is_entering = False
             self._number += 1
             self._told = ()
             yield from self._go_on()
@@ -309,9 +243,9 @@ class RobotProgram:
             if not self._is_silent:
                 yield self._report()
             yield SetTimer(_Due(), now + LEASE / 3)
-        elif self._locating is not None or any(isinstance(body, EnterTraffic) for body in self._sent.values()):
+        elif self._locating is not None or (self._is_entering and now < self._entry_time + LEASE):
             pass  # it is about to enter
-        elif self._pages and self._refusals % 2 and not any(isinstance(body, ReadRoadmap) for body in self._sent.values()):
+        elif self._pages and (self._is_entering or self._refusals % 2):
             yield from self._locate()
         else:
             yield from self._read_roadmap()
@@ -403,6 +337,6 @@ class RobotProgram:
         self._message_count += 1
         id = f"urn:robot:{self._life}:{self._message_count}"
         if is_answered:
-            self._sent[id] = body
+            self._sent = {**dict([*self._sent.items()][-MOST_UNANSWERED:]), id: body}
         header = Header(sender=self._address, recipient=self._traffic, message_id=id, reply_to=self._address)
         return Send(Message(header=header, body=body))

@@ -31,7 +31,7 @@ from somrs.space.solids import CARRYING, Point, Role, Solid, solid_of
 from somrs.space.zones import Zones, zones_of
 from somrs.traffic.layout import OpenBuilding
 from somrs.traffic.roadmap import Lane, NumberedRoadmap, Place, Roadmap, RobotKind, spacing_for
-from somrs.traffic.robot_program import RoadmapRead, Standing
+from somrs.traffic.robot_tasks import RoadmapRead, Standing
 from somrs.traffic.surroundings import TOLERANCE
 from somrs.traffic.ways import Ways, in_sight
 

@@ -36,9 +36,7 @@ from somrs.devices.simulator.motion.driving import why_not_arrived
 from somrs.devices.simulator.motion.legs import find_legs
 from somrs.errors import UsageError
 from somrs.space.solids import Point, Role
-from somrs.traffic.robot_program import (
-    TripOver,
-)
+from somrs.traffic.robot_tasks import TripOver
 
 log = logging.getLogger(__name__)
 

@@ -18,7 +18,7 @@ from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.errors import RemoteError
 from somrs.protocol.messages.traffic import Berth, Mobility
-from somrs.traffic.robot_program import (
+from somrs.traffic.robot_tasks import (
     Astray,
     Complaint,
     Follow,
