@@ -80,9 +80,10 @@ class Pioneer:
         obstacles: tuple[Obstacle, ...] = (),
         slip: float = 0.0,
         gripper: bool = True,
+        watchdog: float = 2.0,
     ) -> None:
         self.body = PlaneBody(Place(x=x, y=y, yaw=yaw), obstacles)
-        self.firmware = Firmware(self.body, subclass=subclass, slip=slip, gripper=gripper)
+        self.firmware = Firmware(self.body, subclass=subclass, slip=slip, gripper=gripper, watchdog=watchdog)
         self.driver = Driver(Pose(x=x, y=y, yaw=yaw))
         self.now = 0.0
         self.effects: list[Effect] = []

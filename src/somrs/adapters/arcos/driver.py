@@ -46,6 +46,8 @@ STOPPED_AFTER = 4.0
 """Seconds after the last report in which its watchdog has stopped a robot: two, and the time in which it brakes."""
 PATIENCE = 10.0
 """Seconds for which a robot waits for something in its way."""
+PLAUSIBLE_WATCHDOG = range(200, 10_001)
+"""Times of a watchdog that a robot may have, ms. Of others, it is taken to have the usual one."""
 STUCK_REPORTS = 30
 """A robot that does not move in so many reports, although it was told to, gives up."""
 BATTERY_SHARE = 0.05
@@ -68,6 +70,7 @@ class Driver:
     ) -> None:
         self.session = Session()
         self.parameters = parameters
+        self._given_parameters = parameters
         self._battery = battery or Battery()
         self._speed_limit = speed
         self._odometry = Odometry(pose)
@@ -84,6 +87,7 @@ class Driver:
         self._charge: int | None = None
         self._is_connected = False
         self._report_time = -STOPPED_AFTER
+        self._report: Status | None = None
         self._effects: list[Effect] = []
 
     @property
@@ -141,32 +145,42 @@ class Driver:
 
     def _update(self, status: Status, now: float) -> None:
         """Take in a report, and say what the robot is to do until the next one."""
-        parameters = self.parameters or self._own_parameters()
+        parameters = self._own_parameters()
         if parameters is None:
             return
-        if self._speed_limit is not None:
-            parameters = replace(parameters, speed=self._speed_limit)
         self.parameters, self._report_time = parameters, now
         self._note_contact()
         pose = self._odometry.update(status, parameters)
         self._effects.append(Located(pose))
         self._sonar.update(status, pose, parameters, now)
         self._note_battery(status)
-        self._note_health(status)
-        speeds = self._next_speeds(status, pose, parameters, now)
+        confirmed = self._confirmed(status)
+        self._note_health(confirmed)
+        speeds = self._next_speeds(confirmed, pose, parameters, now)
         if self._is_halting and is_standing(status):
             self._note_halt()
         self._command(speeds, status)
+
+    def _confirmed(self, status: Status) -> Status:
+        """A report with what the one before has said, too, of stalls, bumpers and buttons: two wrong bits can cancel out in a checksum."""
+        earlier, self._report = self._report or status, status
+        flags = (status.flags & earlier.flags) | ((status.flags | earlier.flags) & Flag.MOTORS)
+        return replace(status, stall=status.stall & earlier.stall, flags=flags)
 
     def _note_halt(self) -> None:
         self._is_halting = False
         self._effects.append(Halted())
 
     def _own_parameters(self) -> Parameters | None:
-        """Those of the type that the robot has said."""
+        """Those that were given, or of the type that the robot has said, with what it has said of itself; None if it has said nothing."""
         configuration, identity = self.session.configuration, self.session.identity
         subkind = configuration.subkind if configuration is not None else identity[2] if len(identity) > 2 else None
-        return TYPES.get(subkind.lower(), Parameters()) if subkind is not None else None
+        parameters = self._given_parameters or (TYPES.get(subkind.lower(), Parameters()) if subkind is not None else None)
+        if parameters is None:
+            return None
+        if configuration is not None and configuration.watchdog is not None and configuration.watchdog in PLAUSIBLE_WATCHDOG:
+            parameters = replace(parameters, watchdog=configuration.watchdog / 1000)
+        return replace(parameters, speed=self._speed_limit) if self._speed_limit is not None else parameters
 
     def _command(self, speeds: Speeds, status: Status) -> None:
         """Send velocities with every report, as long as the robot is to move or moves: one that is lost does no harm then."""

@@ -12,8 +12,10 @@ _ENDS = {
     GripperCommand.CLOSE: GripperState.CLOSED,
     GripperCommand.LIFT_UP: GripperState.LIFT_UP,
     GripperCommand.LIFT_DOWN: GripperState.LIFT_DOWN,
+    GripperCommand.DEPLOY: GripperState.OPEN | GripperState.LIFT_DOWN,
 }
-_LIFTS = {GripperCommand.LIFT_UP, GripperCommand.LIFT_DOWN}
+_PADDLES = GripperState.OPEN | GripperState.CLOSED
+_LIFT = GripperState.LIFT_UP | GripperState.LIFT_DOWN
 
 
 def is_occupied(status: Status) -> bool:
@@ -34,37 +36,39 @@ class GripperMove:
 
     def __init__(self, move: GripperCommand) -> None:
         self.move = move
-        self._is_lift = move in _LIFTS
+        end = _ENDS[move]
+        self._moves_lift, self._moves_paddles = bool(end & _LIFT), bool(end & _PADDLES)
+        self._moving = GripperState.LIFT_MOVING * self._moves_lift | GripperState.MOVING * self._moves_paddles
+        self._error = GripperState.LIFT_ERROR * self._moves_lift | GripperState.ERROR * self._moves_paddles
+        self._end = end
+        self._opposite = (_LIFT * self._moves_lift | _PADDLES * self._moves_paddles) & ~end
         self._idle_reports = PATIENCE
         self._tries = 0
         self._reports = 0
 
     def update(self, status: Status) -> GripperCommand | None:
         """Take in a report, and return what is to be sent: the command, for the first time or again. Raises GripperFailed."""
-        state = GripperState(status.gripper)
-        if state & (GripperState.LIFT_ERROR if self._is_lift else GripperState.ERROR):
-            raise GripperFailed(f"the {'lift' if self._is_lift else 'paddles'} of its gripper reported an error")
+        if status.gripper & self._error:
+            raise GripperFailed(f"the {self._part} of its gripper reported an error")
         self._reports += 1
-        is_moving = state & (GripperState.LIFT_MOVING if self._is_lift else GripperState.MOVING)
-        self._idle_reports = 0 if is_moving else self._idle_reports + 1
+        self._idle_reports = 0 if status.gripper & self._moving else self._idle_reports + 1
         if self._idle_reports < PATIENCE:
             return None
         if self._tries == TRIES:
-            raise GripperFailed(f"the {'lift' if self._is_lift else 'paddles'} of its gripper did not move")
+            raise GripperFailed(f"the {self._part} of its gripper did not move")
         self._idle_reports, self._tries = 0, self._tries + 1
         return self.move
 
     def is_over(self, status: Status) -> bool:
         """Whether the gripper stands where the move ends. Paddles that close also end at what is between them."""
-        state = GripperState(status.gripper)
-        if not self._tries or state & (GripperState.LIFT_MOVING if self._is_lift else GripperState.MOVING):
+        if not self._tries or status.gripper & self._moving:
             return False
-        if state & _ENDS[self.move] and not state & self._opposite():
+        if status.gripper & self._end == self._end and not status.gripper & self._opposite:
             return True
         # Paddles around a thing are neither open nor closed. Two reports, so that they have begun to move.
-        is_closing = self.move is GripperCommand.CLOSE and not state & GripperState.OPEN
+        is_closing = self.move is GripperCommand.CLOSE and not status.gripper & GripperState.OPEN
         return is_closing and is_occupied(status) and self._reports > 2
 
-    def _opposite(self) -> GripperState:
-        ends = (GripperState.LIFT_UP | GripperState.LIFT_DOWN) if self._is_lift else (GripperState.OPEN | GripperState.CLOSED)
-        return ends & ~_ENDS[self.move]
+    @property
+    def _part(self) -> str:
+        return "lift" if not self._moves_paddles else "paddles" if not self._moves_lift else "paddles or lift"

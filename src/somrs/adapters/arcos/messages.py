@@ -58,6 +58,8 @@ class GripperCommand(IntEnum):
     CLOSE = 2
     LIFT_UP = 4
     LIFT_DOWN = 5
+    DEPLOY = 8
+    """Open the paddles, and lower the lift."""
     HALT = 15
 
 
@@ -132,13 +134,15 @@ class GripperReport(Struct, frozen=True, kw_only=True):
 
 
 class Configuration(Struct, frozen=True, kw_only=True):
-    """The beginning of CONFIGpac: who the robot is, and its largest velocities, in degrees/s and mm/s."""
+    """The beginning of CONFIGpac: who the robot is, its largest velocities, in degrees/s and mm/s, and the time of its watchdog, ms; None:
+    not sent."""
 
     kind: str
     subkind: str
     serial_number: str
     top_turning: int
     top_speed: int
+    watchdog: int | None = None
 
 
 class SyncReply(Struct, frozen=True, kw_only=True):
@@ -186,6 +190,8 @@ def report(body: bytes) -> Report | None:
 
 _STATUS = struct.Struct("<BHHhhhBHhHBB")
 _TAIL = struct.Struct("<BBBBB")
+_TOPS = struct.Struct("<BHHHHH")
+_EQUIPMENT = struct.Struct("<BBBHHBHHH")
 
 
 def _status(body: bytes) -> Status | None:
@@ -217,8 +223,11 @@ def _status(body: bytes) -> Status | None:
 
 def _configuration(body: bytes) -> Configuration | None:
     texts = body[1:].split(b"\0", 3)
-    if len(texts) < 4 or len(texts[3]) < 5:
+    if len(texts) < 4 or len(texts[3]) < _TOPS.size:
         return None
     kind, subkind, serial_number = (text.decode("ascii", "replace") for text in texts[:3])
-    turning, speed = struct.unpack_from("<HH", texts[3], 1)
-    return Configuration(kind=kind, subkind=subkind, serial_number=serial_number, top_turning=turning, top_speed=speed)
+    _motors, turning, speed, *_ = _TOPS.unpack_from(texts[3])
+    # The robot's name, and what it has.
+    _name, _, equipment = texts[3][_TOPS.size :].partition(b"\0")
+    watchdog = _EQUIPMENT.unpack_from(equipment)[-1] if len(equipment) >= _EQUIPMENT.size else None
+    return Configuration(kind=kind, subkind=subkind, serial_number=serial_number, top_turning=turning, top_speed=speed, watchdog=watchdog)

@@ -40,32 +40,46 @@ class Odometry:
     """Follows the pose of a robot on the map, from the pose at which it began.
 
     It takes the differences of reports, so that it does not matter where the robot's counters began, when they wrap around, or that they
-    begin anew: the robot is taken to stand then where it was last.
+    begin anew: the robot is taken to stand then where it was last. A single report that does not fit is wrong, and is left out.
     """
 
     def __init__(self, pose: Pose) -> None:
         self.pose = pose
-        self._counted: tuple[int, int, int] | None = None
+        self._counted: Status | None = None
+        self._doubtful: Status | None = None
 
     def update(self, status: Status, parameters: Parameters) -> Pose:
         """Take in a report, and return the pose."""
-        counted = status.x, status.y, status.heading
-        if self._counted is not None:
-            dx, dy = (parameters.metres * _difference(new, old) for new, old in zip(counted[:2], self._counted[:2], strict=True))
-            old_heading, new_heading = parameters.radians * self._counted[2], parameters.radians * status.heading
-            is_small = math.hypot(dx, dy) < SMALL_STEP and abs(wrap(new_heading - old_heading)) < SMALL_TURN
-            if is_small or (math.hypot(dx, dy) < LARGEST_STEP and not _is_at_origin(status, parameters)):
-                self._move(dx, dy, old_heading, new_heading)
-        self._counted = counted
+        if self._counted is None:
+            self._counted = status
+        step = _Step(self._counted, status, parameters)
+        if step.is_small or (step.distance < LARGEST_STEP and not _is_at_origin(status, parameters)):
+            self._move(step)
+            self._counted, self._doubtful = status, None
+        elif self._doubtful is not None and _Step(self._doubtful, status, parameters).is_small:
+            self._counted, self._doubtful = status, None
+        else:
+            self._doubtful = status
         return self.pose
 
-    def _move(self, dx: float, dy: float, old_heading: float, new_heading: float) -> None:
-        turned = self.pose.yaw - old_heading
+    def _move(self, step: _Step) -> None:
+        turned = self.pose.yaw - step.old_heading
         self.pose = Pose(
-            x=self.pose.x + dx * math.cos(turned) - dy * math.sin(turned),
-            y=self.pose.y + dx * math.sin(turned) + dy * math.cos(turned),
-            yaw=wrap(turned + new_heading),
+            x=self.pose.x + step.dx * math.cos(turned) - step.dy * math.sin(turned),
+            y=self.pose.y + step.dx * math.sin(turned) + step.dy * math.cos(turned),
+            yaw=wrap(turned + step.new_heading),
         )
+
+
+class _Step:
+    """What the counters have changed between two reports, in metres and radians."""
+
+    def __init__(self, old: Status, new: Status, parameters: Parameters) -> None:
+        self.dx = parameters.metres * _difference(new.x, old.x)
+        self.dy = parameters.metres * _difference(new.y, old.y)
+        self.old_heading, self.new_heading = parameters.radians * old.heading, parameters.radians * new.heading
+        self.distance = math.hypot(self.dx, self.dy)
+        self.is_small = self.distance < SMALL_STEP and abs(wrap(self.new_heading - self.old_heading)) < SMALL_TURN
 
 
 def _difference(new: int, old: int) -> int:

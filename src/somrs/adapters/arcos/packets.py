@@ -37,6 +37,11 @@ class PacketParser:
         self.discarded = 0
         """How many bytes belonged to no packet."""
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether a packet has begun that is not complete."""
+        return bool(self._buffer)
+
     def feed(self, data: bytes) -> list[bytes]:
         """Take in bytes, and return the bodies of the packets that they complete."""
         self._buffer += data

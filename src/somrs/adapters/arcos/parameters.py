@@ -39,7 +39,8 @@ class Parameters(Struct, frozen=True, kw_only=True):
     """Factors from the robot's units to metres, radians and m/s, and the robot's body.
 
     `half_width`: of the lane that it needs when it drives straight on, m. `axle`: the distance of its wheels, m. `speed`, `turning`: the
-    largest velocities, m/s and rad/s; `acceleration`, `turning_acceleration`: with which it brakes, m/s² and rad/s².
+    largest velocities, m/s and rad/s; `acceleration`, `turning_acceleration`: with which it brakes, m/s² and rad/s². `watchdog`: seconds
+    after which it stops if it has heard nothing.
     """
 
     metres: float = 0.001
@@ -53,6 +54,7 @@ class Parameters(Struct, frozen=True, kw_only=True):
     turning: float = 1.0
     acceleration: float = 0.3
     turning_acceleration: float = 1.5
+    watchdog: float = 2.0
 
 
 TYPES = {

@@ -85,8 +85,7 @@ class ArcosRobot(CarryingRobot):
     async def pick(self, thing: str, support: str) -> None:
         self._need_gripper()
         distance = await self._face(thing)
-        await self._act(MoveGripper(GripperCommand.OPEN))
-        await self._act(MoveGripper(GripperCommand.LIFT_DOWN))
+        await self._act(MoveGripper(GripperCommand.DEPLOY))
         start = self._open_line().driver.pose
         approach = await self._act(Advance(distance=max(0.0, distance - self.settings.reach + SPARE), until_beam=True))
         closing = await self._act(MoveGripper(GripperCommand.CLOSE)) if approach.is_occupied else approach

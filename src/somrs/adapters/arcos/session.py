@@ -30,6 +30,8 @@ TRIES = 4
 """How often, before the synchronization begins anew."""
 STOP_AFTER, SILENT_AFTER = 0.3, 3.0
 """Seconds without a report after which the robot is told to stop, and after which it counts as silent."""
+LONGEST_PACKET = 0.25
+"""Seconds from which on a packet that is not complete is noise. What came after it is too old to be taken for news."""
 LONGEST_STEP = 0.25
 """What a step of time counts at most, s: while this program is suspended, nobody is silent."""
 
@@ -70,7 +72,7 @@ class Session:
         self.configuration: Configuration | None = None
         self.gripper: GripperReport | None = None
         self.outgoing = bytearray()
-        self._parser = PacketParser()
+        self._parser, self._complete_time = PacketParser(), 0.0
         self._time = 0.0
         self._waited = 0.0
         self._repeated = 0.0
@@ -90,7 +92,7 @@ class Session:
 
     def connect(self, now: float) -> None:
         """There is a line to the robot."""
-        self._parser = PacketParser()
+        self._parser, self._complete_time = PacketParser(), now
         self._time = now
         self.outgoing.clear()
         self._enter(SessionState.LISTENING)
@@ -113,8 +115,13 @@ class Session:
     def receive(self, data: bytes, now: float) -> list[Status]:
         """Take in bytes, and return the reports on the robot that they complete."""
         self.tick(now)
+        if now - self._complete_time > LONGEST_PACKET:
+            self._parser = PacketParser()
         reports = []
-        for body in self._parser.feed(data):
+        bodies = self._parser.feed(data)
+        if bodies or not self._parser.is_waiting:
+            self._complete_time = now
+        for body in bodies:
             if (reply := sync_reply(body)) is not None:
                 self._hear_reply(reply)
                 continue

@@ -15,16 +15,16 @@ from somrs.adapters.arcos.parameters import Parameters
 
 LOOK_AHEAD = 0.5
 """The robot steers to the point of the line this far ahead of it, m."""
-BLIND_TIME = 2.2
-"""Seconds for which a robot may drive on with its last velocities: the time of its watchdog, and of a report and a command."""
+DELAY = 0.2
+"""Seconds for which a report and a command are on their way at most."""
 ALLOWANCE = 0.1
 """How far a robot whose driver died may come past the end of what it may drive, m. Without it, it would never arrive."""
 CREEPING = 0.05
-"""A robot that is slower hardly moves aside, m/s."""
+"""Speed of the last centimetres, m/s."""
 SLOWEST_TURN = math.radians(3)
 """Slower, the motors hardly turn, rad/s."""
 BRAKING = 0.5
-"""Share of the robot's deceleration with which turns end: reports and commands are on their way for a tenth of a second."""
+"""Share of the robot's deceleration that plans use: reports and commands are on their way for a tenth of a second."""
 
 
 class Speeds(Struct, frozen=True, kw_only=True):
@@ -40,7 +40,7 @@ STAND = Speeds()
 def turn_speeds(error: float, parameters: Parameters) -> Speeds:
     """The velocities that turn the robot by `error`, rad, on the spot."""
     braking = math.sqrt(2 * BRAKING * parameters.turning_acceleration * abs(error))
-    speed = min(parameters.turning, braking, 2.0 * abs(error))
+    speed = min(parameters.turning, braking, 3.0 * abs(error))
     return Speeds(turning=math.copysign(max(SLOWEST_TURN, speed), error))
 
 
@@ -52,9 +52,9 @@ def speed_for(distance: float, parameters: Parameters, limit: float) -> float:
     """
     if distance <= 0:
         return 0.0
-    way, braking = distance + ALLOWANCE, parameters.acceleration
-    blind = braking * (math.sqrt(BLIND_TIME**2 + 2 * way / braking) - BLIND_TIME)
-    return min(limit, parameters.speed, blind)
+    way, braking, blind_time = distance + ALLOWANCE, parameters.acceleration, parameters.watchdog + DELAY
+    blind = braking * (math.sqrt(blind_time**2 + 2 * way / braking) - blind_time)
+    return min(limit, parameters.speed, blind, max(CREEPING, math.sqrt(2 * BRAKING * braking * distance)))
 
 
 class Line(Struct, frozen=True, kw_only=True):
@@ -93,8 +93,8 @@ def line_speeds(line: Line, pose: Pose, speed: float, parameters: Parameters) ->
 
     Who looks elsewhere drives slower, and who drives fast turns slowly: a robot that is told nothing more leaves the line by a circle.
     """
-    error = line.steering_error(pose)
-    forward = min(speed, ALLOWANCE / (BLIND_TIME * max(abs(error), 0.01))) if abs(error) < math.pi / 4 else 0.0
-    limit = min(parameters.turning, 2 * ALLOWANCE / (max(forward, CREEPING) * BLIND_TIME**2))
+    error, blind_time = line.steering_error(pose), parameters.watchdog + DELAY
+    forward = min(speed, ALLOWANCE / (blind_time * max(abs(error), 0.01))) if abs(error) < math.pi / 4 else 0.0
+    limit = min(parameters.turning, 2 * ALLOWANCE / (max(forward, CREEPING) * blind_time**2))
     turning = max(-limit, min(limit, 1.5 * error))
     return Speeds(forward=-forward if line.backward else forward, turning=turning)

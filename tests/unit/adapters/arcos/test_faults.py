@@ -14,6 +14,7 @@ from somrs.adapters.arcos.events import (
     Follow,
     GaveUp,
     Heard,
+    Located,
     MoveGripper,
     Passed,
     Quit,
@@ -22,7 +23,7 @@ from somrs.adapters.arcos.events import (
 )
 from somrs.adapters.arcos.messages import GripperCommand
 from somrs.adapters.arcos.simulated.body import Obstacle, Place
-from tests.support.pioneers import Pioneer, way
+from tests.support.pioneers import Pioneer, perfect, way
 
 AHEAD = way((0.0, 0.0), (6.0, 0.0))
 
@@ -48,6 +49,17 @@ def test_a_robot_whose_driver_died_stands_within_its_watchdog() -> None:
     position = pioneer.body.place.x
     pioneer.run(60)
     assert pioneer.body.place.x == position
+
+
+def test_a_robot_with_a_quick_watchdog_drives_faster() -> None:
+    """It may be faster before its stops, because it stops sooner when it is told nothing more."""
+    times = []
+    for watchdog in (0.5, 2.0):
+        pioneer = Pioneer(watchdog=watchdog).ready()
+        start = pioneer.now
+        assert pioneer.drive(way((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (2.0, 1.0)))
+        times.append(pioneer.now - start)
+    assert times[0] < 0.8 * times[1]
 
 
 def test_a_robot_that_cannot_be_observed_is_stopped() -> None:
@@ -168,8 +180,7 @@ def test_a_broken_robot_does_nothing() -> None:
 def test_the_gripper_takes_what_is_between_its_paddles() -> None:
     pioneer = Pioneer().ready()
     pioneer.body.thing = (0.6, 0.0)
-    pioneer.act(MoveGripper(GripperCommand.OPEN))
-    pioneer.act(MoveGripper(GripperCommand.LIFT_DOWN))
+    assert not isinstance(pioneer.act(MoveGripper(GripperCommand.DEPLOY)), ActionFailed)
     approach = pioneer.act(Advance(distance=0.4, until_beam=True))
     assert not isinstance(approach, ActionFailed)
     assert approach.is_occupied
@@ -256,6 +267,20 @@ def test_odometry_outlives_the_wrapping_of_its_counters() -> None:
     points = [(0.0, 0.0), (12.0, 0.0), (24.0, 0.0), (36.0, 0.0), (36.0, 20.0)]
     assert pioneer.drive(way(*points), 400)
     assert pioneer.distance_to(36.0, 20.0) < 0.05
+
+
+def test_what_a_robot_reported_long_ago_is_no_news() -> None:
+    """A packet that seemed to begin holds reports back until enough bytes have come."""
+    pioneer = Pioneer().ready()
+    pioneer.give(Received(b"\xfa\xfb\xf9"))
+    pioneer.run(0.2)
+    pioneer.from_robot = lambda data: b""
+    pioneer.body.place = Place(x=1.0, y=0.0, yaw=0.0)
+    pioneer.run(2)
+    pioneer.from_robot = perfect
+    pioneer.effects.clear()
+    pioneer.run(1)
+    assert {round(effect.pose.x, 2) for effect in pioneer.effects if isinstance(effect, Located)} == {1.0}
 
 
 def test_noise_on_the_line_moves_nothing() -> None:

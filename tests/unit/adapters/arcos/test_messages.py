@@ -61,8 +61,15 @@ def test_the_identity_comes_with_the_last_synchronization_packet() -> None:
 
 def test_reports_of_the_gripper_and_the_configuration() -> None:
     assert report(b"\xe0\x01\x22\x0a") == GripperReport(kind=1, state=0x22, grasp_time=10)
-    configuration = report(b"\x20Pioneer\0p3dx-sh\0A1\0\x00" + struct.pack("<HH", 300, 750) + b"more")
-    assert configuration == Configuration(kind="Pioneer", subkind="p3dx-sh", serial_number="A1", top_turning=300, top_speed=750)
+    tops = struct.pack("<BHHHHH", 0, 300, 750, 300, 2000, 500)
+    equipment = b"Anna\0" + struct.pack("<BBBHHBHHH", 100, 0, 0, 1, 1, 1, 110, 16570, 2000)
+    configuration = report(b"\x20Pioneer\0p3dx-sh\0A1\0" + tops + equipment + b"more")
+    assert configuration == Configuration(
+        kind="Pioneer", subkind="p3dx-sh", serial_number="A1", top_turning=300, top_speed=750, watchdog=2000
+    )
+    shorter = report(b"\x20Pioneer\0p3dx-sh\0A1\0" + tops)
+    assert isinstance(shorter, Configuration)
+    assert shorter.watchdog is None
 
 
 def test_arguments_have_their_sign_in_their_type() -> None:

@@ -15,7 +15,7 @@ from somrs.adapters.arcos.simulated.gripper import Gripper
 
 SIP_CYCLE = 0.1
 WATCHDOG = 2.0
-"""Seconds without a command after which the motors stop; the next command lets them go on (HostWatchDog)."""
+"""Seconds without a command after which the motors stop, as it comes from the factory; the next command lets them go on."""
 SONAR_CYCLE = 0.04
 STALL_RECOVERY = 0.5
 """Seconds for which the motors rest after a stall (StallCount)."""
@@ -67,11 +67,19 @@ class Firmware:
     """A controller on a body. `receive` takes bytes of the client, `step` lets time pass and returns bytes for it.
 
     `subclass` decides the unit of distance: `p3dx` counts 0.485 mm, `p3dx-sh` 1 mm. `slip`: the standard deviation of the share by which
-    wheels slip, drawn anew every step. `gripper`: whether it has one.
+    wheels slip, drawn anew every step. `gripper`: whether it has one. `watchdog`: its HostWatchDog parameter, s.
     """
 
     def __init__(
-        self, body: Body, *, name: str = "Pioneer", subclass: str = "p3dx-sh", gripper: bool = True, slip: float = 0.0, seed: int = 0
+        self,
+        body: Body,
+        *,
+        name: str = "Pioneer",
+        subclass: str = "p3dx-sh",
+        gripper: bool = True,
+        slip: float = 0.0,
+        watchdog: float = WATCHDOG,
+        seed: int = 0,
     ) -> None:
         self.body = body
         self.is_silent = False
@@ -80,6 +88,7 @@ class Firmware:
         self.gripper = Gripper(body) if gripper else None
         self._name, self._subclass = name, subclass
         self._unit = 0.485 if subclass == "p3dx" else 1.0
+        self._watchdog = watchdog
         self._slip, self._random = slip, random.Random(seed)
         self._buffer = bytearray()
         self._replies = bytearray()
@@ -159,9 +168,11 @@ class Firmware:
         self._is_open, self._synchronized, self._motors, self._goal = False, 0, False, (0.0, 0.0)
 
     def _configuration(self) -> bytes:
-        texts = b"Pioneer\0" + self._subclass.encode() + b"\0" + b"SIM001\0"
-        numbers = struct.pack("<BHHHHH", 0, 300, 2200, 300, 2000, 500)
-        return b"\x20" + texts + numbers
+        texts = b"Pioneer\0" + self._subclass.encode() + b"\0SIM001\0"
+        tops = struct.pack("<BHHHHH", 0, 300, 2200, 300, 2000, 500)
+        watchdog = round(1000 * self._watchdog)
+        equipment = struct.pack("<BBBHHBHHH", 100, 0, 0, self.gripper is not None, 1, 1, 115, 16570, watchdog)
+        return b"\x20" + texts + tops + self._name.encode() + b"\0" + equipment
 
     # Time
 
@@ -188,7 +199,7 @@ class Firmware:
         return b"" if self.is_silent else replies
 
     def _move(self, duration: float) -> None:
-        may_drive = self._motors and self._silence < WATCHDOG and self._stalled <= 0
+        may_drive = self._motors and self._silence < self._watchdog and self._stalled <= 0
         if self.body.contact is not None and self._bump_stall & {"front": 1, "rear": 2}[self.body.contact] and self._pushes():
             self._stalled = STALL_RECOVERY
         self._stalled = max(0.0, self._stalled - duration)

@@ -32,6 +32,9 @@ class Gripper:
                 self._lift_goal = 1.0
             case 5:
                 self._lift_goal = 0.0
+            case 8:
+                self.command(1)
+                self.command(5)
             case 3 | 6 | 15:
                 self._paddle_goal = self._paddle_goal if number == 6 else None
                 self._lift_goal = self._lift_goal if number == 3 else None
