@@ -11,12 +11,16 @@ from pathlib import Path
 from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.ontology.files.loading import load
+from somrs.ontology.map import Map
+from somrs.ontology.objects import ObjectRemoved
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.knowledge import RenameObject, UpdateMap
 from somrs.protocol.messages.submission import Submit
 from somrs.space.findings import find_mistakes
 from tests.support.map_comparison import compare
 from tests.support.paths import ROOT
 
+KINDS = ("Chair", "Door", "Wall")
 EXAMPLE = ROOT / "examples" / "unknown_floor"
 
 
@@ -35,23 +39,37 @@ async def world() -> AsyncIterator[str]:
         await process.wait()
 
 
+async def explore(client: Client) -> list[Map]:
+    """Have the floor explored. Returns the maps meanwhile, the last one is that afterwards."""
+    task = await client.submit(Submit(effect="Ground wasExploredBy ?Robot"))
+    maps, outcome = [], None
+    async for news in client.news(task):
+        maps.append(await client.map())
+        outcome = news.view.outcome
+    assert outcome is Outcome.ACCOMPLISHED
+    return [*maps, await client.map()]
+
+
+def count(map: Map, kind: str) -> int:
+    return sum(object.type == kind for object in map.objects.values())
+
+
 async def explored(data: Path) -> None:
     async with (
         world() as address,
         System([EXAMPLE / "site.yaml"], data, world_address=address, certificates=False, secure=False) as system,
         Client(system.addresses) as client,
     ):
-        task = await client.submit(Submit(effect="Ground wasExploredBy ?Robot"))
-        wall_counts = []
-        outcome = None
-        async for news in client.news(task):
-            map = await client.map()
-            wall_counts.append(sum(object.type == "Wall" for object in map.objects.values()))
-            outcome = news.view.outcome
-        map, ontology = await client.map(), await client.ontology()
-    assert outcome is Outcome.ACCOMPLISHED
-    assert wall_counts[0] == 0
-    assert len(set(wall_counts)) > 2  # it grew while the robot went
+        maps = await explore(client)
+        map, ontology = maps[-1], await client.ontology()
+        # What a person gets wrong: a chair is elsewhere, a door is shut, a wall is missing, and a room has a name.
+        (chair, *_), (door,), (wall, *_) = ([name for name, object in map.objects.items() if object.type == kind] for kind in KINDS)
+        mistakes = f"NOT Ground wasExploredBy Scout AND {door}.Open = FALSE AND {chair}.PositionX = 9.0 AND {chair}.PositionY = 4.5"
+        await client.update(UpdateMap(situation=mistakes, changes=(ObjectRemoved(wall),), author="Engineer"))
+        await client.rename(RenameObject(name="Room001", to="Laboratory", author="Engineer"))
+        corrected = (await explore(client))[-1]
+    assert count(maps[0], "Wall") == 0
+    assert len({count(map, "Wall") for map in maps}) > 2  # it grew while the robot went
     assert find_mistakes(map, ontology) == []
     loaded = load([EXAMPLE / "world.yaml"])
     assert loaded.map is not None
@@ -61,7 +79,13 @@ async def explored(data: Path) -> None:
     assert comparison.rooms == (2, 2)
     assert comparison.furniture == (8, 8)
     assert comparison.things == (3, 3)
+    assert corrected.objects[door].values["Open"] is True
+    assert corrected.objects[chair].values["Unknown"] is True
+    assert compare(corrected, loaded.map, loaded.ontology) == comparison  # the wall and a chair have come again
+    counts = [count(corrected, kind) - count(map, kind) for kind in ("Wall", "Room", "Door", "Chair", "Table", "Jar")]
+    assert counts == [0, 0, 0, 1, 0, 0]
+    assert "Laboratory" in corrected.objects
 
 
-def test_a_robot_explores_a_floor_for_a_task(tmp_path: Path) -> None:
+def test_a_robot_explores_a_floor_for_a_task_and_corrects_the_map_when_it_does_so_again(tmp_path: Path) -> None:
     asyncio.run(explored(tmp_path / "data"))

@@ -2,7 +2,8 @@
 
 What a survey shows differs a little each time. A wall, a door, an obstacle or a room of it is the object of the map that is in its place;
 what is new gets a new name; an object that the survey has brought, and does not show any more, goes. Objects that others have put on the
-map stay as they are, and nothing is added in their place.
+map stay as they are, and nothing is added in their place; that doors of them are shut or open, and furniture is not there, is news
+(`observed`).
 """
 
 from __future__ import annotations
@@ -10,13 +11,16 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from somrs.adapters.mapping.survey import Piece
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import PART_OF, Value
 from somrs.sites.draft import box_shape, floor_values, pose
 from somrs.sites.occupancy.building import Building
+from somrs.sites.occupancy.grid import Cell, OccupancyGrid, States
 from somrs.sites.occupancy.importing import DOOR_HEIGHT, OBSTACLE_HEIGHT, WALL_HEIGHT
 from somrs.sites.plan import Box, Point, is_in_polygon
 
@@ -28,6 +32,10 @@ IN_LINE = 0.25
 """Walls whose middle lines are so near, and that overlap, are the same, m."""
 LOOKS = ("Color", "Shape.Form", "Shape.Width", "Shape.Depth", "Shape.Radius", "Shape.Height")
 """The attributes of furniture that a camera sees."""
+_BUILT = ("Room", "Wall", "Door")
+"""The kinds of parts of a storey."""
+_MOSTLY = 0.9
+"""Share of the cells in the place of an object that have to agree for it to count as gone, or as open or shut."""
 LEAST_SIGHTINGS = 2
 """A piece of furniture is on the map when it has been seen so often."""
 
@@ -65,10 +73,13 @@ class FloorMap:
         self._names = set(names)
         self._numbers: Counter[str] = Counter()
         self._entries: dict[str, _Entry] = {}
+        self._shut: set[str] = set()
+        """The doors that were seen shut: they are still there, although the survey shows a wall."""
+        self._missed: set[str] = set()
 
-    def add_foreign(self, name: str, shown: Shown) -> None:
-        """Note an object that somebody else has put on the map."""
-        self._entries[name] = _Entry(name=name, shown=shown, is_foreign=True)
+    def add_foreign(self, name: str, shown: Shown, floor: str | None = None) -> None:
+        """Note an object that somebody else has put on the map. `floor`: that of a room."""
+        self._entries[name] = _Entry(name=name, shown=shown, floor=floor, is_foreign=True)
 
     @property
     def furniture(self) -> list[tuple[str, Box, float]]:
@@ -76,7 +87,7 @@ class FloorMap:
         return [
             (entry.name, entry.shown.box, _number(entry.shown.values, "PositionZ") + _number(entry.shown.values, "Shape.Height"))
             for entry in self._entries.values()
-            if entry.shown.kind not in ("Wall", "Door", "Room")
+            if entry.shown.kind not in _BUILT and entry.name not in self._missed
         ]
 
     @property
@@ -88,11 +99,27 @@ class FloorMap:
         """The floor of the room in which a point is."""
         return next((entry.floor for entry in self._entries.values() if is_in_polygon(point, entry.shown.outline)), None)
 
+    def observed(self, grid: OccupancyGrid) -> tuple[list[str], list[str]]:
+        """What a survey shows of the objects of the map: parts of a formula, that doors are shut or open, as far as this is news; and the
+        furniture of others that is not where the map has it, each piece once."""
+        parts, missed = [], []
+        for name, entry in self._entries.items():
+            box, kind = entry.shown.box, entry.shown.kind
+            if kind == "Door" and (is_open := is_door_open(box, grid)) is not None:
+                if is_open is not bool(entry.shown.values.get("Open", True)):
+                    parts.append(f"{name}.Open = {str(is_open).upper()}")
+                    entry.shown = replace(entry.shown, values={**entry.shown.values, "Open": is_open})
+                (self._shut.discard if is_open else self._shut.add)(name)
+            elif entry.is_foreign and kind not in _BUILT and name not in self._missed and is_free(box, grid):
+                missed.append(name)
+        self._missed.update(missed)
+        return parts, missed
+
     def follow(self, building: Building, pieces: Sequence[Piece], robots: Sequence[Point] = ()) -> list[Change]:
         """The changes by which the map has what a survey shows. `robots`: where it has seen robots, which are no obstacles."""
         shown = [*shown_objects(building, pieces, robots, self.elevation)]
         matched = self._matched(shown)
-        changes = [*self._removals({entry.name for entry in matched.values()})]
+        changes = [*self._removals({entry.name for entry in matched.values()} | self._shut)]
         rooms: list[str] = []
         for index, item in enumerate(shown):
             entry = matched.get(index)
@@ -113,7 +140,7 @@ class FloorMap:
             (agreement, index, name)
             for index, item in enumerate(shown)
             for name, entry in self._entries.items()
-            if (agreement := _agreement(item, entry.shown)) > 0
+            if name not in self._missed and (agreement := _agreement(item, entry.shown)) > 0
         ]
         matched: dict[int, _Entry] = {}
         taken_names: set[str] = set()
@@ -139,7 +166,7 @@ class FloorMap:
     def _additions(self, entry: _Entry) -> Iterator[Change]:
         item = entry.shown
         yield ObjectAdded(Object(name=entry.name, type=item.kind, values=item.values))
-        if item.kind in ("Room", "Wall", "Door"):
+        if item.kind in _BUILT:
             yield FactAdded(Fact(PART_OF, (entry.name, self.storey)))
         if entry.floor is not None:
             yield ObjectAdded(Object(name=entry.floor, type="Floor", values=item.floor))
@@ -168,6 +195,27 @@ class FloorMap:
                 if entry.floor is not None:
                     yield ObjectRemoved(entry.floor)
                 yield ObjectRemoved(name)
+
+
+def is_door_open(box: Box, grid: OccupancyGrid) -> bool | None:
+    """Whether a door is open, by what was seen along the middle of its line; None if not enough of it was seen."""
+    states = _states_along(replace(box, width=0.7 * box.width), grid, (0.0,))
+    if np.mean(states == Cell.FREE) >= _MOSTLY:
+        return True
+    rows = _states_along(replace(box, width=0.7 * box.width), grid, (-0.5, 0.0, 0.5)).reshape(3, -1)
+    return False if np.mean((rows == Cell.OCCUPIED).any(axis=0)) >= _MOSTLY else None
+
+
+def is_free(box: Box, grid: OccupancyGrid) -> bool:
+    """Whether the place of an object is free, apart from its edge."""
+    return bool(np.mean(_states_along(replace(box, width=0.8 * box.width), grid, (-0.4, -0.2, 0.0, 0.2, 0.4)) == Cell.FREE) >= _MOSTLY)
+
+
+def _states_along(box: Box, grid: OccupancyGrid, rows: Sequence[float]) -> States:
+    """The states of cells in rows along a rectangle. `rows`: their distances from its middle line, as shares of its depth."""
+    count = max(3, round(box.width / grid.resolution))
+    offsets = ((np.arange(count) + 0.5) / count - 0.5) * box.width
+    return grid.state_at(grid.to_local([box.world((float(u), row * box.depth)) for row in rows for u in offsets]))
 
 
 def shown_objects(building: Building, pieces: Sequence[Piece], robots: Sequence[Point], elevation: float) -> Iterator[Shown]:
@@ -202,7 +250,9 @@ def _overlap(first: Box, second: Box) -> bool:
 def _agreement(first: Shown, second: Shown) -> float:
     """How well two shown objects agree; 0 if they are not the same."""
     if first.kind == "Room" or second.kind == "Room":
-        is_same = first.kind == second.kind and is_in_polygon((second.box.x, second.box.y), first.outline)
+        is_same = first.kind == second.kind and any(
+            is_in_polygon((room.box.x, room.box.y), around.outline) for room, around in ((first, second), (second, first))
+        )
         return 1 / (1 + math.dist((first.box.x, first.box.y), (second.box.x, second.box.y))) if is_same else 0.0
     if first.kind != second.kind:
         return 0.0

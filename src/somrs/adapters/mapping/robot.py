@@ -24,7 +24,7 @@ from somrs.entish.formula import Formula
 from somrs.errors import DeviceError, RemoteError, UsageError
 from somrs.ontology.objects import Object
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.ontology.types import RelationType
+from somrs.ontology.types import PART_OF, RelationType
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.device import Situation, Task, service
@@ -125,18 +125,34 @@ class MappingRobot(SimulatedDevice):
                 object = await task.map.object(str(row["It"]))
                 if object is not None and abs(number_of(row["Z"]) - floor_map.elevation) <= ON_FLOOR:
                     floor_map.add_foreign(object.name, _shown_as(object, kind))
+        for row in await task.map.query(f"?Room: Room = ?Room AND ?Floor: Floor {PART_OF} ?Room"):
+            floor = await task.map.object(str(row["Floor"]))
+            if floor is not None:
+                floor_map.add_foreign(str(row["Room"]), _room_shown(floor), floor.name)
         return floor_map
 
 
 def _shown_as(object: Object, kind: str) -> Shown:
+    return Shown(kind=kind if kind != "Furniture" else object.type, box=_box_of(object), values=object.values)
+
+
+def _box_of(object: Object) -> Box:
     def number(path: str) -> float:
         value = object.values.get(path)
         return float(value) if isinstance(value, int | float) else 0.0
 
     radius = number("Shape.Radius")
     width, depth = number("Shape.Width") or 2 * radius, number("Shape.Depth") or 2 * radius
-    box = Box(number("PositionX"), number("PositionY"), width, depth, number("RotationZ"))
-    return Shown(kind=kind if kind != "Furniture" else object.type, box=box, values=object.values)
+    return Box(number("PositionX"), number("PositionY"), width, depth, number("RotationZ"))
+
+
+def _room_shown(floor: Object) -> Shown:
+    """A room by its floor, which the map has as a box or a polygon."""
+    box, text = _box_of(floor), str(floor.values.get("Shape.Outline") or "")
+    corners = [(float(x), float(y)) for x, _, y in (corner.partition(",") for corner in text.split())]
+    outline = [box.world(corner) for corner in corners] if corners else box.corners()
+    x, y = (sum(values) / len(outline) for values in zip(*outline, strict=True))
+    return Shown(kind="Room", box=Box(x, y, 0.0, 0.0), outline=outline)
 
 
 class _Findings:
@@ -159,13 +175,15 @@ class _Findings:
 
     async def publish(self) -> None:
         """Bring the map up to date with the survey."""
-        grid = self._survey.grid()
+        seen_at, grid = time.time(), self._survey.grid()
         building = await asyncio.to_thread(building_of, grid)
+        parts, missed = self._floor_map.observed(grid)
         changes = self._floor_map.follow(building, self._survey.pieces, self._survey.robots)
-        if not changes:
-            return
         try:
-            await self._device.map.report(UpdateMap(changes=tuple(changes), author=self._device.name))
+            if changes:
+                await self._device.map.report(UpdateMap(changes=tuple(changes), author=self._device.name))
+            if parts or missed:
+                await self._device.report(" AND ".join(parts) or None, Observation(as_of=seen_at, missed=tuple(missed)))
         except RemoteError as error:
             log.warning("%s: what it found cannot be put on the map: %s", self._device.name, error)
 

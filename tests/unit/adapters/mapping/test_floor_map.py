@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,8 +19,10 @@ from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Change, Fact, ObjectAdded, ObjectRemoved
-from somrs.sites.occupancy.building import Building, Door, Room
+from somrs.sites.occupancy.building import Building, Door, Room, building_of
+from somrs.sites.occupancy.grid import Cell, OccupancyGrid
 from somrs.sites.plan import Box
+from tests.support.floor_plans import grid_of, rooms_in_rows
 
 SITE = """
 map: Site
@@ -126,6 +130,41 @@ def test_the_map_is_valid_whatever_surveys_show_and_has_just_that(buildings: lis
         counts = [kinds.count(kind) for kind in ("Wall", "Obstacle", "Room", "Door")]
         assert counts == [len(building.walls), len(building.obstacles), len(building.rooms), len(building.doors)]
         assert len([*map.facts("connects")]) == len(building.doors)
+
+
+CHAIR = Shown(kind="Chair", box=Box(1.5, 1.5, 0.5, 0.5))
+
+
+def test_a_door_of_others_that_is_shut_and_furniture_that_has_gone_are_news_once() -> None:
+    plan = rooms_in_rows([4.0, 3.0], [3.0], 0.1, [(0.9, 0.5)])
+    floor_map = FloorMap("Ground", 0.0)
+    door = Box(4.0, plan.doors[0].y, 0.9, 0.1, math.pi / 2)
+    floor_map.add_foreign("Gate", Shown(kind="Door", box=door, values={"Open": True}))
+    floor_map.add_foreign("Seat", CHAIR)
+    floor_map.add_foreign("Stool", replace(CHAIR, box=replace(CHAIR.box, x=3.0)))
+    shut = grid_of(plan, obstacles=[door, Box(3.0, 1.5, 0.5, 0.5)])
+    assert floor_map.observed(shut) == (["Gate.Open = FALSE"], ["Seat"])
+    assert floor_map.observed(shut) == ([], [])
+    assert floor_map.observed(grid_of(plan, obstacles=[Box(3.0, 1.5, 0.5, 0.5)])) == (["Gate.Open = TRUE"], [])
+
+
+def test_a_door_that_the_survey_has_brought_stays_when_it_is_shut() -> None:
+    plan = rooms_in_rows([4.0, 3.0], [3.0], 0.1, [(0.9, 0.5)])
+    map = site()
+    floor_map = FloorMap("Ground", 0.0, map.objects)
+    map, _ = follow(map, floor_map, building_of(grid_of(plan)))
+    shut = grid_of(plan, obstacles=plan.doors)
+    assert floor_map.observed(shut) == (["Door001.Open = FALSE"], [])
+    map, _ = follow(map, floor_map, building_of(shut))
+    assert "Door001" in map.objects
+
+
+def test_what_was_not_seen_is_no_news() -> None:
+    floor_map = FloorMap("Ground", 0.0)
+    floor_map.add_foreign("Gate", Shown(kind="Door", box=Box(4.0, 1.5, 0.9, 0.1, 1.57)))
+    floor_map.add_foreign("Seat", CHAIR)
+    blank = OccupancyGrid(states=np.full((100, 200), Cell.UNKNOWN, dtype=np.int8), resolution=0.05)
+    assert floor_map.observed(blank) == ([], [])
 
 
 def test_a_thing_is_reported_on_the_furniture_below_it_and_one_in_the_air_is_not_reported() -> None:
