@@ -54,11 +54,10 @@ class Vda5050Adapter:
         return [name for name, vehicle in self._settings.vehicles.items() if vehicle.simulated is not None]
 
     async def simulate(self, simulator: str) -> None:
-        async with asyncio.TaskGroup() as group:
-            for text, version in VERSIONS.items():
-                names = [name for name, vehicle in self._settings.vehicles.items() if vehicle.simulated == text]
-                if names:
-                    group.create_task(serve_simulated(names, simulator, self._address, version))
+        vehicles = {name: vehicle for name, vehicle in self._settings.vehicles.items() if vehicle.simulated is not None}
+        robots = {name: (self._settings.address(vehicle), VERSIONS[vehicle.simulated or ""]) for name, vehicle in vehicles.items()}
+        levels = {map_id: frame.level for map_id, frame in self._settings.maps.items() if frame.level is not None}
+        await serve_simulated(robots, simulator, self._address, levels)
 
     async def run(self, fleet: Fleet) -> None:
         topics = [

@@ -15,6 +15,7 @@ from somrs.adapters.vda5050.control.exchange import (
     GaveUp,
     Halt,
     Halted,
+    Loaded,
     Located,
     Passed,
     Perform,
@@ -42,17 +43,22 @@ class Vda5050Vehicle(CarryingRobot):
         self.battery = state.power_supply.state_of_charge if state is not None else None
         self.values = described(session)
         self._ended: asyncio.Future[str | None] | None = None
+        self._picked: str | None = None
+        """The thing that it is picking; None: none."""
         self._halts: list[asyncio.Future[None]] = []
 
     async def open(self) -> None:
-        vehicle = self.session.control.vehicle
         self.session.on_effect = self._take_effect
-        self.heard(vehicle.is_connected)
-        if vehicle.pose is not None:
-            self._take_effect(Located(pose=vehicle.pose))
+        self.heard(self.session.control.vehicle.is_connected)
+        asyncio.get_running_loop().call_soon(self._say_how_it_is)  # after `open` has begun, which waits for it
+        await super().open()
+
+    def _say_how_it_is(self) -> None:
+        vehicle = self.session.control.vehicle
         if vehicle.hindrance is not None:
             self._take_effect(Broken(reason=vehicle.hindrance))
-        await super().open()
+        if vehicle.pose is not None:
+            self._take_effect(Located(pose=vehicle.pose))
 
     # What traffic and the services tell the vehicle
 
@@ -69,12 +75,22 @@ class Vda5050Vehicle(CarryingRobot):
         await self.halt()
 
     async def pick(self, thing: str, support: str) -> None:
-        await self._perform(Perform(action_type="pick", parameters=self._parameters("pick", thing, support)))
-        self.holding = thing
+        self._picked = thing
+        try:
+            await self._perform(Perform(action_type="pick", parameters=self._parameters("pick", thing, support)))
+            self.holding = thing
+        finally:
+            self._picked = None
 
     async def drop(self, thing: str, support: str) -> None:
         await self._perform(Perform(action_type="drop", parameters=self._parameters("drop", thing, support)))
         self.holding = None
+
+    async def put_down(self, thing: str) -> tuple[float, float, float, str]:
+        await self.drop(thing, "")
+        pose = self.session.control.vehicle.pose
+        assert pose is not None, "a vehicle in traffic has said where it is"
+        return pose.x, pose.y, self.road.level, ""
 
     async def charge_at(self, charger: str) -> None:
         await self._perform(Charge())
@@ -93,7 +109,8 @@ class Vda5050Vehicle(CarryingRobot):
         factsheet = self.session.control.vehicle.factsheet
         load_sets = factsheet.load_specification.load_sets if factsheet is not None else None
         load_type = self.settings.load_type or (load_sets[0].load_type if load_sets else "DEFAULT")
-        values = {"stationType": self.settings.station_type, "stationName": support, "loadType": load_type, "loadId": thing}
+        station = {"stationName": support} if support else {}
+        values = {"stationType": self.settings.station_type, **station, "loadType": load_type, "loadId": thing}
         supported = factsheet.action(action_type) if factsheet is not None else None
         listed = supported.action_parameters if supported is not None else None
         keys = {parameter.key for parameter in listed} if listed else values.keys()
@@ -115,6 +132,10 @@ class Vda5050Vehicle(CarryingRobot):
                 self.heard(is_connected)
             case Charged(level=level):
                 self.battery = level
+            case Loaded(count=0):
+                self.holding = None
+            case Loaded() if self._picked is not None:
+                self.holding = self._picked
             case Delayed(reason=reason):
                 self.hindrance = f"{self.name} {reason}" if reason is not None else None
             case ActionEnded(failure=failure) if self._ended is not None and not self._ended.done():

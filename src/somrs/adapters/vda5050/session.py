@@ -62,4 +62,7 @@ class VehicleSession:
                     log.warning("%s: is not as VDA 5050 has it: %s", self.address, deviation)
                 case Warned(description=description):
                     log.info("%s: %s", self.address, description)
-            self.on_effect(effect)
+            try:
+                self.on_effect(effect)
+            except Exception:  # a defect in what has to do with one vehicle is no reason to leave all others alone
+                log.exception("%s: %s had no effect", self.address, type(effect).__name__)

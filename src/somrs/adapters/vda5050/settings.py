@@ -64,6 +64,16 @@ class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown
             ]
         )
 
+    def address(self, vehicle: VehicleSettings) -> VehicleAddress:
+        """The address of a simulated vehicle: below the first interface."""
+        assert vehicle.simulated is not None, "others have an address of their own"
+        return VehicleAddress(
+            interface=self.interfaces[0],
+            major=int(vehicle.simulated[0]),
+            manufacturer=vehicle.manufacturer,
+            serial_number=vehicle.serial_number,
+        )
+
     def name(self, address: VehicleAddress) -> str | None:
         """The name of a vehicle on the map; None if it is not served."""
         for name, vehicle in self.vehicles.items():

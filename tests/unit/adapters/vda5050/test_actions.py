@@ -16,13 +16,15 @@ from somrs.adapters.vda5050.messages.orders import ActionParameter, GrantType, O
 from somrs.adapters.vda5050.messages.states import (
     Connection,
     ConnectionState,
+    ErrorLevel,
     Position,
     RequestStatus,
     State,
+    VehicleError,
     Visualization,
     ZoneRequest,
 )
-from somrs.adapters.vda5050.simulated.exchange import Restarted
+from somrs.adapters.vda5050.simulated.exchange import Faulted, Restarted
 from tests.support.vda5050_pair import Pair, way
 
 VERSIONS = pytest.mark.parametrize("version", [Version.V2_1, Version.V3_0])
@@ -92,6 +94,20 @@ def test_an_action_is_interrupted(version: Version) -> None:
     pair.run(10)
     assert pair.vehicle.state().loads == ()
     assert ended(pair) == []
+
+
+@VERSIONS
+def test_a_broken_vehicle_performs_nothing(version: Version) -> None:
+    pair = Pair(version)
+    error = VehicleError(error_type="laserScanner", error_level=ErrorLevel.FATAL)
+    pair.do(Perform(action_type="pick", parameters=JAR))
+    pair.run(1)
+    pair.tell(Faulted(error=error))
+    assert pair.run_until(ActionEnded) == ActionEnded(failure="laserScanner")
+    pair.forget()
+    pair.do(Perform(action_type="drop", parameters=JAR))
+    assert ended(pair) == [ActionEnded(failure="laserScanner")]
+    assert pair.orders() == []
 
 
 @VERSIONS

@@ -128,4 +128,25 @@ class Charged(Struct, frozen=True, kw_only=True):
     level: float
 
 
-Effect = Send | Located | Passed | GaveUp | Broken | Reachable | Halted | ActionEnded | Warned | Delayed | Described | Tolerated | Charged
+class Loaded(Struct, frozen=True, kw_only=True):
+    """What the vehicle carries has changed. `count`: how many loads; it may not know which."""
+
+    count: int
+
+
+Effect = (
+    Send
+    | Located
+    | Passed
+    | GaveUp
+    | Broken
+    | Reachable
+    | Halted
+    | ActionEnded
+    | Warned
+    | Delayed
+    | Described
+    | Tolerated
+    | Charged
+    | Loaded
+)

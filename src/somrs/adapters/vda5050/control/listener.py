@@ -3,7 +3,18 @@
 from __future__ import annotations
 
 from somrs.adapters.vda5050.control.condition import delay, hindrance, remarks
-from somrs.adapters.vda5050.control.exchange import Arrived, Broken, Charged, Delayed, Described, Located, Reachable, Tolerated, Warned
+from somrs.adapters.vda5050.control.exchange import (
+    Arrived,
+    Broken,
+    Charged,
+    Delayed,
+    Described,
+    Loaded,
+    Located,
+    Reachable,
+    Tolerated,
+    Warned,
+)
 from somrs.adapters.vda5050.control.headers import HeaderLog
 from somrs.adapters.vda5050.control.outbox import Outbox
 from somrs.adapters.vda5050.frames import Frames, Pose
@@ -134,6 +145,8 @@ class Listener:
 
     def _hear_state(self, state: State) -> None:
         previous, self.state = self.state, state
+        if state.loads is not None and (previous is None or previous.loads is None or len(previous.loads) != len(state.loads)):
+            self._outbox.add(Loaded(count=len(state.loads)))
         if state.mobile_robot_position is not None:
             self._locate(state.mobile_robot_position)
         if previous is None or previous.power_supply.state_of_charge != state.power_supply.state_of_charge:

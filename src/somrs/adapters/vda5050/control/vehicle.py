@@ -66,6 +66,8 @@ class VehicleControl:
                 self._driving.follow(way)
             case Halt():
                 self._halt(now)
+            case Perform() | Charge() if self.vehicle.hindrance is not None:
+                self._outbox.add(ActionEnded(failure=self.vehicle.hindrance))
             case Perform(action_type=action_type, parameters=parameters):
                 self._driving.way = ()
                 self._job = Job(action=self._outbox.action(action_type, BlockingType.HARD, parameters))

@@ -58,7 +58,8 @@ def main() -> None:
         parser.error(str(error))
     with contextlib.suppress(KeyboardInterrupt):
         if arguments.simulator:
-            asyncio.run(serve_simulated(arguments.names, arguments.simulator, broker, version))
+            robots = {name: (address_of(name, version, "SOMRS"), version) for name in arguments.names}
+            asyncio.run(serve_simulated(robots, arguments.simulator, broker))
         else:
             asyncio.run(serve(_alone(arguments.names, version, broker, tuple(arguments.start))))
 

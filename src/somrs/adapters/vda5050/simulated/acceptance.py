@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from somrs.adapters.vda5050.messages.header import Version
 from somrs.adapters.vda5050.messages.orders import Node, Order
+from somrs.adapters.vda5050.messages.states import OperatingMode
 from somrs.adapters.vda5050.simulated.problems import Problem
 
 TOLERANCE = 0.25
@@ -17,6 +18,11 @@ TOLERANCE = 0.25
 
 ACTIONS = frozenset({"pick", "drop", "startCharging", "stopCharging", "waitForTrigger", "finePositioning", "detectObject"})
 """Actions that the vehicle performs at nodes and on edges."""
+
+
+ORDERS_ALLOWED = frozenset({OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC, OperatingMode.INTERVENED})
+CLEARING = frozenset({OperatingMode.MANUAL, OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN})
+"""Modes in which the vehicle drops its order (3.0, table 11)."""
 
 
 class Situation(Struct, frozen=True, kw_only=True):

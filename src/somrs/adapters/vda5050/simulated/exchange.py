@@ -6,7 +6,7 @@ from msgspec import Struct
 
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.header import Topic
-from somrs.adapters.vda5050.messages.orders import InstantActions, Order, Responses, ZoneSet
+from somrs.adapters.vda5050.messages.orders import InstantActions, Order
 from somrs.adapters.vda5050.messages.states import Connection, OperatingMode, State, VehicleError
 from somrs.adapters.vda5050.simulated.body import Command, Sensed
 
@@ -70,7 +70,7 @@ class Misbehaves(Struct, frozen=True, kw_only=True):
     rolls_on: bool = False
 
 
-Input = Ordered | Instructed | Garbled | Felt | Connected | Switched | Faulted | Repaired | Restarted | Misbehaves | ZoneSet | Responses
+Input = Ordered | Instructed | Garbled | Felt | Connected | Switched | Faulted | Repaired | Restarted | Misbehaves
 
 
 class Publish(Struct, frozen=True, kw_only=True):

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 PERIOD = 0.1
 """Seconds between two looks at the body."""
 
-TO_VEHICLES = (Topic.ORDER, Topic.INSTANT_ACTIONS, Topic.ZONE_SET, Topic.RESPONSES)
+TO_VEHICLES = (Topic.ORDER, Topic.INSTANT_ACTIONS)
 
 
 class MqttVehicle:

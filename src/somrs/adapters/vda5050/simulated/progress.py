@@ -63,13 +63,15 @@ class Progress:
         self.last_node_id, self.last_sequence_id = node.node_id, node.sequence_id
         self.queue.extend(node.actions)
 
-    def leg(self) -> tuple[list[Node], list[Edge]]:
+    def leg(self, map_id: str) -> tuple[list[Node], list[Edge]]:
         """The released nodes that can be driven to without a stop, and the edges to them: up to one with an action for which the vehicle
-        has to stand, or an edge of another speed or direction."""
+        has to stand, an edge of another speed or direction, or a node on another map than the vehicle, to which a lift takes it."""
         nodes: list[Node] = []
         edges: list[Edge] = []
         for node, edge in zip(self.nodes, self.edges, strict=False):
             if not node.released or not edge.released:
+                break
+            if node.node_position is not None and node.node_position.map_id != map_id:
                 break
             if edges and (edge.maximum_speed, edge.orientation) != (edges[0].maximum_speed, edges[0].orientation):
                 break

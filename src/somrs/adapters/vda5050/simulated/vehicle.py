@@ -12,7 +12,7 @@ import msgspec
 
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.header import Topic, Version
-from somrs.adapters.vda5050.messages.orders import Action, Order, Responses, ZoneSet
+from somrs.adapters.vda5050.messages.orders import Action, Order
 from somrs.adapters.vda5050.messages.states import (
     ActionState,
     ActionStatus,
@@ -30,7 +30,7 @@ from somrs.adapters.vda5050.messages.states import (
     StoredMap,
     VehicleError,
 )
-from somrs.adapters.vda5050.simulated.acceptance import TOLERANCE, Situation, is_repetition, objection
+from somrs.adapters.vda5050.simulated.acceptance import CLEARING, ORDERS_ALLOWED, TOLERANCE, Situation, is_repetition, objection
 from somrs.adapters.vda5050.simulated.body import Charge, Command, Drive, Drop, Pick, Rest, Sensed
 from somrs.adapters.vda5050.simulated.exchange import (
     Act,
@@ -50,10 +50,6 @@ from somrs.adapters.vda5050.simulated.exchange import (
 )
 from somrs.adapters.vda5050.simulated.problems import Problem
 from somrs.adapters.vda5050.simulated.progress import Progress
-
-ORDERS_ALLOWED = frozenset({OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC, OperatingMode.INTERVENED})
-CLEARING = frozenset({OperatingMode.MANUAL, OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN})
-"""Modes in which the vehicle drops its order (3.0, table 11)."""
 
 RETRY = 2.0
 """Seconds after which the vehicle tries again to drive, when something was in its way."""
@@ -114,8 +110,6 @@ class SimulatedVehicle:
                 self._restart()
             case Misbehaves():
                 self._habits = input
-            case ZoneSet() | Responses():
-                pass
         if self._sensed is not None:
             self._work(now)
             self._publish_state(now)
@@ -162,7 +156,7 @@ class SimulatedVehicle:
             self._complaints.append(error)
 
     def _has_error(self, *levels: ErrorLevel) -> bool:
-        return any(error.error_level in levels for error in self._own_errors)
+        return any(error.error_level in levels for error in (*self._own_errors, *self._complaints))
 
     def _switch(self, mode: OperatingMode) -> None:
         if mode in CLEARING and not self.progress.is_idle:
@@ -179,7 +173,7 @@ class SimulatedVehicle:
     # Instant actions (3.0, 6.2.1).
 
     def _instruct(self, action: Action, now: float) -> None:
-        status, words = ActionStatus.FINISHED, None
+        status = ActionStatus.FINISHED
         match action.action_type:
             case "cancelOrder":
                 if self._habits.ignores_cancel:
@@ -209,9 +203,7 @@ class SimulatedVehicle:
             case _:
                 status = ActionStatus.FAILED
                 self._complain(Problem.INVALID_INSTANT_ACTION, f"{action.action_type} is not supported", actionId=action.action_id)
-        self._instant[action.action_id] = ActionState(
-            action_id=action.action_id, action_type=action.action_type, action_status=status, action_result=words
-        )
+        self._instant[action.action_id] = ActionState(action_id=action.action_id, action_type=action.action_type, action_status=status)
 
     def _cancel(self, action: Action) -> ActionStatus:
         """3.0, 6.1.3; 2.1, 6.6.3."""
@@ -233,6 +225,9 @@ class SimulatedVehicle:
         if sensed.fault != (self._sensed.fault if self._sensed is not None else None):
             self._note_fault(sensed.fault)
         self._sensed = sensed
+        if sensed.map_id is not None and sensed.map_id != self.map_id:
+            self.map_id = sensed.map_id
+            self._arrive_by_lift(sensed)
         self._see_nodes(sensed)
         if self._busy is not None and sensed.finished == self._number:
             self._end_command(self._busy, sensed.failure, now)
@@ -255,13 +250,22 @@ class SimulatedVehicle:
 
     def _see_nodes(self, sensed: Sensed) -> None:
         """Traverse the nodes that are passed on the way; where the vehicle has to stop, it comes to the end of its leg at first."""
-        nodes, _ = self.progress.leg()
+        nodes, _ = self.progress.leg(self.map_id)
         while isinstance(self._busy, Drive) and len(nodes) > 1:
             position = nodes[0].node_position
             if position is None or math.hypot(position.x - sensed.x, position.y - sensed.y) > TOLERANCE:
                 return
             self.progress.traverse()
             del nodes[0]
+
+    def _arrive_by_lift(self, sensed: Sensed) -> None:
+        """The vehicle leaves the map of a floor, and is at the node of the lift on the map of another one (3.0, 7.3)."""
+        node = self.progress.nodes[0] if self.progress.nodes else None
+        position = node.node_position if node is not None and node.released else None
+        if position is None or position.map_id != self.map_id:
+            return
+        if math.hypot(position.x - sensed.x, position.y - sensed.y) <= TOLERANCE:
+            self.progress.traverse()
 
     def _end_command(self, command: Command, failure: str | None, now: float) -> None:
         self._busy, action_id = None, self._busy_action
@@ -271,7 +275,7 @@ class SimulatedVehicle:
                 self._blocked_at = now
                 self._complain(Problem.BLOCKED, failure)
             case Drive(points=points):
-                nodes, _ = self.progress.leg()
+                nodes, _ = self.progress.leg(self.map_id)
                 position = nodes[0].node_position if nodes else None
                 if position is not None and math.dist((position.x, position.y), points[-1]) < 1e-6:
                     self.progress.traverse()
@@ -320,7 +324,7 @@ class SimulatedVehicle:
         assert self._sensed is not None, "work begins when the body is felt"
         if self._sensed.is_moving or (self._busy is not None and not isinstance(self._busy, Charge)):
             return
-        load, station = str(action.parameter("loadId") or "load"), str(action.parameter("stationName") or "station")
+        load, station = str(action.parameter("loadId") or "load"), str(action.parameter("stationName") or "")
         commands: dict[str, Command] = {
             "pick": Pick(load=load, station=station),
             "drop": Drop(load=self._load or load, station=station),
@@ -331,7 +335,7 @@ class SimulatedVehicle:
         self._begin(commands[action.action_type], action.action_id)
 
     def _drive(self, now: float) -> None:
-        nodes, edges = self.progress.leg()
+        nodes, edges = self.progress.leg(self.map_id)
         if not nodes or (self._busy is not None and not isinstance(self._busy, Drive | Charge)):
             return
         if self._blocked_at is not None and now < self._blocked_at + RETRY:
@@ -368,7 +372,7 @@ class SimulatedVehicle:
         sensed, progress = self._sensed, self.progress
         assert sensed is not None, "a state is reported when the body is felt"
         order = progress.order
-        _, edges = progress.leg()
+        _, edges = progress.leg(self.map_id)
         return State(
             order_id=order.order_id if order is not None else "",
             order_update_id=order.order_update_id if order is not None else 0,

@@ -1,0 +1,81 @@
+"""A whole system whose robots are VDA 5050 vehicles: tasks are accomplished as with any robots."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+from somrs.client.addresses import Addresses
+from somrs.client.client import Client
+from somrs.deployment.system import System
+from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.link.link import OperatorLink
+from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.task_views import TaskView
+from tests.support import warm
+from tests.support.accomplishing import accomplish
+from tests.support.building import building
+from tests.support.hang import HANG_TIME
+
+pytestmark = pytest.mark.long
+
+SITE = (
+    building("Lab", 8, 6, "Wall1: {type: Wall, at: [4, 0.8, 0], Shape: {Form: Box, Width: 0.1, Depth: 1.6, Height: 2.5}}")
+    + """
+  Table1: {type: Table, at: [1, 4, 0], Shape: {Form: Box, Width: 0.6, Depth: 1, Height: 0.7}}
+  Platform1: {type: Platform, at: [6.5, 4, 0], Shape: {Form: Box, Width: 0.8, Depth: 0.8, Height: 0.3}}
+  Jar1: {type: Jar, at: [1.15, 4, 0.7]}
+  Robot1: {type: PioneerP3DX, at: [2, 1.5, 0], Price: 10 EUR, Speed: 0.8}
+  Robot2: {type: PioneerP3DX, at: [6, 1.5, 0], Price: 25 EUR, Speed: 1.0}
+facts:
+  - Jar1 isOn Table1
+adapters:
+  vda5050:
+    broker: own
+    vehicles:
+      Robot1: {simulated: "2.1"}
+      Robot2: {simulated: "3.0"}
+"""
+)
+
+
+@contextlib.asynccontextmanager
+async def system(folder: Path) -> AsyncIterator[Client]:
+    site, data = folder / "site.yaml", folder / "data"
+    site.write_text(SITE)
+    async with (
+        asyncio.timeout(HANG_TIME),
+        System([site], data, launcher=warm.launcher(), certificates=False),
+        Client(Addresses.read(data)) as client,
+    ):
+        yield client
+
+
+def operator(client: Client) -> OperatorLink:
+    assert client.addresses.simulator is not None
+    return OperatorLink.at(client.addresses.simulator)
+
+
+def providers(view: TaskView) -> list[str]:
+    return [work.service.partition(".")[0] for work in view.work]
+
+
+def test_vehicles_accomplish_tasks_also_when_one_breaks_down(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with system(tmp_path) as client, operator(client) as link:
+            working = asyncio.create_task(accomplish(client, "Jar1 isOn Platform1"))
+            while (await link.robots())["Robot1"].y < 2.0:
+                await asyncio.sleep(0.05)
+            await link.fault("Robot1", Fault.DRIVE)
+            view = await working
+            assert view.outcome is Outcome.ACCOMPLISHED
+            assert providers(view) == ["Robot1", "Robot2"]
+            await link.repair("Robot1", Fault.DRIVE)
+            view = await accomplish(client, "Jar1 isOn Table1")
+            assert view.outcome is Outcome.ACCOMPLISHED
+
+    asyncio.run(run())
