@@ -16,7 +16,7 @@ from tests.support import warm
 from tests.support.accomplishing import accomplish
 from tests.support.building import building
 from tests.support.hang import HANG_TIME
-from tests.support.ros2.robots import DOMAIN, PYTHON, needs_ros2, new_namespace
+from tests.support.ros2.robots import ROS, needs_ros2, new_namespace
 
 pytestmark = [needs_ros2, pytest.mark.long]
 
@@ -44,7 +44,7 @@ BINDING = {
 def test_a_task_is_accomplished_by_a_robot_with_ros2(tmp_path: Path) -> None:
     (tmp_path / "robot.yaml").write_text(json.dumps(BINDING))
     robot = {"binding": "robot.yaml", "type": "PioneerP3DX", "namespace": new_namespace(), "simulated": True}
-    ros2 = {"python": str(PYTHON), "domain": DOMAIN, "discovery": "LOCALHOST", "robots": {"Robot1": robot}}
+    ros2 = {**ROS, "robots": {"Robot1": robot}}
     site = tmp_path / "site.yaml"
     site.write_text(f"{MAP}\n{yaml.safe_dump({'adapters': {'ros2': ros2}})}")
 

@@ -15,7 +15,7 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
 from tests.support.building import building
 from tests.support.robot_lab import simulator
-from tests.support.ros2.robots import DOMAIN, PYTHON, Witness, connected, in_event_loop, needs_ros2, new_namespace, way
+from tests.support.ros2.robots import ROS, Witness, connected, in_event_loop, needs_ros2, new_namespace, way
 
 pytestmark = needs_ros2
 
@@ -45,12 +45,11 @@ async def robot_of_simulator() -> AsyncIterator[tuple[RobotConnection, Witness, 
     """Robot1, at (3, 3)."""
     namespace, level = new_namespace(), dict(zip(["x", "y", "yaw"], ORIGIN, strict=True))
     robots = {"Robot1": {"binding": "examples/ros2_robot.yaml", "namespace": namespace, "simulated": True, "levels": [level]}}
-    ros = {"python": str(PYTHON), "domain": DOMAIN, "discovery": "LOCALHOST"}
     async with (
         simulator(1, SITE, WorldKind.KINEMATIC) as server,
         OperatorLink(server.host, server.port) as operator,
     ):
-        simulation = asyncio.create_task(Ros2Adapter({**ros, "robots": robots}, Path.cwd()).simulate(f"{server.host}:{server.port}"))
+        simulation = asyncio.create_task(Ros2Adapter({**ROS, "robots": robots}, Path.cwd()).simulate(f"{server.host}:{server.port}"))
         async with connected(namespace, BINDING, {"levels": [level]}) as (connection, witness):
             yield connection, witness, operator
         simulation.cancel()

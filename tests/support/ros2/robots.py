@@ -18,7 +18,7 @@ from typing import Any, Self
 import pytest
 
 from somrs.adapters.ros2.connection import RobotConnection
-from somrs.adapters.ros2.process import BridgeProcess
+from somrs.adapters.ros2.process import BridgeProcess, ros_environment
 from somrs.adapters.ros2.settings import Binding, RobotSettings, read_settings
 from somrs.devices.road_robot import Way, Waypoint
 from somrs.ontology.types import Value
@@ -27,6 +27,13 @@ ROOT = Path(__file__).parents[3]
 PYTHON = ROOT / ".venv-ros2" / "bin" / "python"
 DOMAIN = os.getpid() % 100 + 1
 """Tests that run at the same time do not hear each other's nodes: domains above 101 need ports that programs may have."""
+ROS = {
+    "python": str(PYTHON),
+    "domain": DOMAIN,
+    "discovery": "LOCALHOST",
+    "environment": {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"},
+}
+"""Settings of the adapter. Nodes that are killed leave their shared memory."""
 SHORT_LEASE = Path(__file__).with_name("short_lease.xml")
 
 needs_ros2 = pytest.mark.skipif(
@@ -55,8 +62,8 @@ def in_event_loop(test: Callable[[], Coroutine[Any, Any, None]]) -> Callable[[],
 
 def environment() -> dict[str, str]:
     """The environment of a node."""
-    ros = {"ROS_DOMAIN_ID": str(DOMAIN), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONPATH": str(ROOT / "src")}
-    return {**os.environ, **ros, "FASTDDS_DEFAULT_PROFILES_FILE": str(SHORT_LEASE)}
+    settings = read_settings({**ROS, "robots": {"Robot1": {"binding": "none.yaml"}}})
+    return {**ros_environment(settings), "PYTHONPATH": str(ROOT / "src"), "FASTDDS_DEFAULT_PROFILES_FILE": str(SHORT_LEASE)}
 
 
 def way(*points: tuple[float, float], first: int = 0, level: float = 0.0) -> Way:
@@ -150,8 +157,7 @@ class Witness:
 @contextlib.asynccontextmanager
 async def running_bridge() -> AsyncIterator[BridgeProcess]:
     """The bridge, with the Python of .venv-ros2."""
-    settings = {"python": str(PYTHON), "domain": DOMAIN, "discovery": "LOCALHOST", "robots": {"Robot1": {"binding": "none.yaml"}}}
-    bridge = BridgeProcess(read_settings(settings), ROOT)
+    bridge = BridgeProcess(read_settings({**ROS, "robots": {"Robot1": {"binding": "none.yaml"}}}), ROOT)
     running = asyncio.create_task(bridge.run())
     try:
         yield bridge

@@ -21,7 +21,7 @@ from typing import Any
 
 POLLED = 0.2
 """How often it looks which servers there are: `rclpy` does not tell. Seconds."""
-REPEATED = 2.0
+REPEATED = 5.0
 """After which time a server is asked again to cancel what goes on: a request to one that is new can get lost. Seconds."""
 FLUSHED = 0.05
 """How often messages are sent that had to wait for the interval of their subscription. Seconds."""
@@ -29,14 +29,11 @@ FOUND = 5.0
 """How long a service, or a subscriber, is looked for. A service that has been called is waited for as long as it needs. Seconds."""
 STATUS_NAMES = {4: "succeeded", 5: "canceled", 6: "aborted"}
 """action_msgs/msg/GoalStatus; 1 to 3 are goals that are under way."""
-REJECTED = 1
-"""action_msgs/srv/CancelGoal: the server does not cancel."""
 
 
 def interface(type_name: str, kind: str) -> Any:
     """The class of a ROS type, such as `std_msgs/msg/Bool`. Raises ValueError, which says what to do."""
-    package, _, rest = type_name.partition("/")
-    written_kind, _, name = rest.partition("/")
+    package, written_kind, name = [*type_name.split("/"), "", ""][:3]
     if not name or written_kind != kind:
         raise ValueError(f"{type_name!r} is not a type of this kind: write it as package/{kind}/Name")
     try:
@@ -180,7 +177,7 @@ class Action:
         if asked != self.asked or not self.servers:
             return  # it has been asked again: what it is sent now would be cancelled, too
         self.foreign = {bytes(goal.goal_id.uuid) for goal in response.goals_canceling}
-        if not self.foreign and response.return_code != REJECTED:
+        if not self.foreign and response.return_code != response.ERROR_REJECTED:
             self.appear()
         self.rest()
 
@@ -258,11 +255,11 @@ class Bridge:
         node.create_timer(FLUSHED, self.flush)
 
     def look(self) -> None:
-        for action in [*self.actions.values()]:
+        for action in self.actions.values():
             action.look()
 
     def flush(self) -> None:
-        for subscription in [*self.subscriptions.values()]:
+        for subscription in self.subscriptions.values():
             subscription.flush()
 
     def do(self, request: dict[str, Any]) -> None:
@@ -287,8 +284,8 @@ class Bridge:
         self.subscriptions[request["id"]] = Subscription(self.node, request)
 
     def unsubscribe(self, id: int) -> None:
-        if (subscription := self.subscriptions.pop(id, None)) is not None:
-            self.node.destroy_subscription(subscription.handle)
+        if id in self.subscriptions:
+            self.node.destroy_subscription(self.subscriptions.pop(id).handle)
 
     def open_action(self, request: dict[str, Any]) -> None:
         self.actions[request["id"]] = Action(self.node, request)
@@ -391,6 +388,8 @@ def main() -> None:
     executor.add_node(node)
     while not is_over.is_set():
         executor.spin_once()
+    for action in bridge.actions.values():
+        action.close()  # what is left open keeps the shared memory of the middleware
     node.destroy_node()  # others learn at once that it is gone
     rclpy.shutdown()
     os._exit(0)  # threads of the middleware are not waited for

@@ -93,7 +93,7 @@ def ros_command(settings: Settings, folder: Path, *arguments: str) -> list[str]:
 
 def ros_environment(settings: Settings) -> dict[str, str]:
     """The environment of such a program."""
-    environment = dict(os.environ)
+    environment = {**os.environ, **settings.environment}
     if settings.domain is not None:
         environment["ROS_DOMAIN_ID"] = str(settings.domain)
     if settings.discovery is not None:

@@ -235,12 +235,14 @@ class RobotSettings(Model):
 
 
 class Settings(Model):
-    """What a site file has under `adapters: ros2:`. `python`: that of the installed ROS; `setup`: the file that is sourced before."""
+    """What a site file has under `adapters: ros2:`. `python`: that of the installed ROS; `setup`: the file that is sourced before;
+    `environment`: further variables, such as RMW_IMPLEMENTATION."""
 
     python: str = "python3"
     setup: str | None = None
     domain: int | None = Field(default=None, ge=0, le=232)
     discovery: Literal["OFF", "LOCALHOST", "SUBNET", "SYSTEM_DEFAULT"] | None = None
+    environment: dict[str, str] = {}
     robots: dict[str, RobotSettings] = Field(min_length=1)
 
 

@@ -8,6 +8,7 @@ input ends.
 from __future__ import annotations
 
 import asyncio
+import gc
 import os
 import sys
 import threading
@@ -60,6 +61,8 @@ async def run(description: RobotDescription, node: Any) -> None:
     print("ready", flush=True)
     await obey(robot, lines)
     publishing.cancel()
+    executor.shutdown(timeout_sec=1.0)
+    robot.close()
     if isinstance(body, LinkBody):
         await body.close()
 
@@ -70,6 +73,7 @@ def main() -> None:
     node = rclpy.create_node(f"{description.namespace.strip('/').replace('/', '_') or 'robot'}_simulated")
     asyncio.run(run(description, node))
     node.destroy_node()
+    gc.collect()  # nodes in cycles would keep the middleware, and leave its shared memory
     rclpy.shutdown()
     os._exit(0)  # the threads of goals that are under way are not waited for
 

@@ -51,6 +51,7 @@ class SimulatedRobot:
         self._group = ReentrantCallbackGroup()
         self._speed: float | None = None
         self._current: Any = None
+        self._servers: list[Any] = []
         self._odometry = node.create_publisher(Odometry, self._name("odom"), 10)
         self._pose = node.create_publisher(PoseWithCovarianceStamped, self._name("amcl_pose"), LATCHED)
         self._tf = node.create_publisher(TFMessage, self._name("tf"), 10)
@@ -66,6 +67,11 @@ class SimulatedRobot:
         self.press(False)
         if grid is not None:
             self._map.publish(_room(*grid))
+
+    def close(self) -> None:
+        """Take the robot's actions away."""
+        for server in self._servers:
+            server.destroy()
 
     def _name(self, name: str) -> str:
         return f"/{self._prefix}/{name}" if self._prefix else f"/{name}"
@@ -113,7 +119,10 @@ class SimulatedRobot:
         def execute(handle: Any) -> Any:
             return asyncio.run_coroutine_threadsafe(work(handle), self.loop).result()
 
-        ActionServer(self.node, kind, self._name(name), execute, goal_callback=goal, cancel_callback=cancel, callback_group=self._group)
+        server = ActionServer(
+            self.node, kind, self._name(name), execute, goal_callback=goal, cancel_callback=cancel, callback_group=self._group
+        )
+        self._servers.append(server)
 
     async def _navigate(self, handle: Any) -> Any:
         """Drive to the pose. A new goal takes the place of the one in progress, which is then aborted, as Nav2 does it."""
