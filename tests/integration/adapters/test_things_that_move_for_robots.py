@@ -62,11 +62,11 @@ things:
 
 def lift() -> PassageController:
     levels = {str(number): HEIGHT * number for number in range(len(STOREYS))}
-    return PassageController(KinematicPassage(levels), has_levels=True)
+    return PassageController(KinematicPassage(levels))
 
 
 def door() -> PassageController:
-    return PassageController(KinematicPassage({}), has_levels=False)
+    return PassageController(KinematicPassage({}))
 
 
 @contextlib.asynccontextmanager

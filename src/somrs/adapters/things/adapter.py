@@ -19,7 +19,7 @@ from somrs.adapters.things.hub import Hub
 from somrs.adapters.things.library import library, ontology_below
 from somrs.adapters.things.mapping import ConnectionEntry
 from somrs.adapters.things.mapping_file import LoadedMapping, read_mapping
-from somrs.adapters.things.model import Connection, Thing
+from somrs.adapters.things.model import Connection, Session, Thing
 from somrs.adapters.things.mqtt import MqttConnector
 from somrs.adapters.things.passages import passage_device
 from somrs.adapters.things.resolving import parse_connection
@@ -71,6 +71,12 @@ class ThingsAdapter:
         names = [thing.name for mapping in self.mappings for thing in mapping.things] + [self.settings.gateway]
         if repeated := sorted({name for name in names if names.count(name) > 1}):
             raise InputError(f"adapters: things: {', '.join(repeated)}: several things have this name; give each another one")
+        for name, heights in self.settings.simulated.items():
+            session = self._sessions.get(name)
+            if session is None:
+                raise InputError(f"adapters: things: simulated: no mapping has {name} with a session; correct the name")
+            if lacking := [level for level in session.levels.values() if level not in heights]:
+                raise InputError(f"adapters: things: simulated: {name}: write the heights of its levels: {', '.join(lacking)}")
         for entry in self.settings.home_assistant:
             connection = self.connections.get(entry.connection)
             if connection is None or connection.kind != "mqtt":
@@ -82,11 +88,24 @@ class ThingsAdapter:
 
     @property
     def simulated(self) -> Collection[str]:
-        """None: nothing of the simulator is behind the protocols of things."""
-        return ()
+        """The doors and lifts of the simulator that are behind the session interface."""
+        return self.settings.simulated.keys()
 
     async def simulate(self, simulator: str) -> None:
-        """Do nothing, because nothing is simulated."""
+        """Be the controllers of doors and lifts of the simulator, until it is cancelled."""
+        from somrs.adapters.things.simulated.program import SimulatedPassage, serve_passages
+
+        passages = []
+        for name, heights in self.settings.simulated.items():
+            session = self._sessions[name]
+            address = self.connections[session.connection]
+            passages.append(SimulatedPassage(name, address.kind, address.host, address.port, session.place, heights))
+        await serve_passages(passages, simulator)
+
+    @property
+    def _sessions(self) -> dict[str, Session]:
+        things = (thing for mapping in self.mappings for thing in mapping.things)
+        return {thing.name: thing.session for thing in things if thing.session is not None}
 
     async def run(self, fleet: Fleet) -> None:
         """Connect all things, until it is cancelled."""

@@ -31,6 +31,10 @@ class Settings(_Entry):
     uses: list[str] = Field(default=[], description="Files with definitions that are used besides")
     broker: str | None = Field(default=None, description="The address of a broker, as the connection `broker`; own: one that is started")
     connections: dict[str, ConnectionEntry] = {}
+    simulated: dict[str, dict[str, float]] = Field(
+        default={},
+        description="Doors and lifts of the simulator with a session; of a lift, the heights of its levels, m: {Lift1: {G: 0, U: 4}}",
+    )
     home_assistant: list[HomeAssistantEntry] = []
     descriptions: list[str] = Field(default=[], description="Thing Descriptions: files, or addresses with http:// or https://")
 

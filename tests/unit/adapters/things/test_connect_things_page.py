@@ -27,5 +27,6 @@ def test_settings_of_the_page_are_right(tmp_path: Path, block: str) -> None:
     settings = yaml.safe_load(block)["adapters"]["things"]
     if settings.get("broker") == "own":
         settings["broker"] = "mqtt://localhost"
-    (tmp_path / "things.yaml").write_text("things: {}\n")
+    passages = next(block for block in BLOCKS if "Lift1: {type: Lift" in block)
+    (tmp_path / "things.yaml").write_text(passages)
     ThingsAdapter(settings, tmp_path)

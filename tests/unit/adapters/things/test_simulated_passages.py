@@ -17,7 +17,7 @@ STEP = 0.1
 
 
 def lift() -> PassageController:
-    return PassageController(KinematicPassage(LEVELS), has_levels=True)
+    return PassageController(KinematicPassage(LEVELS))
 
 
 class Joined:
@@ -40,7 +40,7 @@ class Joined:
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / STEP)):
             self.now += STEP
-            self.controller.step(STEP)
+            self.controller.body.step(STEP)
             if not self._is_lost():
                 request = self.session.heard(msgspec.json.encode(self.controller.state()), self.now)
                 if request is not None:
@@ -66,7 +66,7 @@ def test_a_ride_whatever_messages_are_lost(losses: list[bool], further_losses: l
 
 
 def test_a_door_stays_open_for_its_session() -> None:
-    door = Joined(PassageSession("somrs-Door1", {}), PassageController(KinematicPassage({}), has_levels=False), [])
+    door = Joined(PassageSession("somrs-Door1", {}), PassageController(KinematicPassage({})), [])
     door.call(PassageCall())
     door.run(3)
     assert door.session.is_ready
@@ -84,7 +84,7 @@ def test_the_cabin_moves_with_closed_doors_only() -> None:
     joined.call(PassageCall(level=4.0))
     for _ in range(100):
         joined.run(STEP)
-        assert joined.controller.body.level is not None or joined.controller.body.doors_open == 0.0
+        assert joined.controller.body.level is not None or joined.controller.body.doors == "closed"
 
 
 def test_a_lift_that_somebody_else_has_is_shared_and_then_granted() -> None:

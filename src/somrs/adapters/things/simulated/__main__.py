@@ -18,11 +18,11 @@ STOREY = 4.0
 
 
 def _controllers(lifts: list[str], doors: list[str]) -> dict[str, PassageController]:
-    controllers = {door: PassageController(KinematicPassage({}), has_levels=False) for door in doors}
+    controllers = {door: PassageController(KinematicPassage({})) for door in doors}
     for lift in lifts:
         topic, _, names = lift.partition("=")
         levels = {name: STOREY * number for number, name in enumerate(names.split(","))}
-        controllers[topic] = PassageController(KinematicPassage(levels), has_levels=True)
+        controllers[topic] = PassageController(KinematicPassage(levels))
     return controllers
 
 

@@ -11,40 +11,30 @@ from somrs.adapters.things.simulated.body import PassageBody
 class PassageController:
     """One session at a time. Others ask again until they get it. `mode`: other modes than normal grant no session."""
 
-    def __init__(self, body: PassageBody, *, has_levels: bool) -> None:
-        self.body, self._has_levels = body, has_levels
+    def __init__(self, body: PassageBody) -> None:
+        self.body = body
         self.mode: Mode = "normal"
         self.session: str | None = None
-        self._level: str | None = None
+        self._served: tuple[str | None] | None = None
+        """The level of the session, if its body is to serve it."""
 
     def request(self, payload: bytes) -> None:
-        """Take in a request. Others than requests are ignored."""
+        """Take in a request. What is not a request is ignored."""
         try:
             request = msgspec.json.decode(payload, type=SessionRequest)
         except msgspec.DecodeError:
             return
         if request.end:
             if request.session == self.session:
-                self.session = self._level = None
+                self.session = self._served = None
+                self.body.release()
             return
         if self.session is None and self.mode == "normal":
             self.session = request.session
-        if request.session == self.session:
-            self._level = request.level
-
-    def step(self, seconds: float) -> None:
-        """Let time pass: first the doors close, then the cabin moves, then the doors open."""
-        is_there = not self._has_levels or (self._level is not None and self.body.level == self._level)
-        self.body.move_doors(opening=self.session is not None and is_there)
-        if self.session is not None and self._level is not None and not is_there and self.body.doors_open == 0.0:
-            self.body.move_to(self._level)
-        self.body.step(seconds)
+        if request.session == self.session and self._served != (request.level,):
+            self._served = (request.level,)
+            self.body.serve(request.level)
 
     def state(self) -> SessionState:
-        doors_open = self.body.doors_open
-        return SessionState(
-            doors="open" if doors_open == 1.0 else "closed" if doors_open == 0.0 else "moving",
-            level=self.body.level,
-            session=self.session,
-            mode=self.mode,
-        )
+        mode = self.mode if self.body.works else "out-of-order"
+        return SessionState(doors=self.body.doors, level=self.body.level, session=self.session, mode=mode)

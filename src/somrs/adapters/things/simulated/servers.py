@@ -21,7 +21,7 @@ async def move(controllers: Mapping[str, PassageController], speed: float = 1.0)
     while True:
         await asyncio.sleep(STEP / speed)
         for controller in controllers.values():
-            controller.step(STEP)
+            controller.body.step(STEP)
 
 
 async def serve_mqtt(host: str, port: int, controllers: Mapping[str, PassageController], speed: float = 1.0) -> None:

@@ -90,6 +90,17 @@ class MoveCabin(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     z: float
 
 
+class ServePassage(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Open an automatic door, or take the cabin of a lift to the floor of the height `z` and open its doors, and keep them open. Only for
+    doors and lifts that take part in traffic from outside (`Hello.outside`)."""
+
+    z: float | None = None
+
+
+class ReleasePassage(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Let a door, or the doors of a lift, shut that `ServePassage` keeps open."""
+
+
 class Charge(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Charge the battery until it is full, on the charger at the current position."""
 
@@ -188,6 +199,8 @@ Command = (
     | Open
     | Close
     | MoveCabin
+    | ServePassage
+    | ReleasePassage
     | Charge
     | PutDown
     | Weigh

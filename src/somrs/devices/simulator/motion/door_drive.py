@@ -9,7 +9,18 @@ from collections.abc import Mapping
 
 from msgspec import structs
 
-from somrs.devices.simulator.link.commands import Close, Command, CommandDone, CommandGivenUp, Fault, Open, Status, Stop
+from somrs.devices.simulator.link.commands import (
+    Close,
+    Command,
+    CommandDone,
+    CommandGivenUp,
+    Fault,
+    Open,
+    ReleasePassage,
+    ServePassage,
+    Status,
+    Stop,
+)
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.world.scene import Scene
@@ -43,6 +54,10 @@ class DoorDrive(StationaryDevice):
         """Whether an operator has said that nobody uses it; whether one has stopped it."""
         self.stays_open = solid.open
         """Whether it was opened by a command, or is open on the map: then it does not shut by itself."""
+        self.is_outside = False
+        """Whether a program of its own serves robots, and not the simulation."""
+        self._serving: OnEnd | None = None
+        """What is called when it is open, as a program of its own wants it."""
         self._is_needed = self._is_obstructed = False
         self._needed_until = -LINGER
 
@@ -75,7 +90,11 @@ class DoorDrive(StationaryDevice):
     @property
     def busy(self) -> bool:
         """Whether its leaf has to move, or will have to when the robot behind it is gone."""
-        return self._goal is not None or (self._moves_by_itself and not self._is_obstructed and not self._is_as_wanted())
+        return (
+            self._goal is not None
+            or self._serving is not None
+            or (self._moves_by_itself and not self._is_obstructed and not self._is_as_wanted())
+        )
 
     def command(self, command: Command, on_end: OnEnd) -> None:
         """Carry out a command. A new command ends the one in progress."""
@@ -88,6 +107,12 @@ class DoorDrive(StationaryDevice):
                     return
                 self._goal, self._waited = self._leaf.travel if isinstance(command, Open) else 0.0, 0.0
                 self._on_end, self.activity, self.stays_open = on_end, type(command).__name__, isinstance(command, Open)
+            case ServePassage() if self.is_outside and self._moves_by_itself:
+                self.need(True)
+                self._serving, self.activity = on_end, type(command).__name__
+            case ReleasePassage() if self.is_outside:
+                self.need(False)
+                on_end(self._done())
             case Stop() | Status():
                 on_end(self._done())
             case _:
@@ -99,7 +124,7 @@ class DoorDrive(StationaryDevice):
         if fault is Fault.DRIVE:
             self._give_up("drive-dead", f"the drive of {self.solid.name} is dead")
         else:
-            self._on_end = None
+            self._on_end = self._serving = None
             self._rest()
 
     def step(self) -> bool:
@@ -109,6 +134,9 @@ class DoorDrive(StationaryDevice):
         if self._goal is None:
             if self._moves_by_itself:
                 self._move_by_itself()
+            if self._serving is not None and self.is_open:
+                serving, self._serving, self.activity = self._serving, None, None
+                serving(self._done())
             return False
         leaf, position = self._leaf, self.scene.leaf_position(self._leaf)
         if leaf.is_open(position) if self._goal else leaf.is_shut(position):
@@ -167,6 +195,10 @@ class DoorDrive(StationaryDevice):
 
     def _give_up(self, reason: str, description: str) -> None:
         """End the command in progress, if there is one."""
+        serving, self._serving = self._serving, None
+        if serving is not None:
+            self.activity = None
+            serving(self._given_up(reason, description))
         on_end = self._on_end
         if self._goal is not None:
             self.scene.note_leaves(self.solid.name)

@@ -10,7 +10,17 @@ from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
-from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, MoveCabin, RobotState, Status, Stop
+from somrs.devices.simulator.link.commands import (
+    Command,
+    CommandDone,
+    Fault,
+    MoveCabin,
+    ReleasePassage,
+    RobotState,
+    ServePassage,
+    Status,
+    Stop,
+)
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.world.scene import Scene
@@ -44,6 +54,10 @@ class LiftDrive(StationaryDevice):
         self._is_taken = False
         """Whether a robot has it, by its places in traffic."""
         self._goal = self._nearest_level()
+        self.is_outside = False
+        """Whether a program of its own serves robots, and not the simulation."""
+        self._serving: tuple[float, OnEnd] | None = None
+        """The height at which a program of its own wants it open, and what is called then."""
         self._commanded: tuple[float, OnEnd] | None = None
         """The height to which the command in progress is to take the cabin, and what is called with its result."""
 
@@ -68,7 +82,7 @@ class LiftDrive(StationaryDevice):
     def busy(self) -> bool:
         """Whether its cabin or one of its doors has to move."""
         is_settled = self._is_level() and all(self._is_at_goal(leaf, level) for leaf, level in self._leaves())
-        return self.works and not (is_settled and self._commanded is None)
+        return self.works and not (is_settled and self._commanded is None and self._serving is None)
 
     def call(self, level: float) -> None:
         """A robot has the lift, and needs the cabin at a floor, with open doors."""
@@ -100,6 +114,12 @@ class LiftDrive(StationaryDevice):
                 on_end(self._given_up("drive-dead", f"{self.name} does not work"))
             case MoveCabin(z=z) if (landing := self.shaft.landing(z)) is not None:
                 self._commanded, self.activity = (landing.level, on_end), type(command).__name__
+            case ServePassage(z=float() as z) if self.is_outside and (landing := self.shaft.landing(z)) is not None:
+                self.call(landing.level)
+                self._serving, self.activity = (landing.level, on_end), type(command).__name__
+            case ReleasePassage() if self.is_outside:
+                self.release()
+                on_end(CommandDone(state=self.state()))
             case Stop() | Status():
                 on_end(CommandDone(state=self.state()))
             case _:
@@ -107,15 +127,16 @@ class LiftDrive(StationaryDevice):
 
     def _give_up(self, reason: str, description: str) -> None:
         """End the command in progress, if there is one."""
-        if self._commanded is not None:
-            (_, on_end), self._commanded, self.activity = self._commanded, None, None
-            on_end(self._given_up(reason, description))
+        for ended in (self._commanded, self._serving):
+            if ended is not None:
+                self._commanded = self._serving = self.activity = None
+                ended[1](self._given_up(reason, description))
 
     def fault(self, fault: Fault) -> None:
         """Inject a fault: the cabin and the doors stop where they are."""
         self.faults.add(fault)
         if fault in (Fault.SILENT, Fault.LINK):
-            self._commanded = self.activity = None
+            self._commanded = self._serving = self.activity = None
         self._give_up("drive-dead", f"{self.name} does not work")
         for leaf, _ in self._leaves():
             if leaf.owner.powered:
@@ -139,6 +160,9 @@ class LiftDrive(StationaryDevice):
             self._move_cabin()
         elif is_shut and self._commanded is not None and not self._is_taken:
             (_, on_end), self._commanded, self.activity = self._commanded, None, None
+            on_end(CommandDone(state=self.state()))
+        if self._serving is not None and self.is_open(self._serving[0]):
+            (_, on_end), self._serving, self.activity = self._serving, None, None
             on_end(CommandDone(state=self.state()))
 
     def _move(self, leaf: Leaf, goal: float) -> None:

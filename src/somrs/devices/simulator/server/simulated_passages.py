@@ -62,11 +62,22 @@ class SimulatedPassages:
 
     def __init__(self, lifts: Mapping[str, Lift], doors: Mapping[str, AutomaticDoor]) -> None:
         self._lifts, self._doors = lifts, doors
+        self._outside: set[str] = set()
+        """Those that take part by messages of programs of their own."""
         self._parts: dict[str, tuple[Lift | AutomaticDoor, SimulatedPassage]] = {}
+
+    def set_outside(self, name: str, office: TrafficOffice, *, is_outside: bool) -> None:
+        """Let a lift or a door take part by messages of a program of its own, or again by the simulation."""
+        if is_outside:
+            self._outside.add(name)
+            office.passages.pop(name, None)
+        else:
+            self._outside.discard(name)
 
     def advance(self, office: TrafficOffice, *, renews: bool = False) -> None:
         """Call it once per control period. `renews`: the leases are due."""
-        devices: dict[str, Lift | AutomaticDoor] = {**self._lifts, **self._doors}
+        all_devices: dict[str, Lift | AutomaticDoor] = {**self._lifts, **self._doors}
+        devices = {name: device for name, device in all_devices.items() if name not in self._outside}
         self._parts = {name: part for name, part in self._parts.items() if devices.get(name) is part[0]}
         for name, device in devices.items():
             if name not in self._parts:

@@ -159,6 +159,10 @@ class SimulatedTraffic:
             self._join()
             self.changed = True
 
+    def set_passage_outside(self, name: str, *, is_outside: bool) -> None:
+        """Let a lift or an automatic door take part by messages of a program of its own, or again by the simulation."""
+        self._passages.set_outside(name, self.office, is_outside=is_outside)
+
     def return_to_traffic(self, robot: Robot) -> None:
         """A robot was repaired."""
         if not (_is_silent(robot) or robot.is_outside):

@@ -164,9 +164,12 @@ class Simulation:
         self._work.begin(device, command, on_end)
 
     def set_outside(self, robot: str, is_outside: bool) -> None:
-        """Let a robot take part in traffic by messages of a program of its own, or again by the simulation. Other devices have no part."""
+        """Let a robot, a lift or a door take part in traffic by messages of a program of its own, or again by the simulation."""
         if robot in self.robots:
             self._traffic.set_outside(self.robots[robot], is_outside)
+        elif isinstance(passage := self._linked(robot), LiftDrive | DoorDrive):
+            passage.is_outside = is_outside
+            self._traffic.set_passage_outside(robot, is_outside=is_outside)
 
     # Observations
 

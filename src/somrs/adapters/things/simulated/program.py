@@ -1,0 +1,59 @@
+"""Puts doors and lifts of the simulator behind the session interface, at a broker or as a server."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Mapping, Sequence
+
+import aiomqtt
+from aiohttp import web
+from msgspec import Struct
+
+from somrs.adapters.things.simulated.controller import PassageController
+from somrs.adapters.things.simulated.link_body import link_body
+from somrs.adapters.things.simulated.servers import http_application, serve_mqtt
+
+PAUSE = 1.0
+"""Seconds after which a broker that is not there is tried again."""
+
+
+class SimulatedPassage(Struct, frozen=True):
+    """A door or a lift: where its session interface is (`kind`: mqtt or http), and the heights of its levels, m."""
+
+    name: str
+    kind: str
+    host: str
+    port: int
+    place: str
+    heights: Mapping[str, float]
+
+
+async def serve_passages(passages: Sequence[SimulatedPassage], simulator: str) -> None:
+    """Be the controllers of the passages of the simulator at an address, until it is cancelled."""
+    groups: dict[tuple[str, str, int], dict[str, PassageController]] = {}
+    async with contextlib.AsyncExitStack() as stack, asyncio.TaskGroup() as tasks:
+        for passage in passages:
+            body = await stack.enter_async_context(link_body(passage.name, passage.heights, simulator))
+            groups.setdefault((passage.kind, passage.host, passage.port), {})[passage.place] = PassageController(body)
+        for (kind, host, port), controllers in groups.items():
+            tasks.create_task(_serve_broker(host, port, controllers) if kind == "mqtt" else _serve_http(host, port, controllers))
+
+
+async def _serve_broker(host: str, port: int, controllers: Mapping[str, PassageController]) -> None:
+    while True:
+        try:
+            await serve_mqtt(host, port, controllers)
+        except* aiomqtt.MqttError:
+            pass
+        await asyncio.sleep(PAUSE)
+
+
+async def _serve_http(host: str, port: int, controllers: Mapping[str, PassageController]) -> None:
+    runner = web.AppRunner(http_application(controllers))
+    await runner.setup()
+    try:
+        await web.TCPSite(runner, host, port).start()
+        await asyncio.Event().wait()
+    finally:
+        await runner.cleanup()
