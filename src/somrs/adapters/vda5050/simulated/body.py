@@ -88,6 +88,8 @@ class StandInBody:
     def __init__(self, x: float = 0.0, y: float = 0.0, yaw: float = 0.0, *, speed: float = 1.0, charge: float = 80.0) -> None:
         self.x, self.y, self.yaw, self.speed, self.charge = x, y, yaw, speed, charge
         self.is_reachable = True
+        self.map_id: str | None = None
+        """The map to which a lift has taken the body; None: it stays on its own."""
         self.obstacle: str | None = None
         """What keeps the body from beginning anything; None: nothing."""
         self._now: float | None = None
@@ -116,6 +118,7 @@ class StandInBody:
             is_charging=isinstance(self._command, Charge),
             finished=self._finished,
             failure=self._failure,
+            map_id=self.map_id,
         )
 
     def _advance(self, passed: float) -> None:
