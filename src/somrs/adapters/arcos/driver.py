@@ -139,7 +139,7 @@ class Driver:
         self._action = begin(action, self.parameters)
 
     def _note_contact(self) -> None:
-        if self._is_connected != (self.session.is_open and self.parameters is not None):
+        if self._is_connected != (self.session.is_known and self.parameters is not None):
             self._is_connected = not self._is_connected
             self._effects.append(Heard(self._is_connected))
 

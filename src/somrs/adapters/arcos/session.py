@@ -86,6 +86,11 @@ class Session:
         return self.state is SessionState.OPEN
 
     @property
+    def is_known(self) -> bool:
+        """Whether the robot has said what it has, or leaves the question unanswered."""
+        return self.is_open and (self.gripper is not None or self._gripper_requests >= TRIES)
+
+    @property
     def needs_motors_button(self) -> bool:
         """Whether the motors were switched off by hand: then only a hand switches them on again."""
         return self._motors_were_on
