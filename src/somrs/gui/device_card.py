@@ -248,6 +248,7 @@ COMMAND_LABELS = {
     "Open": "opening",
     "Close": "closing",
     "MoveCabin": "taking its cabin to a storey",
+    "ServePassage": "opening for robots",
     "Charge": "charging",
     "Weigh": "weighing something",
     "LookAt": "looking at something",

@@ -178,6 +178,27 @@ TIN = "Tin001: {type: Tin, at: [1, 1.3, 0.8], Shape: {Form: Cylinder, Radius: 0.
 SITE_WITH_TIN = SITE.replace("Tin001: {type: Jar, at: [1, 1.3, 0.8]}", TIN) + "types: {Tin: {parent: Graspable}}\n"
 
 
+def test_a_value_that_cannot_be_does_not_keep_others_from_the_map(tmp_path: Path) -> None:
+    mapping = """
+connections: {house: {url: "URL"}}
+things:
+  Lamp1: {type: Light, area: Building001, attributes: {Brightness: {topic: lamp, json: level}, Power: {topic: lamp, json: power}}}
+  Lamp2: {type: Light, area: Building001, attributes: {Brightness: {topic: lamp, json: second}}}
+"""
+
+    async def test() -> None:
+        with MqttBroker(tmp_path) as broker:
+            (tmp_path / "lamps.yaml").write_text(mapping.replace("URL", broker.url))
+            async with things_lab(tmp_path, {"mappings": ["lamps.yaml"]}) as lab, mqtt_client(broker) as client:
+                await client.publish("lamp", '{"level": 400, "power": 7, "second": 30}', qos=1, retain=True)
+                await lab.until("Lamp1.Power = 7 AND Lamp2.Brightness = 30")
+                assert not await lab.holds("Lamp1.Brightness = ?Level")
+                await client.publish("lamp", '{"level": 40, "power": 8, "second": 30}', qos=1, retain=True)
+                await lab.until("Lamp1.Brightness = 40")
+
+    asyncio.run(asyncio.wait_for(test(), HANG_TIME))
+
+
 def test_a_scale_weighs_what_a_robot_puts_on_it(tmp_path: Path) -> None:
     async def test() -> None:
         with MqttBroker(tmp_path) as broker:

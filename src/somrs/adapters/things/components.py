@@ -10,7 +10,7 @@ from typing import Any
 from msgspec import Struct
 
 from somrs.adapters.things.mapping import AttributeEntry, AvailabilityEntry, InputEntry, ServiceEntry, WriteEntry
-from somrs.ontology.units import is_known_unit
+from somrs.adapters.things.naming import is_unit
 
 Config = Mapping[str, Any]
 
@@ -67,7 +67,7 @@ def entity_of(component: str, name: str, config: Config) -> Entity:
 def _sensor(entity: Entity, config: Config) -> None:
     unit, device_class = config.get("unit_of_measurement"), str(config.get("device_class") or "")
     path = SENSOR_ATTRIBUTES.get(device_class, "Reading" if unit is not None or config.get("state_class") is not None else "State")
-    has_unit = path in SENSOR_ATTRIBUTES.values() and isinstance(unit, str) and is_known_unit(unit)
+    has_unit = path in SENSOR_ATTRIBUTES.values() and isinstance(unit, str) and is_unit(unit)
     entity.attributes[path] = _attribute(config, "state_topic", "value_template", unit=unit if has_unit else None)
 
 

@@ -126,17 +126,23 @@ class GatewayDevice(Device):
         return True
 
     async def _report(self, values: Mapping[tuple[str, str], Value]) -> None:
-        """Report the values at once; if the Repository rejects them, each thing by itself, so that one mistake does not stop the others."""
+        """Report the values at once; if the Repository rejects them, those of each thing, and then each by itself, so that one mistake
+        does not stop the others."""
         things = {name: self.hub.states[name].thing for name, _ in values if name in self.hub.states}
         try:
             await self._report_of(values, things)
         except RemoteError as error:
-            if len(things) == 1:
+            if not things:
+                return  # they have left
+            if len(values) == 1:
                 self._note_refusal(next(iter(things)), error)
                 self._present -= things.keys()  # it may have been removed from the map
                 return
-            for name in things:
-                await self._report({key: value for key, value in values.items() if key[0] == name})
+            parts = [{key: value} for key, value in values.items()]
+            if len(things) > 1:
+                parts = [{key: value for key, value in values.items() if key[0] == name} for name in things]
+            for part in parts:
+                await self._report(part)
 
     async def _report_of(self, values: Mapping[tuple[str, str], Value], things: Mapping[str, Thing]) -> None:
         situation = self._situation(values, things)

@@ -29,7 +29,9 @@ class Hub:
         self._folder = folder
         self.connectors: dict[str, Connector] = {}
         self._connections: dict[str, Connection] = {}
-        self.reached_connections: set[str] = set()
+        self._reached_connections: set[str] = set()
+        self.lost_connections: set[str] = set()
+        """Those of which it is known that they are not there."""
         self.states: dict[str, ThingState] = {}
         self.ontologies: dict[str, Ontology] = {}
         """By things, what they are defined by."""
@@ -125,9 +127,11 @@ class Hub:
                 self._sample(state.thing, path, value)
 
     def reached(self, connection: str, is_reached: bool) -> None:
-        if is_reached and connection in self.reached_connections:
+        if is_reached and connection in self._reached_connections:
             return
-        (self.reached_connections.add if is_reached else self.reached_connections.discard)(connection)
+        gained, lost = self._reached_connections, self.lost_connections
+        (gained if is_reached else lost).add(connection)
+        (lost if is_reached else gained).discard(connection)
         for observer in self.reach_observers:
             observer(connection, is_reached)
         if self._connections[connection].kind == "mqtt":

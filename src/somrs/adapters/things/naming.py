@@ -7,6 +7,10 @@ import unicodedata
 from collections.abc import Collection
 
 from somrs.entish.parse import KEYWORDS
+from somrs.ontology.units import is_known_unit
+
+_UNIT = re.compile(r"[\w°%µ/²³ ]{1,20}")
+"""Units that messages may name: without powers, of which a few characters would take for ever to compute."""
 
 
 def object_name(text: str, taken_names: Collection[str]) -> str:
@@ -19,6 +23,11 @@ def object_name(text: str, taken_names: Collection[str]) -> str:
     while candidate in taken_names:
         candidate, number = f"{name}{'-' if name[-1].isdigit() else ''}{number}", number + 1
     return candidate
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text that somebody else has written is a unit."""
+    return _UNIT.fullmatch(text) is not None and is_known_unit(text)
 
 
 def definition_name(text: str) -> str:

@@ -14,11 +14,11 @@ from urllib.parse import urljoin, urlsplit
 from msgspec import Struct
 
 from somrs.adapters.things.mapping import AttributeEntry, ConnectionEntry, InputEntry, ServiceEntry, ThingEntry, WriteEntry
-from somrs.adapters.things.naming import definition_name, object_name
+from somrs.adapters.things.naming import definition_name, is_unit, object_name
 from somrs.errors import InputError
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Definition, Kind, ObjectType, Ontology
-from somrs.ontology.units import convert_unit, is_known_unit
+from somrs.ontology.units import convert_unit
 
 PROPERTIES = {
     "on": "On", "onoff": "On", "onoffproperty": "On", "power": "On", "brightness": "Brightness", "brightnessproperty": "Brightness",
@@ -153,7 +153,7 @@ class _Reading:
         annotations = types if isinstance(types, list) else [types]
         words = [str(word).rpartition(":")[2].lower() for word in (*annotations, re.sub(r"[\W_]", "", name)) if word]
         unit = UNITS.get(str(schema.get("unit", "")).lower(), schema.get("unit"))
-        unit = unit if isinstance(unit, str) and kind is Kind.NUMBER and is_known_unit(unit) else None
+        unit = unit if isinstance(unit, str) and kind is Kind.NUMBER and is_unit(unit) else None
         for path in (PROPERTIES[word] for word in words if word in PROPERTIES):
             known_attribute = self.ontology.attributes[path]
             if known_attribute.kind is kind and (unit is None or convert_unit(1.0, unit, known_attribute.unit or "") is not None):

@@ -41,7 +41,7 @@ class ThingDevice(Device):
         if state.is_online is False:
             raise Refusal(f"{self.name} does not work", not_now=True)
         for connection in dict.fromkeys(command.connection for command in plan.commands):
-            if connection not in self.hub.reached_connections:
+            if connection in self.hub.lost_connections:
                 raise Refusal(f"the connection {connection} of {self.name} is not there", not_now=True)
         if plan.demand is not None and not await task.map.holds(demand := self._formula(plan.demand, task)):
             raise Refusal(f"{demand} does not hold", condition=demand)

@@ -172,6 +172,12 @@ def test_what_cannot_be_mapped_is_said(component: str, config: dict[str, str], e
     assert any(expected in text for text in thing.unsupported)
 
 
+@pytest.mark.parametrize("unit", ["9**9**9**9", "9^9^9^9", "nonsense", "m" * 50])
+def test_a_unit_that_is_none_is_left_out(unit: str) -> None:
+    (sensor,) = announced({"sensor/x": {"state_topic": "s", "device_class": "temperature", "unit_of_measurement": unit}})
+    assert values_after(sensor, ("s", "20")) == {"Temperature": 20.0}
+
+
 def test_a_thing_leaves_when_its_announcement_is_withdrawn() -> None:
     discovery = Discovery("house")
     assert discovery.received("homeassistant/switch/x/config", b'{"command_topic": "c"}')
