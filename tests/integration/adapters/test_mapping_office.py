@@ -66,4 +66,4 @@ def test_the_map_that_a_robot_makes_is_the_building(tmp_path: Path) -> None:
 
 def followed(map: Map, floor_map: FloorMap, survey: Survey) -> Map:
     """The map with what the survey shows."""
-    return map.changed(floor_map.follow(building_of(survey.grid()), survey.pieces, survey.robots))
+    return map.changed(floor_map.follow(building_of(survey.grid(), survey.furniture()), survey.pieces, survey.robots))

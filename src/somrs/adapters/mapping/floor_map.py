@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from somrs.adapters.mapping.survey import Piece
+from somrs.adapters.mapping.survey import LEAST_SIGHTINGS, Piece
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import PART_OF, Value
 from somrs.sites.draft import box_shape, floor_values, pose
@@ -36,8 +36,6 @@ _BUILT = ("Room", "Wall", "Door")
 """The kinds of parts of a storey."""
 _MOSTLY = 0.9
 """Share of the cells in the place of an object that have to agree for it to count as gone, or as open or shut."""
-LEAST_SIGHTINGS = 2
-"""A piece of furniture is on the map when it has been seen so often."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

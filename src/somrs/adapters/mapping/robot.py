@@ -176,7 +176,7 @@ class _Findings:
     async def publish(self) -> None:
         """Bring the map up to date with the survey."""
         seen_at, grid = time.time(), self._survey.grid()
-        building = await asyncio.to_thread(building_of, grid)
+        building = await asyncio.to_thread(building_of, grid, self._survey.furniture())
         parts, missed = self._floor_map.observed(grid)
         changes = self._floor_map.follow(building, self._survey.pieces, self._survey.robots)
         try:

@@ -26,6 +26,8 @@ SAME_PIECE = 0.4
 """Two sightings of one type that are so near are of one piece of furniture, m."""
 BERTH = 0.25
 """How far a robot keeps from another one, besides the radii of both, m."""
+LEAST_SIGHTINGS = 2
+"""A piece of furniture counts when it has been seen so often."""
 _TRIES = 2
 
 
@@ -102,6 +104,10 @@ class Survey:
         for point in points:
             self.robots = [robot for robot in self.robots if math.dist(robot, point) > SAME_PIECE]
             self.robots.append(point)
+
+    def furniture(self) -> list[Box]:
+        """The rectangles of the furniture, as far as it was seen more than once."""
+        return [piece.box for piece in self.pieces if piece.count >= LEAST_SIGHTINGS]
 
     def grid(self) -> OccupancyGrid:
         """What is known now."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from somrs.sites.occupancy.grid import Cell, Mask, OccupancyGrid
+from somrs.sites.occupancy.grid import Cell, Mask, OccupancyGrid, Points
 from somrs.sites.occupancy.rooms import NARROWEST_DOOR, WIDEST_DOOR, Doorway, Labels, Rooms, find_rooms, outline_of
 from somrs.sites.occupancy.walls import WALL_THICKNESS, Structure, find_structure
 from somrs.sites.plan import Box, Point
@@ -52,10 +52,12 @@ class Building:
     doors: list[Door]
 
 
-def building_of(grid: OccupancyGrid) -> Building:
-    """The building that the grid shows."""
+def building_of(grid: OccupancyGrid, furniture: Sequence[Box] = ()) -> Building:
+    """The building that the grid shows. `furniture`: what is known to stand there, and is no part of the building."""
+    furniture = [_moved(box, grid.to_local([(box.x, box.y)]), -grid.yaw) for box in furniture]
+    grid = _without(furniture, grid)
     structure = find_structure(grid)
-    cells = room_cells(grid, structure)
+    cells = room_cells(grid, structure, furniture)
     rooms = find_rooms(cells, grid.resolution)
     doorways = [(doorway, _door_box(doorway, structure, grid)) for doorway in rooms.doorways]
     doorways = [(doorway, box) for doorway, box in doorways if box.width >= NARROWEST_DOOR]
@@ -91,7 +93,15 @@ def _cut_at_doors(cells: Mask, rooms: Rooms, doors: Sequence[Box], grid: Occupan
     return labels
 
 
-def room_cells(grid: OccupancyGrid, structure: Structure) -> Mask:
+def _without(furniture: Sequence[Box], grid: OccupancyGrid) -> OccupancyGrid:
+    """The grid without what is seen of the furniture: nobody knows what is there besides."""
+    states = grid.states.copy()
+    for box in furniture:
+        states[cells_of(box, grid, 1.5 * grid.resolution) & (states == Cell.OCCUPIED)] = Cell.UNKNOWN
+    return replace(grid, states=states)
+
+
+def room_cells(grid: OccupancyGrid, structure: Structure, furniture: Sequence[Box] = ()) -> Mask:
     """The cells that are in rooms: what is free, with small unknown spots and what stands there, and without walls."""
     cells = grid.mask(Cell.FREE)
     spots, count = ndimage.label(grid.mask(Cell.UNKNOWN))
@@ -100,7 +110,7 @@ def room_cells(grid: OccupancyGrid, structure: Structure) -> Mask:
     is_small[0] = False
     surrounded = ndimage.binary_fill_holes(cells)
     cells = cells | (is_small[spots] & surrounded)
-    for obstacle in structure.obstacles:
+    for obstacle in (*structure.obstacles, *furniture):
         cells |= cells_of(obstacle, grid, 1.5 * grid.resolution)
     for wall in structure.walls:
         cells &= ~cells_of(wall, grid, 0.0)
@@ -181,5 +191,10 @@ def _middle(room: Mask, grid: OccupancyGrid) -> Point:
 
 
 def _on_map(box: Box, grid: OccupancyGrid) -> Box:
-    ((x, y),) = grid.to_map([(box.x, box.y)]).tolist()
-    return replace(box, x=x, y=y, yaw=math.remainder(box.yaw + grid.yaw, math.tau))
+    return _moved(box, grid.to_map([(box.x, box.y)]), grid.yaw)
+
+
+def _moved(box: Box, middle: Points, turn: float) -> Box:
+    """The rectangle with another middle, turned."""
+    ((x, y),) = middle.tolist()
+    return replace(box, x=x, y=y, yaw=math.remainder(box.yaw + turn, math.tau))

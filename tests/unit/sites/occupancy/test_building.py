@@ -76,3 +76,16 @@ def test_a_grid_that_shows_nothing_is_a_building_without_walls_or_rooms_that_wer
     building = building_of(OccupancyGrid(states=np.full((40, 60), state, dtype=np.int8), resolution=0.05))
     assert building.doors == []
     assert len(building.rooms) == (1 if state is Cell.FREE else 0)
+
+
+def test_known_furniture_makes_neither_walls_nor_obstacles_and_rooms_go_on_under_it() -> None:
+    plan = rooms_in_rows([8.0], [6.0], 0.1, [])
+    desks = [Box(2.0, 2.0, 1.6, 0.8, 0.0), Box(3.65, 2.0, 1.6, 0.8, 0.0), Box(2.0, 1.15, 1.6, 0.8, 0.0), Box(5.9, 5.3, 3.2, 0.6, 0.0)]
+    grid = grid_of(plan, yaw=0.2, obstacles=desks)
+    building = building_of(grid, desks)
+    assert building.obstacles == []
+    assert len(building.walls) == 4
+    (room,) = building.rooms
+    assert all(is_in_polygon((desk.x, desk.y), room.outline) for desk in desks)
+    assert room.cells * grid.resolution**2 == pytest.approx(8.0 * 6.0, rel=0.06)
+    assert len(building_of(grid).walls) + len(building_of(grid).obstacles) > 4
