@@ -14,12 +14,16 @@ from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
+from somrs.ontology.files.dump import dump_map
+from somrs.ontology.files.loading import upper
+from somrs.ontology.objects import Fact, Object
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.task_views import TaskView
 from tests.support import warm
 from tests.support.accomplishing import accomplish
 from tests.support.building import building
 from tests.support.hang import HANG_TIME
+from tests.support.simulated_tower import HEIGHT, tower
 
 pytestmark = pytest.mark.long
 
@@ -43,10 +47,23 @@ adapters:
 )
 
 
+def two_storeys() -> str:
+    """A building with a lift, whose robot is a vehicle with a map of each storey."""
+    jar = Object(name="Jar1", type="Jar", values={"PositionX": 2.0, "PositionY": 5.0, "PositionZ": 0.74})
+    map = tower((2.0, 2.0, 0.0), extra_objects=[jar], extra_facts=[Fact("isOn", ("Jar1", "Table1"))])
+    return f"""{dump_map(map, upper())}
+adapters:
+  vda5050:
+    broker: own
+    vehicles: {{Robot1: {{simulated: "3.0"}}}}
+    maps: {{ground: {{level: 0}}, upstairs: {{level: {HEIGHT}}}}}
+"""
+
+
 @contextlib.asynccontextmanager
-async def system(folder: Path) -> AsyncIterator[Client]:
+async def system(folder: Path, text: str) -> AsyncIterator[Client]:
     site, data = folder / "site.yaml", folder / "data"
-    site.write_text(SITE)
+    site.write_text(text)
     async with (
         asyncio.timeout(HANG_TIME),
         System([site], data, launcher=warm.launcher(), certificates=False),
@@ -66,7 +83,7 @@ def providers(view: TaskView) -> list[str]:
 
 def test_vehicles_accomplish_tasks_also_when_one_breaks_down(tmp_path: Path) -> None:
     async def run() -> None:
-        async with system(tmp_path) as client, operator(client) as link:
+        async with system(tmp_path, SITE) as client, operator(client) as link:
             working = asyncio.create_task(accomplish(client, "Jar1 isOn Platform1"))
             while (await link.robots())["Robot1"].y < 2.0:
                 await asyncio.sleep(0.05)
@@ -77,5 +94,15 @@ def test_vehicles_accomplish_tasks_also_when_one_breaks_down(tmp_path: Path) -> 
             await link.repair("Robot1", Fault.DRIVE)
             view = await accomplish(client, "Jar1 isOn Table1")
             assert view.outcome is Outcome.ACCOMPLISHED
+
+    asyncio.run(run())
+
+
+def test_a_vehicle_rides_a_lift_to_another_of_its_maps(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with system(tmp_path, two_storeys()) as client:
+            view = await accomplish(client, "Jar1 isOn Table2")
+            assert view.outcome is Outcome.ACCOMPLISHED
+            assert providers(view) == ["Robot1"]
 
     asyncio.run(run())
