@@ -100,7 +100,12 @@ class Vda5050Vehicle(CarryingRobot):
         ended: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
         self._ended = ended
         self.session.give(command)
-        failure = await ended
+        try:
+            failure = await ended
+        except asyncio.CancelledError:
+            if not self.session.control.vehicle.is_connected:
+                self.session.give(Halt())  # it learns when it is there again that nobody wants this any more
+            raise
         if failure is not None:
             raise RobotFailed(f"{self.name} gave up: {failure}")
 

@@ -1,0 +1,141 @@
+"""The device of a vehicle: what it is told becomes messages, and what the vehicle says becomes results."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+import pytest
+
+from somrs.adapters.vda5050.frames import Frames
+from somrs.adapters.vda5050.messages.encoding import encode
+from somrs.adapters.vda5050.messages.header import Topic, Version
+from somrs.adapters.vda5050.robot import Vda5050Vehicle
+from somrs.adapters.vda5050.session import VehicleSession
+from somrs.adapters.vda5050.settings import read_settings
+from somrs.adapters.vda5050.simulated.factsheet import factsheet
+from somrs.adapters.vda5050.topics import VehicleAddress
+from somrs.devices.road_robot import RobotFailed
+from tests.support.vda5050_messages import HEADER
+
+ADDRESS = VehicleAddress(interface="uagv", major=2, manufacturer="ACME", serial_number="0001")
+
+STATE: dict[str, Any] = {
+    "headerId": 0,
+    "timestamp": "",
+    "version": "2.1.0",
+    "manufacturer": "ACME",
+    "serialNumber": "0001",
+    "orderId": "",
+    "orderUpdateId": 0,
+    "lastNodeId": "",
+    "lastNodeSequenceId": 0,
+    "driving": False,
+    "operatingMode": "AUTOMATIC",
+    "nodeStates": [],
+    "edgeStates": [],
+    "actionStates": [],
+    "errors": [],
+    "batteryState": {"batteryCharge": 80.0, "charging": False},
+    "safetyState": {"eStop": "NONE", "fieldViolation": False},
+    "loads": [],
+}
+
+
+class Bench:
+    """A device whose vehicle is this test. `sent`: what it was sent, as documents, by topic."""
+
+    def __init__(self, **settings: Any) -> None:
+        self.sent: list[tuple[str, dict[str, Any]]] = []
+        self.session = VehicleSession(ADDRESS, Frames(), lambda topic, payload: self.sent.append((topic, json.loads(payload))))
+        self.session.receive(Topic.FACTSHEET, encode(factsheet(), HEADER, Version.V2_1))
+        self.say()
+        actions = frozenset({"pick", "drop", "startCharging"})
+        self.device = Vda5050Vehicle("Robot1", self.session, read_settings({"broker": "mqtt://broker", **settings}), actions)
+        self.session.on_effect = self.device._take_effect
+
+    def say(self, **changes: Any) -> None:
+        self.session.receive(Topic.STATE, json.dumps(STATE | changes).encode())
+
+    def newest(self, topic: str) -> dict[str, Any]:
+        return next(document for name, document in reversed(self.sent) if name == f"uagv/v2/ACME/0001/{topic}")
+
+    def answer(self, status: str, **changes: Any) -> None:
+        """The state of the vehicle with the action of its order."""
+        order = self.newest("order")
+        action = {"actionId": order["nodes"][0]["actions"][0]["actionId"], "actionType": "pick", "actionStatus": status}
+        self.say(orderId=order["orderId"], actionStates=[action], **changes)
+
+
+def test_a_pick_names_the_load_and_the_station() -> None:
+    async def test() -> None:
+        bench = Bench(stationType="rack", loadType="EPAL")
+        picking = asyncio.create_task(bench.device.pick("Jar7", "Shelf1"))
+        await asyncio.sleep(0)
+        parameters = bench.newest("order")["nodes"][0]["actions"][0]["actionParameters"]
+        values = {parameter["key"]: parameter["value"] for parameter in parameters}
+        assert values == {"stationType": "rack", "loadType": "EPAL", "stationName": "Shelf1", "loadId": "Jar7"}
+        bench.answer("RUNNING")
+        assert not picking.done()
+        bench.answer("FINISHED", loads=[{"loadId": "Jar7"}])
+        await picking
+        assert bench.device.holding == "Jar7"
+
+    asyncio.run(test())
+
+
+def test_a_pick_that_fails_says_why_and_what_the_vehicle_holds() -> None:
+    async def test() -> None:
+        bench = Bench()
+        picking = asyncio.create_task(bench.device.pick("Jar7", "Shelf1"))
+        await asyncio.sleep(0)
+        bench.answer("RUNNING", loads=[{}])
+        assert bench.device.holding == "Jar7"
+        bench.answer("FAILED", loads=[], errors=[{"errorType": "slipped", "errorLevel": "WARNING", "errorReferences": []}])
+        with pytest.raises(RobotFailed, match="Robot1 gave up: the vehicle does not say why"):
+            await picking
+        assert bench.device.holding is None
+
+    asyncio.run(test())
+
+
+def test_what_nobody_wants_any_more_is_cancelled_when_the_vehicle_is_there_again() -> None:
+    async def test() -> None:
+        bench = Bench()
+        picking = asyncio.create_task(bench.device.pick("Jar7", "Shelf1"))
+        await asyncio.sleep(0)
+        bench.answer("RUNNING")
+        bench.session.lose_connection()
+        picking.cancel()
+        await asyncio.wait({picking})
+        bench.answer("RUNNING")
+        assert bench.newest("instantActions")["actions"][0]["actionType"] == "cancelOrder"
+
+    asyncio.run(test())
+
+
+def test_halting_takes_until_the_vehicle_stands() -> None:
+    async def test() -> None:
+        bench = Bench()
+        picking = asyncio.create_task(bench.device.pick("Jar7", "Shelf1"))
+        await asyncio.sleep(0)
+        bench.answer("RUNNING")
+        halting = asyncio.create_task(bench.device.interrupt())
+        await asyncio.sleep(0)
+        cancel = bench.newest("instantActions")["actions"][0]
+        done = {"actionId": cancel["actionId"], "actionType": "cancelOrder", "actionStatus": "FINISHED"}
+        bench.say(orderId=bench.newest("order")["orderId"], actionStates=[done], driving=True)
+        await asyncio.sleep(0)
+        assert not halting.done()
+        bench.say(orderId=bench.newest("order")["orderId"], actionStates=[done])
+        await halting
+        picking.cancel()
+        await asyncio.wait({picking})
+
+    asyncio.run(test())
+
+
+def test_the_attributes_of_a_vehicle_come_from_its_factsheet() -> None:
+    values = Bench().device.values
+    assert values == {"Shape.Form": "Cylinder", "Shape.Radius": 0.5, "Shape.Height": 0.6, "Speed": 1.0, "Payload": 20.0}
