@@ -6,7 +6,10 @@
 from __future__ import annotations
 
 import asyncio
+import importlib.util
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -89,6 +92,33 @@ def test_an_action_that_a_vehicle_of_another_make_refuses_fails_with_its_words(b
             (ended,) = [effect for effect in fleet.effects["Robot1"] if isinstance(effect, ActionEnded)]
             assert ended.failure is not None
             assert "no load to drop" in ended.failure
+
+    asyncio.run(test())
+
+
+def test_a_vehicle_that_holds_what_it_is_sent_against_the_schemas_of_2_1_drives_and_picks(broker: MqttBroker) -> None:
+    if importlib.util.find_spec("vda5050") is None:
+        pytest.skip("NOT TESTED: VDA 5050 2.1 with PyPI's vda5050-sdk, because it is not installed; `make setup` installs it")
+
+    async def test() -> None:
+        named = {"manufacturer": "RobotCompany", "serialNumber": "002", "actions": ["pick", "drop"]}
+        settings = {"broker": broker.url, "vehicles": {"Robot2": named}}
+        program = str(ROOT / "tests" / "support" / "vda5050_sdk_vehicle.py")
+        process = subprocess.Popen([sys.executable, program, broker.url, "RobotCompany", "002"])
+        try:
+            async with recording(broker.mqtt_port, "uagv/#") as conversation, fleet_control(settings) as fleet:
+                await wait_until(lambda: "Robot2" in fleet.devices)
+                fleet.drive("Robot2", "A", "B", "C")
+                await wait_until(lambda: fleet.has("Robot2", Passed(number=2)))
+                fleet.devices["Robot2"].session.give(Perform(action_type="pick", parameters=EPAL))
+                await wait_until(lambda: fleet.has("Robot2", ActionEnded(failure=None)))
+                fleet.devices["Robot2"].session.give(Halt())
+                await wait_until(lambda: fleet.has("Robot2", Halted()))
+        finally:
+            process.kill()
+            process.wait()
+        states = [spoken.payload for spoken in conversation if spoken.topic.endswith("/state")]
+        assert all('"errors":[]' in state for state in states)
 
     asyncio.run(test())
 
