@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import ssl
+from collections.abc import Sequence
 from pathlib import Path
 
 import aiomqtt
@@ -15,8 +16,10 @@ from somrs.adapters.things.model import Command, Connection, Source
 
 AT_MOST_ONCE, AT_LEAST_ONCE = 0, 1
 """Of messages to things, the broker says that it has them. Messages from things need no such word: a connection loses none, and after
-each new connection the broker sends what it retains again. NATS loses a retained message that comes at the same time as a
-subscription with more than this."""
+each new connection the broker sends what it retains again."""
+SECOND_SUBSCRIPTION = 2.0
+"""Seconds after which topics are subscribed again, once: NATS as the broker can lose a retained message that comes at the same time as a
+subscription, and sends what it retains with each subscription."""
 
 
 class MqttConnector:
@@ -102,13 +105,24 @@ class MqttConnector:
             await asyncio.wait([subscriber])
 
     async def _subscribe_all(self, client: aiomqtt.Client) -> None:
+        recent_topics: dict[str, None] = {}
         while True:
             self._topics_changed.clear()
             fresh_topics = [topic for topic in self._topics if topic not in self._subscribed]
             stale_topics = [topic for topic in self._subscribed if topic not in self._topics]
-            if fresh_topics:
-                await client.subscribe([(topic, AT_MOST_ONCE) for topic in fresh_topics])
+            await _subscribe(client, fresh_topics)
             if stale_topics:
                 await client.unsubscribe(stale_topics)
             self._subscribed = {*self._subscribed, *fresh_topics} - {*stale_topics}
-            await self._topics_changed.wait()
+            recent_topics |= dict.fromkeys(fresh_topics)
+            try:
+                async with asyncio.timeout(SECOND_SUBSCRIPTION if recent_topics else None):
+                    await self._topics_changed.wait()
+            except TimeoutError:
+                await _subscribe(client, [topic for topic in recent_topics if topic in self._subscribed])
+                recent_topics = {}
+
+
+async def _subscribe(client: aiomqtt.Client, topics: Sequence[str]) -> None:
+    if topics:
+        await client.subscribe([(topic, AT_MOST_ONCE) for topic in topics])
