@@ -13,13 +13,16 @@ from somrs.ontology.map import Map
 from somrs.ontology.naming import find_definition, key_of
 from somrs.ontology.objects import Fact, Object
 from somrs.ontology.services import ServiceKind, ServiceType
-from somrs.ontology.types import PART_OF, AttributeType, Constraint, FunctionType, ObjectType, Ontology, Part, RelationType, Value
+from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, FunctionType, ObjectType, Ontology, Part, RelationType, Value
 
 _POSITION = ("PositionX", "PositionY", "PositionZ")
 
 
 def dump_map(map: Map, ontology: Ontology, name: str | None = None) -> str:
-    """The map as YAML text: parts nested in their wholes, positions and rotations in the short forms `at` and `turned`."""
+    """The map as YAML text: parts nested in their wholes, positions and rotations in the short forms `at` and `turned`.
+
+    `name`: of the map; None: its own, or that of its root.
+    """
     parts: dict[str, list[str]] = {}
     wholes: dict[str, str] = {}
     for fact in map.facts(PART_OF):
@@ -42,7 +45,14 @@ def dump_map(map: Map, ontology: Ontology, name: str | None = None) -> str:
     for looped in map.objects.keys() - nested:  # objects in a cycle of parts: no tree contains them
         objects[looped] = _object(map.objects[looped], ontology)
         facts.append(str(Fact(PART_OF, (looped, wholes[looped]))))
-    return _yaml({"map": name or next(iter(objects), "map"), "objects": objects, **({"facts": Lines(facts)} if facts else {})})
+    return _yaml({"map": name or name_of(map, ontology) or "map", "objects": objects, **({"facts": Lines(facts)} if facts else {})})
+
+
+def name_of(map: Map, ontology: Ontology) -> str | None:
+    """The name of the map, or of the abstract object that is its root, or of any root; None for a map without objects."""
+    roots = [*map.roots()]
+    abstract = (root for root in roots if ontology.is_subtype(map.objects[root].type, ABSTRACT))
+    return map.name or next(abstract, next(iter(roots), None))
 
 
 def _object(object: Object, ontology: Ontology) -> dict[str, Any]:

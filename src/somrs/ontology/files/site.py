@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from somrs.ontology.files.dump import dump_map, dump_ontology
+from somrs.ontology.files.dump import dump_map, dump_ontology, name_of
 from somrs.ontology.files.levels import level_of
 from somrs.ontology.files.loading import upper
 from somrs.ontology.map import Map
@@ -15,7 +15,7 @@ def dump_site(ontology: Ontology, map: Map, name: str | None = None) -> str:
     level = level_of(ontology)
     base = upper(level)
     is_unchanged = {key_of(definition): definition for definition in ontology} == {key_of(definition): definition for definition in base}
-    definitions = dump_ontology(ontology, base=base, name=name or next(iter(map.roots()), "site")) if not is_unchanged else ""
+    definitions = dump_ontology(ontology, base=base, name=name or name_of(map, ontology) or "site") if not is_unchanged else ""
     if is_unchanged and level > 1:
         definitions = f"upper: {level}\n"
     return definitions + dump_map(map, ontology, name)

@@ -252,3 +252,9 @@ def test_a_site_has_its_definitions_before_its_map() -> None:
     assert dump_site(own_ontology, map) == f"ontology: Home\ntypes:\n  Vase: {{parent: Jar}}\n{map_text}"
     assert dump_site(own_ontology, map, "Ours").startswith("ontology: Ours\n")
     assert dump_site(own_ontology, Map()).startswith("ontology: site\n")
+
+
+def test_a_map_is_called_by_its_own_name_or_by_that_of_its_abstract_root() -> None:
+    objects = [Object(name="Can1", type="Can"), Object(name="Home", type="Building")]
+    assert dump_site(upper(), Map(objects)).startswith("map: Home\n")
+    assert dump_site(upper(), Map(objects, (), "Site")).startswith("map: Site\n")
