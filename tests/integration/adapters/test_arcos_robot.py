@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import math
 from collections.abc import AsyncIterator
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +15,7 @@ from somrs.adapters.arcos.settings import RobotSettings
 from somrs.adapters.arcos.simulated.body import Place, PlaneBody
 from somrs.adapters.arcos.simulated.firmware import Firmware
 from somrs.adapters.arcos.simulated.server import SimulatedRobot, serving_tcp
+from somrs.adapters.arcos.stored_reckoning import load_reckoning
 from somrs.devices.road_robot import RobotFailed
 from somrs.service_manager.sdk.map_reader import MapReader
 from tests.integration.adapters.test_arcos_lines import run, wait_until
@@ -43,12 +45,13 @@ class RecordingRobot(ArcosRobot):
 
 
 @contextlib.asynccontextmanager
-async def robot(*, gripper: bool = True) -> AsyncIterator[tuple[RecordingRobot, PlaneBody, SimulatedRobot]]:
+async def robot(folder: Path, *, gripper: bool = True) -> AsyncIterator[tuple[RecordingRobot, PlaneBody, SimulatedRobot]]:
     """Robot1 of the laboratory, at (2, 1.5). Jar1 is at (1.15, 4)."""
     body = PlaneBody(Place(x=2.0, y=1.5, yaw=0.0))
     simulated = SimulatedRobot(Firmware(body, watchdog=0.5, gripper=gripper))
     async with serving_tcp(simulated) as port:
         device = RecordingRobot(RobotSettings(port=port))
+        device.data = folder
         device.map = MapReader(make_ask(repository(), lambda: 0.0))
         await device.open()
         try:
@@ -57,9 +60,9 @@ async def robot(*, gripper: bool = True) -> AsyncIterator[tuple[RecordingRobot, 
             await device.close()
 
 
-def test_a_robot_begins_where_the_map_has_it_and_follows_ways() -> None:
+def test_a_robot_begins_where_the_map_has_it_and_follows_ways(tmp_path: Path) -> None:
     async def test() -> None:
-        async with robot() as (device, body, _):
+        async with robot(tmp_path) as (device, body, _):
             await wait_until(lambda: device.road.state is not None)
             state = device.road.state
             assert state is not None
@@ -69,14 +72,24 @@ def test_a_robot_begins_where_the_map_has_it_and_follows_ways() -> None:
             await device.halt()
             assert math.dist((body.place.x, body.place.y), (2.4, 1.5)) < 0.05
             assert device.battery is not None
+            await asyncio.sleep(1.0)
+            assert device._line is not None
+            assert load_reckoning(tmp_path / "arcos" / "Robot1.json") == device._line.driver.reckoning
 
     run(test())
 
 
+@pytest.mark.parametrize("content", [b"", b"{", b'{"pose": 3}'])
+def test_a_damaged_file_is_no_pose(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "Robot1.json"
+    file.write_bytes(content)
+    assert load_reckoning(file) is None
+
+
 @pytest.mark.long
-def test_a_robot_picks_what_is_before_it_and_drops_it() -> None:
+def test_a_robot_picks_what_is_before_it_and_drops_it(tmp_path: Path) -> None:
     async def test() -> None:
-        async with robot() as (device, body, _):
+        async with robot(tmp_path) as (device, body, _):
             yaw = math.atan2(4.0 - 1.5, 1.15 - 2.0)
             distance = math.dist((2.0, 1.5), (1.15, 4.0))
             body.thing = (2.0 + 0.5 * math.cos(yaw), 1.5 + 0.5 * math.sin(yaw))
@@ -93,18 +106,18 @@ def test_a_robot_picks_what_is_before_it_and_drops_it() -> None:
     run(test())
 
 
-def test_a_robot_without_gripper_says_so() -> None:
+def test_a_robot_without_gripper_says_so(tmp_path: Path) -> None:
     async def test() -> None:
-        async with robot(gripper=False) as (device, _, _):
+        async with robot(tmp_path, gripper=False) as (device, _, _):
             with pytest.raises(RobotFailed, match="no gripper"):
                 await device.pick("Jar1", "Table1")
 
     run(test())
 
 
-def test_work_that_is_interrupted_ends_and_the_robot_stands() -> None:
+def test_work_that_is_interrupted_ends_and_the_robot_stands(tmp_path: Path) -> None:
     async def test() -> None:
-        async with robot() as (device, _, simulated):
+        async with robot(tmp_path) as (device, _, simulated):
             picking = asyncio.create_task(device.pick("Jar1", "Table1"))
             await asyncio.sleep(1.0)
             picking.cancel()
@@ -115,9 +128,9 @@ def test_work_that_is_interrupted_ends_and_the_robot_stands() -> None:
     run(test())
 
 
-def test_a_pressed_stop_button_breaks_the_robot() -> None:
+def test_a_pressed_stop_button_breaks_the_robot(tmp_path: Path) -> None:
     async def test() -> None:
-        async with robot() as (device, _, simulated):
+        async with robot(tmp_path) as (device, _, simulated):
             simulated.firmware.stop_button = True
             await wait_until(lambda: device.notes)
             assert device.notes == ["broken: Robot1 cannot drive: its stop button is pressed"]

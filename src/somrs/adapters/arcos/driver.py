@@ -37,7 +37,7 @@ from somrs.adapters.arcos.events import (
 )
 from somrs.adapters.arcos.messages import Command, Flag, GripperCommand, Status
 from somrs.adapters.arcos.obstacles import SonarMap
-from somrs.adapters.arcos.odometry import Odometry, Pose
+from somrs.adapters.arcos.odometry import Odometry, Pose, Reckoning
 from somrs.adapters.arcos.parameters import TYPES, Parameters
 from somrs.adapters.arcos.session import Session, SessionState
 from somrs.adapters.arcos.steering import STAND, Speeds
@@ -63,10 +63,16 @@ class Battery(Struct, frozen=True, kw_only=True):
 
 class Driver:
     """Drives one robot. `pose`: where it is at the beginning. `parameters`: None: those of the type that the robot says it is. `speed`:
-    with which it drives at most, m/s; None: as in the parameters."""
+    with which it drives at most, m/s; None: as in the parameters. `earlier`: where an earlier program has left it, which holds if the
+    robot is still in the same session."""
 
     def __init__(
-        self, pose: Pose, parameters: Parameters | None = None, battery: Battery | None = None, speed: float | None = None
+        self,
+        pose: Pose,
+        parameters: Parameters | None = None,
+        battery: Battery | None = None,
+        speed: float | None = None,
+        earlier: Reckoning | None = None,
     ) -> None:
         self.session = Session()
         self.parameters = parameters
@@ -74,6 +80,7 @@ class Driver:
         self._battery = battery or Battery()
         self._speed_limit = speed
         self._odometry = Odometry(pose)
+        self._earlier = earlier
         self._sonar = SonarMap()
         self._course = Course()
         self._action: RunningAction | None = None
@@ -93,6 +100,11 @@ class Driver:
     @property
     def pose(self) -> Pose:
         return self._odometry.pose
+
+    @property
+    def reckoning(self) -> Reckoning | None:
+        """The pose, and what was counted there; None before the first report."""
+        return self._odometry.reckoning
 
     @property
     def has_gripper(self) -> bool:
@@ -148,6 +160,9 @@ class Driver:
         parameters = self._own_parameters()
         if parameters is None:
             return
+        if self._earlier is not None and self.session.has_gone_on:
+            self._odometry.resume(self._earlier)
+        self._earlier = None
         self.parameters, self._report_time = parameters, now
         self._note_contact()
         pose = self._odometry.update(status, parameters)

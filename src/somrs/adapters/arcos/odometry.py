@@ -31,6 +31,15 @@ class Pose(Struct, frozen=True, kw_only=True):
         return Pose(x=self.x + distance * math.cos(self.yaw), y=self.y + distance * math.sin(self.yaw), yaw=self.yaw)
 
 
+class Reckoning(Struct, frozen=True, kw_only=True):
+    """A pose, and what the encoders had counted there: enough to go on from it in the same session of the robot."""
+
+    pose: Pose
+    x: int
+    y: int
+    heading: int
+
+
 def wrap(angle: float) -> float:
     """The angle between -pi and pi, rad."""
     return math.remainder(angle, 2 * math.pi)
@@ -45,8 +54,18 @@ class Odometry:
 
     def __init__(self, pose: Pose) -> None:
         self.pose = pose
-        self._counted: Status | None = None
+        self._counted: Status | Reckoning | None = None
         self._doubtful: Status | None = None
+
+    @property
+    def reckoning(self) -> Reckoning | None:
+        """The pose, with what was counted there; None before the first report."""
+        counted = self._counted
+        return Reckoning(pose=self.pose, x=counted.x, y=counted.y, heading=counted.heading) if counted is not None else None
+
+    def resume(self, reckoning: Reckoning) -> None:
+        """Go on from where an earlier program of the robot was."""
+        self.pose, self._counted = reckoning.pose, reckoning
 
     def update(self, status: Status, parameters: Parameters) -> Pose:
         """Take in a report, and return the pose."""
@@ -74,7 +93,7 @@ class Odometry:
 class _Step:
     """What the counters have changed between two reports, in metres and radians."""
 
-    def __init__(self, old: Status, new: Status, parameters: Parameters) -> None:
+    def __init__(self, old: Status | Reckoning, new: Status, parameters: Parameters) -> None:
         self.dx = parameters.metres * _difference(new.x, old.x)
         self.dy = parameters.metres * _difference(new.y, old.y)
         self.old_heading, self.new_heading = parameters.radians * old.heading, parameters.radians * new.heading

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+from pathlib import Path
 
 from somrs.adapters.arcos.driver import Driver
 from somrs.adapters.arcos.events import (
@@ -28,13 +29,16 @@ from somrs.adapters.arcos.events import (
 )
 from somrs.adapters.arcos.line import RobotLine
 from somrs.adapters.arcos.messages import GripperCommand
-from somrs.adapters.arcos.odometry import Pose
+from somrs.adapters.arcos.odometry import Pose, Reckoning
 from somrs.adapters.arcos.parameters import Parameters
 from somrs.adapters.arcos.settings import RobotSettings
+from somrs.adapters.arcos.stored_reckoning import load_reckoning, store_reckoning
 from somrs.devices.road_robot import CarryingRobot, RobotFailed, Way
 from somrs.devices.simulator.drivers.simulated import number_of
 from somrs.errors import UsageError
 
+STORE_PERIOD = 0.5
+"""Seconds between two times at which the pose is stored."""
 SPARE = 0.1
 """How much farther than the map has it a thing may be, m."""
 
@@ -52,10 +56,12 @@ class ArcosRobot(CarryingRobot):
         self._running: asyncio.Task[None] | None = None
         self._action: asyncio.Future[ActionDone] | None = None
         self._halted: asyncio.Future[None] | None = None
+        self._stored_reckoning: Reckoning | None = None
+        self._store_time = -STORE_PERIOD
 
     async def open(self) -> None:
         pose = self.settings.pose or await self._start_pose()
-        driver = Driver(pose, self._parameters, self.settings.battery, self.settings.speed)
+        driver = Driver(pose, self._parameters, self.settings.battery, self.settings.speed, load_reckoning(self._reckoning_file))
         self._line = RobotLine(driver, self.settings.port, self.settings.baud, self._take_effect)
         self.heard(False)
         self._running = asyncio.create_task(self._line.run())
@@ -119,6 +125,7 @@ class ArcosRobot(CarryingRobot):
     def _take_effect(self, effect: Effect) -> None:
         match effect:
             case Located(pose):
+                self._store_reckoning()
                 self.located(pose.x, pose.y, pose.yaw)
             case Passed(number):
                 self.passed(number)
@@ -136,6 +143,20 @@ class ArcosRobot(CarryingRobot):
                 self._action.set_result(effect)
             case ActionFailed(description=description) if self._action is not None and not self._action.done():
                 self._action.set_exception(RobotFailed(f"{self.name} gave up: {description}"))
+
+    @property
+    def _reckoning_file(self) -> Path:
+        return self.data / "arcos" / f"{self.name}.json"
+
+    def _store_reckoning(self) -> None:
+        """Store where the robot is, so that a program that is started anew while it drives goes on from there."""
+        now = asyncio.get_running_loop().time()
+        if now - self._store_time < STORE_PERIOD:
+            return
+        reckoning = self._open_line().driver.reckoning
+        if reckoning is not None and reckoning != self._stored_reckoning:
+            self._store_time, self._stored_reckoning = now, reckoning
+            store_reckoning(self._reckoning_file, reckoning)
 
     # Parts of services
 

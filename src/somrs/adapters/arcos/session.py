@@ -71,6 +71,8 @@ class Session:
         """The robot's name, class and subclass, as far as it has said them."""
         self.configuration: Configuration | None = None
         self.gripper: GripperReport | None = None
+        self.has_gone_on = False
+        """Whether the session is that of an earlier line."""
         self.outgoing = bytearray()
         self._parser, self._complete_time = PacketParser(), 0.0
         self._time = 0.0
@@ -195,6 +197,7 @@ class Session:
             self._waited = 0.0
         else:
             # It may drive with the velocities of a program that is gone.
+            self.has_gone_on = self.state is SessionState.LISTENING
             self._enter(SessionState.OPEN)
             self.send(Command.STOP)
             self.send(Command.BUMPSTALL, 3)

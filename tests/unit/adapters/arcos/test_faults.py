@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from somrs.adapters.arcos.driver import Driver
 from somrs.adapters.arcos.events import (
     ActionFailed,
     Advance,
@@ -22,6 +23,7 @@ from somrs.adapters.arcos.events import (
     TurnTo,
 )
 from somrs.adapters.arcos.messages import GripperCommand
+from somrs.adapters.arcos.odometry import Pose
 from somrs.adapters.arcos.simulated.body import Obstacle, Place
 from tests.support.pioneers import Pioneer, perfect, way
 
@@ -96,6 +98,32 @@ def test_a_new_line_stops_a_robot_that_still_drives_before_anything_else() -> No
     follower.run(10)
     assert Heard(True) in follower.effects
     assert abs(follower.body.place.x - position) < 0.05
+
+
+def test_a_driver_that_is_started_anew_goes_on_from_where_the_earlier_one_was() -> None:
+    """Its robot is in the same session, and has rolled on meanwhile."""
+    pioneer = under_way()
+    reckoning = pioneer.driver.reckoning
+    pioneer.is_connected = False
+    pioneer.run(10)
+    pioneer.driver = Driver(Pose(x=0.0, y=0.0, yaw=0.0), earlier=reckoning)
+    pioneer.effects.clear()
+    pioneer.connect()
+    assert pioneer.run(5, lambda: Heard(True) in pioneer.effects)
+    assert abs(pioneer.driver.pose.x - pioneer.body.place.x) < 0.02
+    assert pioneer.body.place.x > 1.0
+
+
+def test_a_driver_of_a_robot_that_was_off_begins_where_it_is_told() -> None:
+    pioneer = under_way()
+    reckoning = pioneer.driver.reckoning
+    pioneer.is_connected = False
+    pioneer.firmware = type(pioneer.firmware)(pioneer.body)
+    pioneer.driver = Driver(Pose(x=0.5, y=0.0, yaw=0.0), earlier=reckoning)
+    pioneer.effects.clear()
+    pioneer.connect()
+    assert pioneer.run(5, lambda: Heard(True) in pioneer.effects)
+    assert pioneer.driver.pose.x == 0.5
 
 
 def test_a_robot_that_was_restarted_is_connected_again_and_goes_on_from_where_it_stands() -> None:
