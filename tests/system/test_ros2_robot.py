@@ -48,7 +48,7 @@ BINDING = {
 async def running_system(folder: Path, namespace: str) -> AsyncIterator[tuple[Client, OperatorLink]]:
     """A system whose Robot1 has its nodes in a namespace: a client of it, and the operator of its simulator."""
     (folder / "robot.yaml").write_text(json.dumps(BINDING))
-    robot = {"binding": "robot.yaml", "type": "PioneerP3DX", "namespace": namespace, "simulated": True}
+    robot = {"binding": "robot.yaml", "namespace": namespace, "simulated": True}
     site = folder / "site.yaml"
     site.write_text(f"{MAP}\n{yaml.safe_dump({'adapters': {'ros2': {**ROS, 'robots': {'Robot1': robot}}}})}")
     async with running(folder / "data", site, speed="1", world=WorldKind.KINEMATIC) as (_, client, operator):

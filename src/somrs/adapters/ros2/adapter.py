@@ -8,7 +8,7 @@ from typing import Any
 
 from somrs.adapters.adapter import Fleet
 from somrs.adapters.ros2.process import BridgeProcess
-from somrs.adapters.ros2.robot import robot_class
+from somrs.adapters.ros2.robot import Ros2Robot
 from somrs.adapters.ros2.settings import read_binding, read_settings
 from somrs.adapters.ros2.simulation import run_simulated
 
@@ -35,5 +35,5 @@ class Ros2Adapter:
     async def run(self, fleet: Fleet) -> None:
         bridge = BridgeProcess(self._settings, self._folder)
         for name, robot in self._settings.robots.items():
-            fleet.add(robot_class(robot.type)(name, robot, self._bindings[name], bridge.session))
+            fleet.add(Ros2Robot(name, robot, self._bindings[name], bridge.session))
         await bridge.run()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-
 from somrs.adapters.ros2.connection import RobotConnection
 from somrs.adapters.ros2.frames import Pose
 from somrs.adapters.ros2.session import Session
@@ -15,8 +13,6 @@ from somrs.service_manager.sdk.values import as_term
 
 class Ros2Robot(CarryingRobot):
     """A robot with ROS 2, in the traffic of its building."""
-
-    type = "MobileManipulator"
 
     def __init__(self, name: str, settings: RobotSettings, binding: Binding, session: Session) -> None:
         super().__init__(name)
@@ -70,9 +66,3 @@ class Ros2Robot(CarryingRobot):
         if solid is None:
             raise RobotFailed(f"the map does not say where {name} is")
         return Pose(solid.x, solid.y, solid.yaw)
-
-
-@functools.cache
-def robot_class(type_name: str) -> type[Ros2Robot]:
-    """The class of robots whose objects on the map have this type."""
-    return type(f"Ros2{type_name}", (Ros2Robot,), {"type": type_name})

@@ -224,10 +224,9 @@ class Level(Model):
 
 
 class RobotSettings(Model):
-    """A robot. `type`: that of its object on the map; `binding`: its binding file; `levels`: the first is the one on which it starts;
-    `simulated`: it is a robot of the simulator, and its nodes are started with the system."""
+    """A robot. `binding`: its binding file; `levels`: the first is the one on which it starts; `simulated`: it is a robot of the
+    simulator, and its nodes are started with the system."""
 
-    type: str = "MobileManipulator"
     namespace: str = ""
     binding: str
     levels: tuple[Level, ...] = Field(default=(Level(),), min_length=1)
