@@ -1,4 +1,5 @@
-"""A whole system with things: a robot rides in a lift, and drives through a door, that are behind an MQTT broker."""
+"""A whole system with things: a robot rides in a lift, and drives through a door, that are behind an MQTT broker; a sensor says what it
+measures."""
 
 from __future__ import annotations
 
@@ -54,7 +55,13 @@ things:
     type: Light
     connection: broker
     area: Upper
+    attributes: {Power: {topic: lamps/1/power}}
     services: {SwitchOn: {write: [{topic: lamps/1, payload: "ON", retain: true}], done_when: sent}}
+  Sensor1:
+    type: Sensor
+    connection: broker
+    area: Ground
+    attributes: {Temperature: {topic: sensors/1}}
 """
 
 
@@ -63,6 +70,8 @@ async def listen(broker: str, topics: set[str]) -> None:
     address = urlsplit(broker)
     async with aiomqtt.Client(address.hostname or "", address.port or 0) as client:
         await client.subscribe("#")
+        await client.publish("sensors/1", "21.5", retain=True)
+        await client.publish("lamps/1/power", "9", retain=True)
         async for message in client.messages:
             topics.add(str(message.topic))
 
@@ -83,6 +92,8 @@ def test_a_robot_rides_in_a_lift_and_drives_through_a_door_at_a_broker(tmp_path:
                 view = await accomplish(client, effect)
                 assert view.outcome == "accomplished", view.explanation
             assert (await client.query("Lamp1 isPartOf Upper", limit=1)).rows
+            while not (await client.query("Sensor1.Temperature = 21.5 AND Lamp1.Power = 9 AND Sensor1 isPartOf Ground", limit=1)).rows:
+                await asyncio.sleep(0.1)
             assert topics >= {"lifts/1/request", "lifts/1/state", "doors/1/request", "doors/1/state", "lamps/1"}
             listening.cancel()
 

@@ -73,12 +73,17 @@ class Conversion(Struct, frozen=True, kw_only=True):
             raise ValueError(f"{text!r} is not a number") from None
         if not math.isfinite(number):
             raise ValueError(f"{text} is not a finite number")
-        number = number * self.scale + self.offset
+        number = _short(number * self.scale + self.offset)
         if self.unit is None or self.attribute.unit is None:
             return number
         converted = convert_unit(number, self.unit, self.attribute.unit)
         assert converted is not None, "the units are checked when the mapping is read"
-        return converted
+        return _short(converted)
+
+
+def _short(number: float) -> float:
+    """The number without the digits that only come from calculating: 20 for 20.000000000000057."""
+    return float(f"{number:.12g}")
 
 
 def raw_text(raw: object) -> str:

@@ -65,9 +65,7 @@ def test_what_makes_no_sense_is_said(attribute: AttributeType, raw: object, expe
 
 
 def test_units_are_converted() -> None:
-    value = Conversion(attribute=TEMPERATURE, unit="degF").read("68")
-    assert isinstance(value, float)
-    assert math.isclose(value, 20)
+    assert Conversion(attribute=TEMPERATURE, unit="degF").read("68") == 20.0
 
 
 ENCODINGS = st.sampled_from([("int16", 16), ("uint16", 16), ("int32", 32), ("uint32", 32), ("int64", 64)])
