@@ -98,6 +98,22 @@ def test_vehicles_accomplish_tasks_also_when_one_breaks_down(tmp_path: Path) -> 
     asyncio.run(run())
 
 
+def test_a_vehicle_that_was_cut_off_on_its_way_works_again_afterwards(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with system(tmp_path, SITE) as client, operator(client) as link:
+            working = asyncio.create_task(accomplish(client, "Jar1 isOn Platform1"))
+            while (await link.robots())["Robot1"].y < 2.0:
+                await asyncio.sleep(0.05)
+            await link.fault("Robot1", Fault.LINK)
+            while not (await client.query("Robot1.Working = FALSE")).rows:
+                await asyncio.sleep(0.5)
+            assert not working.done()
+            await link.repair("Robot1", Fault.LINK)
+            assert (await working).outcome is Outcome.ACCOMPLISHED
+
+    asyncio.run(run())
+
+
 def test_a_vehicle_rides_a_lift_to_another_of_its_maps(tmp_path: Path) -> None:
     async def run() -> None:
         async with system(tmp_path, two_storeys()) as client:
