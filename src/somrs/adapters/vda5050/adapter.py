@@ -43,6 +43,8 @@ class Vda5050Adapter:
         self.sessions: dict[VehicleAddress, VehicleSession] = {}
         """All vehicles that were heard."""
         self._waited: dict[VehicleAddress, int] = {}
+        self._owners: dict[str, tuple[str, str]] = {}
+        """Manufacturer and serial number of the vehicles that have devices, by name."""
         self._connection: Connection | None = None
 
     @property
@@ -110,6 +112,11 @@ class Vda5050Adapter:
         self._waited[session.address] = waited + 1
         name = self._settings.name(session.address)
         assert name is not None, "others have no session"
+        identity = session.address.manufacturer, session.address.serial_number
+        if self._owners.setdefault(name, identity) != identity:
+            del self._waited[session.address]
+            log.warning("%s would be %s, as %s %s is: name it in the settings", session.address, name, *self._owners[name])
+            return
         named = self._settings.vehicles.get(name)
         actions = named.actions if named is not None else None
         if actions is None and vehicle.factsheet is not None:

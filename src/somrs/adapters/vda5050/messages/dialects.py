@@ -8,7 +8,6 @@ from enum import StrEnum
 from msgspec import Struct
 
 from somrs.adapters.vda5050.messages.factsheets import (
-    BatteryCharging,
     Configuration,
     Envelope,
     Factsheet,
@@ -99,7 +98,6 @@ FIELDS_OF_3: Mapping[type[Struct], frozenset[str]] = {
     PhysicalParameters: frozenset({"minimumAngularSpeed", "maximumAngularSpeed"}),
     SupportedAction: frozenset({"pauseAllowed", "cancelAllowed"}),
     Configuration: frozenset({"batteryCharging"}),
-    BatteryCharging: frozenset(),
 }
 
 FIELDS_OF_2: Mapping[type[Struct], frozenset[str]] = {
