@@ -8,6 +8,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import pytest
+
 from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.ontology.files.loading import load
@@ -87,5 +89,6 @@ async def explored(data: Path) -> None:
     assert "Laboratory" in corrected.objects
 
 
+@pytest.mark.long
 def test_a_robot_explores_a_floor_for_a_task_and_corrects_the_map_when_it_does_so_again(tmp_path: Path) -> None:
     asyncio.run(explored(tmp_path / "data"))
