@@ -5,23 +5,34 @@ from __future__ import annotations
 import json
 import socket
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from somrs.ports import listen_at
 from tests.support.hang import HANG_TIME
 from tests.support.nats_server import NatsServer
 
+NO_USERS: Mapping[str, str] = MappingProxyType({})
+
 
 class MqttBroker(NatsServer):
-    """A context manager. It can be killed and started again with what it has stored."""
+    """A context manager. It can be killed and started again with what it has stored.
 
-    def __init__(self, folder: Path) -> None:
+    `users`: passwords by name; none: anybody may connect. `certificate`, `key`: files in PEM, with which it speaks TLS.
+    """
+
+    def __init__(self, folder: Path, users: Mapping[str, str] = NO_USERS, certificate: Path | None = None, key: Path | None = None) -> None:
         super().__init__(folder)
         with listen_at("127.0.0.1", 0) as free:
             self.mqtt_port: int = free.getsockname()[1]
         settings = json.loads(self._settings.read_text())
         settings["server_name"] = "broker"
         settings["mqtt"] = {"host": "127.0.0.1", "port": self.mqtt_port}
+        if certificate is not None:
+            settings["mqtt"]["tls"] = {"cert_file": str(certificate), "key_file": str(key)}
+        if users:
+            settings["authorization"] = {"users": [{"user": user, "password": password} for user, password in users.items()]}
         self._settings.write_text(json.dumps(settings))
 
     @property

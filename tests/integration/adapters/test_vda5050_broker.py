@@ -7,13 +7,20 @@ import contextlib
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Iterator
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
 from pathlib import Path
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+from cryptography.x509.oid import NameOID
 
 from somrs.adapters.vda5050.control.exchange import Passed, Reachable
 from somrs.adapters.vda5050.messages.header import Version
-from somrs.adapters.vda5050.mqtt import Certificates, broker_address
+from somrs.adapters.vda5050.mqtt import PASSWORD, Certificates, broker_address
 from somrs.adapters.vda5050.simulated.body import StandInBody
 from somrs.adapters.vda5050.simulated.factsheet import factsheet
 from somrs.adapters.vda5050.simulated.program import MqttVehicle, address_of
@@ -110,3 +117,52 @@ def test_fleet_control_waits_for_a_broker_that_is_not_there_yet(broker: MqttBrok
             await wait_until(lambda: "Acme0001" in fleet.devices)
 
     asyncio.run(test())
+
+
+def own_certificate(folder: Path) -> tuple[Path, Path]:
+    """A certificate for 127.0.0.1 that has signed itself, and its key."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "broker")])
+    now = datetime.now(UTC)
+    certificate = (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(name)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - timedelta(days=1))
+        .not_valid_after(now + timedelta(days=1))
+        .add_extension(x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))]), critical=False)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    files = folder / "broker.pem", folder / "broker.key"
+    files[0].write_bytes(certificate.public_bytes(Encoding.PEM))
+    files[1].write_bytes(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+    return files
+
+
+def test_a_broker_with_certificates_and_passwords(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    certificate, key = own_certificate(tmp_path)
+
+    async def test(broker: MqttBroker) -> None:
+        url = f"mqtts://fleet@127.0.0.1:{broker.mqtt_port}"
+        settings = {"broker": url, "certificates": {"authority": str(certificate)}}
+        async with fleet_control(settings):
+            await wait_until(lambda: "the broker is waited for" in caplog.text)
+        monkeypatch.setenv(PASSWORD, "secret")
+        address = broker_address(url, Certificates(authority=str(certificate)), Path())
+        simulated = SimulatedVehicle(Version.V2_1, factsheet(), map_id="hall")
+        running = MqttVehicle(address_of("0001", Version.V2_1, "acme"), simulated, StandInBody(), address)
+        async with fleet_control(settings) as fleet:
+            task = asyncio.create_task(running.run())
+            try:
+                await wait_until(lambda: "Acme0001" in fleet.devices)
+            finally:
+                task.cancel()
+                await asyncio.wait({task})
+
+    with MqttBroker(tmp_path, {"fleet": "secret"}, certificate, key) as broker:
+        asyncio.run(test(broker))
