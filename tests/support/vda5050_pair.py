@@ -52,11 +52,18 @@ def way(*names: str, released: int | None = None, first: int = 0, spacing: float
 class Pair:
     """`fate`: how many times a message that is sent arrives, by its topic; 1 unless it says otherwise."""
 
-    def __init__(self, version: Version = Version.V2_1, fate: Callable[[Topic], int] = lambda topic: 1, *, x: float = 0.0) -> None:
+    def __init__(
+        self,
+        version: Version = Version.V2_1,
+        fate: Callable[[Topic], int] = lambda topic: 1,
+        *,
+        x: float = 0.0,
+        takes_trajectories: bool = False,
+    ) -> None:
         identifiers = itertools.count(1)
         self.version, self.fate, self.now = version, fate, START
         self.body = StandInBody(x)
-        self.vehicle = SimulatedVehicle(version, factsheet(), map_id="hall")
+        self.vehicle = SimulatedVehicle(version, factsheet(takes_trajectories=takes_trajectories), map_id="hall")
         self.control = VehicleControl(Frames(), version, lambda: f"id-{next(identifiers)}")
         self.effects: list[Effect] = []
         self.commands: list[tuple[Topic, Struct]] = []

@@ -379,3 +379,17 @@ def test_a_heading_matters_where_the_way_ends(version: Version) -> None:
     pair.do(Follow(way=(start, msgspec.structs.replace(end, yaw=1.5))))
     (order,) = pair.orders()
     assert [node.node_position.theta for node in order.nodes if node.node_position is not None] == [None, 1.5]
+
+
+@VERSIONS
+def test_edges_are_drawn_for_vehicles_that_take_trajectories(version: Version) -> None:
+    pair = Pair(version, takes_trajectories=True)
+    pair.follow("A", "B", "C", released=2)
+    pair.run(1)
+    pair.follow("A", "B", "C", released=3)
+    pair.run(10)
+    assert pair.body.x == 4.0
+    first, update = [order.edges[-1].trajectory for order in pair.orders()]
+    assert first == update
+    assert first is not None
+    assert [(point.x, point.y) for point in first.control_points] == [(2.0, 0.0), (4.0, 0.0)]

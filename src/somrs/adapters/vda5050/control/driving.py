@@ -7,7 +7,7 @@ import math
 from somrs.adapters.vda5050.control.condition import failure, is_idle, rejection
 from somrs.adapters.vda5050.control.exchange import Passed, Send
 from somrs.adapters.vda5050.control.listener import Listener
-from somrs.adapters.vda5050.control.orders import OrderWriter, SentOrder, base_end
+from somrs.adapters.vda5050.control.orders import SentOrder, base_end
 from somrs.adapters.vda5050.control.outbox import Outbox
 from somrs.adapters.vda5050.messages.header import Topic
 from somrs.adapters.vda5050.messages.orders import Action
@@ -130,7 +130,7 @@ class Driving:
         state, vehicle = self._vehicle.state, self._vehicle
         assert state is not None, "orders are for vehicles that have said how they are"
         way = way[: vehicle.most_nodes()]
-        writer = OrderWriter(frames=vehicle.frames, map_id=vehicle.map_id, pose=vehicle.pose)
+        writer = vehicle.order_writer()
         message = writer.new_order(self._outbox.new_id(), way, (action,) if action is not None else ())
         end = base_end(way)
         self.order = SentOrder(
@@ -158,7 +158,7 @@ class Driving:
         """Send an update that begins at the decision point (3.0, 6.1.2)."""
         state, vehicle = self._vehicle.state, self._vehicle
         assert state is not None, "orders are for vehicles that have said how they are"
-        writer = OrderWriter(frames=vehicle.frames, map_id=vehicle.map_id, pose=vehicle.pose)
+        writer = vehicle.order_writer()
         order.message = writer.update(order, way)
         order.decision_point, order.sending_time, order.is_acknowledged = base_end(way), now, False
         order.horizon = tuple(waypoint for waypoint in way if waypoint.number > order.decision_point.number)

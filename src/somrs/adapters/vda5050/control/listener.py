@@ -16,6 +16,7 @@ from somrs.adapters.vda5050.control.exchange import (
     Warned,
 )
 from somrs.adapters.vda5050.control.headers import HeaderLog
+from somrs.adapters.vda5050.control.orders import OrderWriter
 from somrs.adapters.vda5050.control.outbox import Outbox
 from somrs.adapters.vda5050.frames import Frames, Pose
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
@@ -103,6 +104,11 @@ class Listener:
         configuration = self.factsheet.mobile_robot_configuration if self.factsheet is not None else None
         charging = configuration.battery_charging if configuration is not None else None
         return (charging.maximum_desired_charging_level if charging is not None else None) or 99.0
+
+    def order_writer(self) -> OrderWriter:
+        """Writes orders for the vehicle as it is now."""
+        draws_lines = self.factsheet is not None and self.factsheet.takes("edges.trajectory")
+        return OrderWriter(frames=self.frames, map_id=self.map_id, pose=self.pose, draws_lines=draws_lines)
 
     def order_interval(self) -> float:
         """Seconds that have to pass between two orders."""

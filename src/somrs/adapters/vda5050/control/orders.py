@@ -10,7 +10,7 @@ from itertools import pairwise
 import msgspec
 
 from somrs.adapters.vda5050.frames import Frames, Pose
-from somrs.adapters.vda5050.messages.orders import Action, Deviation, Edge, Node, NodePosition, Order
+from somrs.adapters.vda5050.messages.orders import Action, ControlPoint, Deviation, Edge, Node, NodePosition, Order, Trajectory
 from somrs.adapters.vda5050.messages.states import VehicleError
 from somrs.devices.road_robot import Way, Waypoint
 
@@ -64,11 +64,13 @@ def base_end(way: Way) -> Waypoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrderWriter:
-    """Writes the nodes and edges of a vehicle. `map_id`: the map on which it is. `pose`: where it stands; None: not known."""
+    """Writes the nodes and edges of a vehicle. `map_id`: the map on which it is. `pose`: where it stands; None: not known.
+    `draws_lines`: edges have the straight line between their nodes as a trajectory, for vehicles that find paths of their own."""
 
     frames: Frames
     map_id: str
     pose: Pose | None
+    draws_lines: bool = False
 
     def new_order(self, order_id: str, way: Way, actions: tuple[Action, ...] = ()) -> Order:
         """The order with the waypoints of a way. `actions`: at its first one."""
@@ -127,4 +129,14 @@ class OrderWriter:
             maximum_speed=end.speed_limit,
             orientation=orientation,
             orientation_type="TANGENTIAL" if orientation is not None else None,
+            trajectory=self._line(start, end) if self.draws_lines else None,
         )
+
+    def _line(self, start: Waypoint, end: Waypoint) -> Trajectory | None:
+        """The straight line between two waypoints; None if a lift is between them."""
+        frame = self.frames.frame_at(start.level, self.map_id)
+        if self.frames.frame_at(end.level, self.map_id) != frame:
+            return None
+        points = [frame.from_site(waypoint.x, waypoint.y) for waypoint in (start, end)]
+        control_points = tuple(ControlPoint(x=round(x, 4), y=round(y, 4)) for x, y in points)
+        return Trajectory(degree=1, knot_vector=(0.0, 0.0, 1.0, 1.0), control_points=control_points)

@@ -37,13 +37,14 @@ class Situation(Struct, frozen=True, kw_only=True):
     x: float
     y: float
     maps: Collection[str]
+    takes_trajectories: bool = False
 
 
 def objection(order: Order, situation: Situation) -> tuple[Problem, str] | None:
     """Why the vehicle rejects an order. None: it accepts it, or ignores it as one that it has."""
     for problem, words in (
         (Problem.MALFORMED, _malformed(order, situation.version)),
-        (Problem.UNSUPPORTED_FIELD, _unsupported_field(order)),
+        (Problem.UNSUPPORTED_FIELD, _unsupported_field(order, takes_trajectories=situation.takes_trajectories)),
         (Problem.UNSUPPORTED_ACTION, _unsupported_action(order)),
         (Problem.UNKNOWN_MAP, _unknown_map(order, situation.maps)),
         (Problem.NOT_AVAILABLE, None if situation.is_available else "the vehicle takes no orders now"),
@@ -111,8 +112,8 @@ def _malformed(order: Order, version: Version) -> str | None:
     return "two actions have the same id" if len(ids) != len(set(ids)) else None
 
 
-def _unsupported_field(order: Order) -> str | None:
-    if any(edge.trajectory is not None for edge in order.edges):
+def _unsupported_field(order: Order, *, takes_trajectories: bool) -> str | None:
+    if not takes_trajectories and any(edge.trajectory is not None for edge in order.edges):
         return "edges.trajectory"
     return "edges.corridor" if any(edge.corridor is not None for edge in order.edges) else None
 

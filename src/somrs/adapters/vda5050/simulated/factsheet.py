@@ -36,8 +36,11 @@ def factsheet(
     width: float = 0.6,
     length: float = 0.8,
     handles: bool = True,
+    takes_trajectories: bool = False,
 ) -> Factsheet:
-    """The factsheet of a vehicle. `handles`: it can pick and drop loads."""
+    """The factsheet of a vehicle. `handles`: it can pick and drop loads. `takes_trajectories`: edges may have them; it drives in
+    straight lines all the same."""
+    parameters = ["order.nodes.nodePosition.allowedDeviationXY", *(["order.edges.trajectory"] if takes_trajectories else [])]
     types = [action_type for action_type in NODE_ACTIONS if handles or action_type not in ("pick", "drop")]
     actions = {
         action_type: [*_scope(action_type, INSTANT_ACTIONS, "INSTANT"), *_scope(action_type, types, "NODE")] for action_type in types
@@ -69,7 +72,7 @@ def factsheet(
             timing=Timing(minimum_order_interval=0.0, minimum_state_interval=0.0, default_state_interval=1.0),
         ),
         protocol_features=ProtocolFeatures(
-            optional_parameters=(OptionalParameter(parameter="order.nodes.nodePosition.allowedDeviationXY", support="SUPPORTED"),),
+            optional_parameters=tuple(OptionalParameter(parameter=parameter, support="SUPPORTED") for parameter in parameters),
             mobile_robot_actions=tuple(
                 SupportedAction(action_type=action_type, action_scopes=tuple(scopes), pause_allowed=False, cancel_allowed=True)
                 for action_type, scopes in actions.items()

@@ -148,6 +148,7 @@ class SimulatedVehicle:
             x=sensed.x if sensed is not None else 0.0,
             y=sensed.y if sensed is not None else 0.0,
             maps=self._maps,
+            takes_trajectories=self._factsheet.takes("edges.trajectory"),
         )
 
     def _complain(self, problem: Problem, description: str, **references: str) -> None:
