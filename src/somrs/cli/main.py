@@ -106,7 +106,8 @@ def demo(
         str,
         typer.Argument(
             help="1: no faults. 1b: the drive of the first robot breaks. 2: recovery from several faults. 3: several devices and a person. "
-            "4: two storeys, and a lift that breaks. 5: two organisations, and a host that is lost for good."
+            "4: two storeys, and a lift that breaks. 5: two organisations, and a host that is lost for good. "
+            "6: robots and a door of five protocols, of which one breaks."
         ),
     ] = "1b",
     out: Annotated[Path | None, typer.Option(help="The folder for pictures, messages and maps.")] = None,

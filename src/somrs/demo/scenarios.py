@@ -1,8 +1,8 @@
 """Plays the paper's scenarios in the simulator with a whole system of separate processes (paper, "Experiments").
 
 Scenario 1: the cheaper of two robots moves a jar from a cupboard to a platform. Scenario 1b: its drive breaks on the way; the robot
-puts the jar down and reports its position, and the other robot continues from there. Scenarios 2 to 5 are not in the
-paper; `recovery.py`, `cooperation.py`, `hotel.py` and `neighbours.py` play them.
+puts the jar down and reports its position, and the other robot continues from there. Scenarios 2 to 6 are not in the
+paper; `recovery.py`, `cooperation.py`, `hotel.py`, `neighbours.py` and `worlds.py` play them.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from somrs.demo import cooperation as cooperation_demo
 from somrs.demo import hotel as hotel_demo
 from somrs.demo import neighbours as neighbours_demo
 from somrs.demo import recovery as recovery_demo
+from somrs.demo import worlds as worlds_demo
 from somrs.demo.picture_sheet import sheet
 from somrs.deployment.launcher import Launcher
 from somrs.deployment.system import System
@@ -49,7 +50,7 @@ from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
 from somrs.space.free_space import FreeSpace
 
-_SCENARIOS = ("1", "1b", "2", "3", "4", "5")
+_SCENARIOS = ("1", "1b", "2", "3", "4", "5", "6")
 REQUEST = Submit(effect="Jar002 isOn Platform001", precondition="Jar002 isOn ?Shelf")
 CHEAP_ROBOT, _EXPENSIVE_ROBOT, _JAR, _CUPBOARD, _DESTINATION = "Robot1", "Robot2", "Jar002", "Cupboard001", "Platform001"
 STEPS = {
@@ -107,6 +108,8 @@ async def play(
     folder.mkdir(parents=True)
     if scenario == "5":
         return await neighbours_demo.play(folder, console, launcher)
+    if scenario == "6":
+        return await worlds_demo.play(folder, seed, console, launcher)
     site, distance = prepare(scenario, folder, seed)
     speed = {"2": recovery_demo.SPEED, "4": hotel_demo.SPEED}.get(scenario, SPEED)
     world = WorldKind.KINEMATIC if scenario == "4" else world

@@ -51,8 +51,7 @@ class SiteAdapters:
         if self.needs_broker:
             self._reservation = self._reservation or Reservation(self._host, 1)
             self.broker_port = self._reservation.ports[0]
-            broker = f"mqtt://{self._host}:{self.broker_port}"
-            entries = [_with_broker(entry, broker) for entry in entries]
+            entries = [_with_broker(entry, self.broker) for entry in entries]
             self._reservation.release(self.broker_port)
         store_adapters(entries, self._data)
         self._adapters = {entry.name: entry.make() for entry in entries}
@@ -65,6 +64,11 @@ class SiteAdapters:
                 yield f"{_label(name)}-simulated", [name, "--simulated", *(f"{robot}=adapter" for robot in adapter.simulated)]
         for name, adapter in self._adapters.items():
             yield _label(name), [name, *(f"{robot}=adapter" for robot in adapter.names)]
+
+    @property
+    def broker(self) -> str:
+        """The address of the system's own broker; empty if there is none."""
+        return f"mqtt://{self._host}:{self.broker_port}" if self.needs_broker else ""
 
     @property
     def ports(self) -> Sequence[int]:

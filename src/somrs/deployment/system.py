@@ -153,6 +153,11 @@ class System:
         self._certificates: ProgramCertificates | None = None
         self._launcher = launcher or Launcher()
 
+    @property
+    def broker(self) -> str:
+        """The address of the broker that is started with the system; empty if there is none."""
+        return self._adapters.broker
+
     def _check_site(self) -> None:
         """Check that others can reach the host, and that the map of an earlier run was made from the same site files. Raises UsageError."""
         check_address(self.host)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 from somrs.adapters.arcos.driver import Driver
 from somrs.adapters.arcos.events import Connected, Disconnected, Effect, Input, Quit, Received, Tick, Transmit
+from somrs.adapters.wires import WireRecord
 from somrs.errors import UsageError
 
 log = logging.getLogger(__name__)
@@ -42,6 +43,7 @@ class RobotLine:
     def __init__(self, driver: Driver, port: str, baud: int, on_effect: Callable[[Effect], None]) -> None:
         self.driver, self._port, self._baud, self._on_effect = driver, port, baud, on_effect
         self._writer: asyncio.StreamWriter | None = None
+        self._record = WireRecord(f"arcos-{port.rpartition('/')[2].replace(':', '-')}")
 
     def give(self, input: Input) -> None:
         """Give the driver an input, and carry its effects out."""
@@ -56,6 +58,7 @@ class RobotLine:
             log.warning("%s takes nothing any more; the line is opened anew", self._port)
             writer.transport.abort()
         elif not writer.is_closing():
+            self._record.note(">", data)
             writer.write(data)
 
     async def run(self) -> None:
@@ -85,6 +88,7 @@ class RobotLine:
         try:
             self.give(Connected())
             while data := await reader.read(1024):
+                self._record.note("<", data)
                 self.give(Received(data))
         except OSError as error:
             log.info("%s is lost: %s", self._port, error)

@@ -11,6 +11,7 @@ from pathlib import Path
 from somrs.adapters.ros2.lines import Ready, Request, decode_report, encode_request
 from somrs.adapters.ros2.session import Session
 from somrs.adapters.ros2.settings import Settings
+from somrs.adapters.wires import WireRecord
 from somrs.errors import WireError
 
 log = logging.getLogger(__name__)
@@ -28,11 +29,14 @@ class BridgeProcess:
     def __init__(self, settings: Settings, folder: Path) -> None:
         self._settings, self._folder = settings, folder
         self._input: asyncio.StreamWriter | None = None
+        self._record = WireRecord("ros2")
         self.session = Session(self._send, log.warning)
 
     def _send(self, request: Request) -> None:
         if self._input is not None and not self._input.is_closing():
-            self._input.write(encode_request(request))
+            line = encode_request(request)
+            self._record.note(">", line.decode().strip())
+            self._input.write(line)
 
     async def run(self) -> None:
         """Run the bridge until this is cancelled."""
@@ -74,6 +78,7 @@ class BridgeProcess:
 
     def _take(self, line: bytes) -> bool:
         """Handle a line. Returns whether it says that the bridge is ready."""
+        self._record.note("<", line.decode(errors="replace").strip())
         try:
             report = decode_report(line)
         except WireError as error:

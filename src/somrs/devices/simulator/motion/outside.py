@@ -85,8 +85,8 @@ def move_at(robot: Robot, forward: float, turning: float, lasts: float) -> Routi
             direction = sign * math.cos(yaw), sign * math.sin(yaw)
             way = _stopping_way(robot)
             is_clear = forward == 0.0 or _is_clear(robot, (x, y), (x + way * direction[0], y + way * direction[1]))
-            blocker = robot.move(direction, abs(forward) if is_clear else 0.0, turning)
-            robot.is_obstructed = not is_clear or (blocker is not None and robot.speed == 0.0)
+            robot.move(direction, abs(forward) if is_clear else 0.0, turning)
+            robot.is_obstructed = not is_clear  # a robot that comes too near is let pass: the wheels push against nothing
             yield
     finally:
         robot.is_obstructed = False
