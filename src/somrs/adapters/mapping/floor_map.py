@@ -54,13 +54,14 @@ class Shown:
 
 @dataclass(slots=True, kw_only=True)
 class _Entry:
-    """An object of the map. `is_foreign`: somebody else has put it there."""
+    """An object of the map. `is_foreign`: somebody else has put it there; `is_earlier`: or an earlier survey of the same robot."""
 
     name: str
     shown: Shown
     floor: str | None = None
     connects: tuple[str, ...] = ()
     is_foreign: bool = False
+    is_earlier: bool = False
 
 
 class FloorMap:
@@ -74,10 +75,31 @@ class FloorMap:
         self._shut: set[str] = set()
         """The doors that were seen shut: they are still there, although the survey shows a wall."""
         self._missed: set[str] = set()
+        self._kept: set[str] = set()
+        """What an earlier survey has brought, and this one has not seen to be gone."""
 
-    def add_foreign(self, name: str, shown: Shown, floor: str | None = None) -> None:
-        """Note an object that somebody else has put on the map. `floor`: that of a room."""
-        self._entries[name] = _Entry(name=name, shown=shown, floor=floor, is_foreign=True)
+    def add_foreign(
+        self, name: str, shown: Shown, floor: str | None = None, connects: tuple[str, ...] = (), *, is_earlier: bool = False
+    ) -> None:
+        """Note an object that somebody else has put on the map, or an earlier survey. `floor`: that of a room; `connects`: the rooms that a
+        door joins."""
+        self._entries[name] = _Entry(name=name, shown=shown, floor=floor, connects=connects, is_foreign=True, is_earlier=is_earlier)
+
+    @property
+    def surveyed_names(self) -> list[str]:
+        """The objects that this survey or an earlier one has brought."""
+        return [entry.name for entry in self._entries.values() if entry.is_earlier or not entry.is_foreign]
+
+    def adopt_earlier(self, grid: OccupancyGrid) -> None:
+        """From now on, treat what an earlier survey has brought as what this one has: call it when all has been seen again.
+
+        What this one has not seen stays, and furniture that is not in its place: somebody may know where it is.
+        """
+        for entry in self._entries.values():
+            if entry.is_earlier:
+                entry.is_foreign = entry.is_earlier = False
+                if entry.shown.kind == "Room" or entry.name in self._missed or not is_free(entry.shown.box, grid):
+                    self._kept.add(entry.name)
 
     @property
     def furniture(self) -> list[tuple[str, Box, float]]:
@@ -108,7 +130,7 @@ class FloorMap:
                     parts.append(f"{name}.Open = {str(is_open).upper()}")
                     entry.shown = replace(entry.shown, values={**entry.shown.values, "Open": is_open})
                 (self._shut.discard if is_open else self._shut.add)(name)
-            elif entry.is_foreign and kind not in _BUILT and name not in self._missed and is_free(box, grid):
+            elif entry.is_foreign and self._is_furniture(entry) and name not in self._missed and is_free(box, grid):
                 missed.append(name)
         self._missed.update(missed)
         return parts, missed
@@ -117,7 +139,7 @@ class FloorMap:
         """The changes by which the map has what a survey shows. `robots`: where it has seen robots, which are no obstacles."""
         shown = [*shown_objects(building, pieces, robots, self.elevation)]
         matched = self._matched(shown)
-        changes = [*self._removals({entry.name for entry in matched.values()} | self._shut)]
+        changes = [*self._removals({entry.name for entry in matched.values()} | self._shut | self._kept_beside(shown))]
         rooms: list[str] = []
         for index, item in enumerate(shown):
             entry = matched.get(index)
@@ -131,6 +153,17 @@ class FloorMap:
             if item.kind == "Door" and not entry.is_foreign:
                 changes += self._connections(entry, tuple(rooms[number] for number in item.connects))
         return changes
+
+    @staticmethod
+    def _is_furniture(entry: _Entry) -> bool:
+        """Whether it is a piece of furniture that somebody may look for, and not what a survey could not recognise."""
+        return entry.shown.kind not in _BUILT and not (entry.is_earlier and entry.shown.kind == "Obstacle")
+
+    def _kept_beside(self, shown: Sequence[Shown]) -> set[str]:
+        """What an earlier survey has brought and this one has not, without what is in the place of something shown: a half of a wall."""
+        return {
+            name for name in self._kept & self._entries.keys() if not any(_agreement(item, self._entries[name].shown) > 0 for item in shown)
+        }
 
     def _matched(self, shown: Sequence[Shown]) -> dict[int, _Entry]:
         """The object of the map that each shown one is, by its position: those that agree best first, each once."""

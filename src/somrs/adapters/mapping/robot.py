@@ -9,6 +9,10 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections.abc import Iterable
+from pathlib import Path
+
+import msgspec
 
 from somrs.adapters.mapping.exploring import explore
 from somrs.adapters.mapping.floor_map import FloorMap, Shown
@@ -91,7 +95,7 @@ class MappingRobot(SimulatedDevice):
         except RobotGaveUp as failure:
             await findings.publish()
             raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
-        await findings.publish()
+        await findings.publish(is_last=True)
         return " AND ".join([f"{task.inputs['Storey']} wasExploredBy {self.name}", *self._own_pose(state)])
 
     @explore_floor.stopping
@@ -118,18 +122,43 @@ class MappingRobot(SimulatedDevice):
 
     async def _floor_map(self, task: Task) -> FloorMap:
         """What the map has of the storey already."""
+        storey, earlier_names = str(task.inputs["Storey"]), self.read_surveyed()
         names = [str(row["It"]) for row in await task.map.query("?It: Object = ?It")]
-        floor_map = FloorMap(str(task.inputs["Storey"]), await self.elevation(task), names)
+        floor_map = FloorMap(storey, await self.elevation(task), names)
         for kind in _FOLLOWED:
             for row in await task.map.query(f"?It: {kind}.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"):
                 object = await task.map.object(str(row["It"]))
                 if object is not None and abs(number_of(row["Z"]) - floor_map.elevation) <= ON_FLOOR:
-                    floor_map.add_foreign(object.name, _shown_as(object, kind))
+                    rooms = await task.map.query(f"connects({object.name}, ?First, ?Second)", limit=1) if kind == "Door" else []
+                    connects = tuple(str(row[side]) for row in rooms for side in ("First", "Second"))
+                    is_earlier = object.name in earlier_names
+                    floor_map.add_foreign(object.name, _shown_as(object, kind), None, connects, is_earlier=is_earlier)
         for row in await task.map.query(f"?Room: Room = ?Room AND ?Floor: Floor {PART_OF} ?Room"):
-            floor = await task.map.object(str(row["Floor"]))
+            floor, room = await task.map.object(str(row["Floor"])), str(row["Room"])
             if floor is not None:
-                floor_map.add_foreign(str(row["Room"]), _room_shown(floor), floor.name)
+                floor_map.add_foreign(room, _room_shown(floor), floor.name, is_earlier=room in earlier_names)
         return floor_map
+
+    @property
+    def _surveyed_file(self) -> Path:
+        return self.data / "surveys" / f"{self.name}.json"
+
+    def read_surveyed(self) -> set[str]:
+        """The objects that surveys of this robot have brought to the map."""
+        try:
+            return msgspec.json.decode(self._surveyed_file.read_bytes(), type=set[str])
+        except (OSError, msgspec.DecodeError):
+            return set()
+
+    def write_surveyed(self, names: Iterable[str]) -> None:
+        """Keep the names of the objects that surveys have brought, for the next one."""
+        try:
+            self._surveyed_file.parent.mkdir(parents=True, exist_ok=True)
+            new_file = self._surveyed_file.with_suffix(".new")
+            new_file.write_bytes(msgspec.json.encode(sorted(names)))
+            new_file.replace(self._surveyed_file)
+        except OSError as error:
+            log.warning("%s: what it found cannot be kept (%s): the next survey takes it as found by others", self.name, error)
 
 
 def _shown_as(object: Object, kind: str) -> Shown:
@@ -152,7 +181,7 @@ def _room_shown(floor: Object) -> Shown:
     corners = [(float(x), float(y)) for x, _, y in (corner.partition(",") for corner in text.split())]
     outline = [box.world(corner) for corner in corners] if corners else box.corners()
     x, y = (sum(values) / len(outline) for values in zip(*outline, strict=True))
-    return Shown(kind="Room", box=Box(x, y, 0.0, 0.0), outline=outline)
+    return Shown(kind="Room", box=Box(x, y, 0.0, 0.0), outline=outline, floor=floor.values)
 
 
 class _Findings:
@@ -173,14 +202,17 @@ class _Findings:
             await self._task.progress(1 - 1 / (1 + self._looks / 50), " AND ".join(self._device._own_pose(view.state)), note)
         await self._report_things(view, seen_at)
 
-    async def publish(self) -> None:
-        """Bring the map up to date with the survey."""
+    async def publish(self, *, is_last: bool = False) -> None:
+        """Bring the map up to date with the survey. `is_last`: all that can be seen was seen."""
         seen_at, grid = time.time(), self._survey.grid()
         building = await asyncio.to_thread(building_of, grid, self._survey.furniture())
         parts, missed = self._floor_map.observed(grid)
+        if is_last:
+            self._floor_map.adopt_earlier(grid)
         changes = self._floor_map.follow(building, self._survey.pieces, self._survey.robots)
         try:
             if changes:
+                self._device.write_surveyed({*self._device.read_surveyed(), *self._floor_map.surveyed_names})
                 await self._device.map.report(UpdateMap(changes=tuple(changes), author=self._device.name))
             if parts or missed:
                 await self._device.report(" AND ".join(parts) or None, Observation(as_of=seen_at, missed=tuple(missed)))

@@ -18,7 +18,7 @@ from somrs.devices.simulator.link.commands import Sighting
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.map import Map
-from somrs.ontology.objects import Change, Fact, ObjectAdded, ObjectRemoved
+from somrs.ontology.objects import Change, Fact, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.sites.occupancy.building import Building, Door, Room, building_of
 from somrs.sites.occupancy.grid import Cell, OccupancyGrid
 from somrs.sites.plan import Box
@@ -157,6 +157,27 @@ def test_a_door_that_the_survey_has_brought_stays_when_it_is_shut() -> None:
     assert floor_map.observed(shut) == (["Door001.Open = FALSE"], [])
     map, _ = follow(map, floor_map, building_of(shut))
     assert "Door001" in map.objects
+
+
+def test_what_an_earlier_survey_has_brought_is_corrected_when_all_has_been_seen_again() -> None:
+    plan = rooms_in_rows([4.0, 3.0], [3.0], 0.1, [(0.9, 0.5)])
+    map = site()
+    first = FloorMap("Ground", 0.0, map.objects)
+    map, _ = follow(map, first, building_of(grid_of(plan)))
+    short = replace(SOUTH, x=1.0, width=2.0)
+    second = FloorMap("Ground", 0.0, map.objects)
+    values = map.objects["Wall002"].values
+    second.add_foreign("Wall002", Shown(kind="Wall", box=short, values=values), is_earlier=True)
+    second.add_foreign("Obstacle009", Shown(kind="Obstacle", box=Box(2.0, 1.5, 0.5, 0.5)), is_earlier=True)
+    second.add_foreign("Obstacle010", Shown(kind="Obstacle", box=Box(20.0, 1.5, 0.5, 0.5)), is_earlier=True)
+    shown = Building(walls=[SOUTH], obstacles=[], rooms=[], doors=[])
+    assert second.follow(shown, []) == []
+    assert second.surveyed_names == ["Wall002", "Obstacle009", "Obstacle010"]
+    second.adopt_earlier(grid_of(plan))
+    changes = second.follow(shown, [])
+    assert ObjectRemoved("Obstacle009") in changes
+    assert ObjectRemoved("Obstacle010") not in changes  # it was not seen
+    assert any(isinstance(change, ValueSet) and change.object == "Wall002" for change in changes)
 
 
 def test_what_was_not_seen_is_no_news() -> None:
