@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import os
 import signal
 from collections.abc import AsyncIterator
@@ -18,11 +17,12 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
 from tests.support.accomplishing import accomplish
 from tests.support.building import building
-from tests.support.ros2.robots import ROS, needs_ros2, new_namespace
+from tests.support.ros2.robots import ROOT, ROS, needs_ros2, new_namespace
 from tests.system.test_system import running
 
 pytestmark = [needs_ros2, pytest.mark.long]
 
+EXAMPLE = ROOT / "examples" / "ros2_robot.yaml"
 MAP = (
     building("Lab", 8, 6, "")
     + """
@@ -35,20 +35,12 @@ facts:
   - Jar1 isOn Table1
 """
 )
-ARM = {"action": "move_object", "type": "manipulation_msgs/action/MoveObject", "succeeds": {"success": True}}
-BINDING = {
-    "pose": {},
-    "odometry": {},
-    "pick": [{**ARM, "goal": {"pick": True, "object": "{thing}"}}],
-    "drop": [{**ARM, "goal": {"object": "{thing}", "support": "{support}"}}],
-}
 
 
 @contextlib.asynccontextmanager
 async def running_system(folder: Path, namespace: str) -> AsyncIterator[tuple[Client, OperatorLink]]:
     """A system whose Robot1 has its nodes in a namespace: a client of it, and the operator of its simulator."""
-    (folder / "robot.yaml").write_text(json.dumps(BINDING))
-    robot = {"binding": "robot.yaml", "namespace": namespace, "simulated": True}
+    robot = {"binding": str(EXAMPLE), "namespace": namespace, "simulated": True}
     site = folder / "site.yaml"
     site.write_text(f"{MAP}\n{yaml.safe_dump({'adapters': {'ros2': {**ROS, 'robots': {'Robot1': robot}}}})}")
     async with running(folder / "data", site, speed="1", world=WorldKind.KINEMATIC) as (_, client, operator):

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
+
+import yaml
+from msgspec import structs
 
 from somrs.adapters.ros2.adapter import Ros2Adapter
 from somrs.adapters.ros2.connection import RobotConnection
@@ -41,7 +45,7 @@ BINDING: dict[str, Any] = {
 
 
 @contextlib.asynccontextmanager
-async def robot_of_simulator() -> AsyncIterator[tuple[RobotConnection, Witness, OperatorLink]]:
+async def robot_of_simulator(binding: dict[str, Any] = BINDING) -> AsyncIterator[tuple[RobotConnection, Witness, OperatorLink]]:
     """Robot1, at (3, 3)."""
     namespace, level = new_namespace(), dict(zip(["x", "y", "yaw"], ORIGIN, strict=True))
     robots = {"Robot1": {"binding": "examples/ros2_robot.yaml", "namespace": namespace, "simulated": True, "levels": [level]}}
@@ -50,7 +54,7 @@ async def robot_of_simulator() -> AsyncIterator[tuple[RobotConnection, Witness, 
         OperatorLink(server.host, server.port) as operator,
     ):
         simulation = asyncio.create_task(Ros2Adapter({**ROS, "robots": robots}, Path.cwd()).simulate(f"{server.host}:{server.port}"))
-        async with connected(namespace, BINDING, {"levels": [level]}) as (connection, witness):
+        async with connected(namespace, binding, {"levels": [level]}) as (connection, witness):
             yield connection, witness, operator
         simulation.cancel()
         await asyncio.wait({simulation})
@@ -69,6 +73,19 @@ async def test_a_simulated_robot_drives_by_nav2() -> None:
 async def test_a_simulated_robot_picks_and_drops_by_its_arm() -> None:
     async with robot_of_simulator() as (connection, witness, operator):
         connection.follow(way((3, 3), (1.7, 4)))
+        await witness.until(lambda: witness.passed_numbers == [1])
+        await connection.pick("Jar1", "Table1", Pose(1.15, 4, 0))
+        assert (await operator.robots())["Robot1"].holding == "Jar1"
+        await connection.drop("Jar1", "Table1", Pose(1, 4, 0))
+        assert (await operator.observe("Jar1")).support == "Table1"
+
+
+@in_event_loop
+async def test_a_gripper_takes_what_is_before_the_robot_and_puts_it_on_what_is_there() -> None:
+    example = yaml.safe_load(Path("examples/ros2_robot.yaml").read_text())
+    async with robot_of_simulator(example) as (connection, witness, operator):
+        start, end = way((3, 3), (1.7, 4))
+        connection.follow((start, structs.replace(end, yaw=math.pi)))
         await witness.until(lambda: witness.passed_numbers == [1])
         await connection.pick("Jar1", "Table1", Pose(1.15, 4, 0))
         assert (await operator.robots())["Robot1"].holding == "Jar1"

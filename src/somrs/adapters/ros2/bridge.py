@@ -25,8 +25,8 @@ REPEATED = 5.0
 """After which time a server is asked again to cancel what goes on: a request to one that is new can get lost. Seconds."""
 FLUSHED = 0.05
 """How often messages are sent that had to wait for the interval of their subscription. Seconds."""
-FOUND = 5.0
-"""How long a service, or a subscriber, is looked for. A service that has been called is waited for as long as it needs. Seconds."""
+PATIENCE = 5.0
+"""How long a service or a subscriber is looked for, and how long the middleware has for its end, at which it can hang. Seconds."""
 STATUS_NAMES = {4: "succeeded", 5: "canceled", 6: "aborted"}
 """action_msgs/msg/GoalStatus; 1 to 3 are goals that are under way."""
 
@@ -97,8 +97,11 @@ def _number(value: Any, type_name: str) -> Any:
 
 def write_line(**fields: Any) -> None:
     line = json.dumps(fields, allow_nan=False, separators=(",", ":")).encode() + b"\n"
-    while line:
-        line = line[os.write(sys.stdout.fileno(), line) :]
+    try:
+        while line:
+            line = line[os.write(sys.stdout.fileno(), line) :]
+    except BrokenPipeError:
+        os._exit(0)  # the adapter has ended
 
 
 class Subscription:
@@ -131,7 +134,7 @@ class Action:
 
     def __init__(self, node: Any, request: dict[str, Any]) -> None:
         from rclpy.action import ActionClient
-        from rclpy.qos import qos_profile_action_status_default
+        from rclpy.qos import qos_profile_action_status_default as qos
 
         self.id, self.name, self.node = request["id"], request["action"], node
         self.type = interface(request["type"], "action")
@@ -139,9 +142,7 @@ class Action:
         cancel_type, status_type = interface("action_msgs/srv/CancelGoal", "srv"), interface("action_msgs/msg/GoalStatusArray", "msg")
         self.cancelling = node.create_client(cancel_type, f"{self.name}/_action/cancel_goal")
         self.cancel_all = cancel_type.Request()
-        self.status = node.create_subscription(
-            status_type, f"{self.name}/_action/status", self.take_status, qos_profile_action_status_default
-        )
+        self.status = node.create_subscription(status_type, f"{self.name}/_action/status", self.take_status, qos)
         self.servers: frozenset[bytes] = frozenset()
         self.asked = -math.inf
         self.is_present = False
@@ -333,23 +334,21 @@ class Bridge:
 
     def when(self, is_ready: Callable[[], bool], act: Callable[[], None], id: int, problem: str) -> None:
         """Act as soon as the other side is there, which a client or publisher that is new does not know at once."""
-        end_time = time.monotonic() + FOUND
+        if is_ready():
+            act()
+            return
+        end_time = time.monotonic() + PATIENCE
 
-        def attempt() -> bool:
+        def attempt() -> None:
             if is_ready():
                 act()
             elif time.monotonic() > end_time:
                 write_line(say="Trouble", id=id, problem=problem)
             else:
-                return False
-            return True
+                return
+            self.node.destroy_timer(timer)
 
-        def repeat() -> None:
-            if attempt():
-                self.node.destroy_timer(timer)
-
-        if not attempt():
-            timer = self.node.create_timer(FLUSHED, repeat)
+        timer = self.node.create_timer(FLUSHED, attempt)
 
 
 def main() -> None:
@@ -380,7 +379,8 @@ def main() -> None:
             lines.put(line)
             guard.trigger()
             if not line:
-                return
+                time.sleep(PATIENCE)
+                os._exit(0)
 
     write_line(say="Ready", distribution=os.environ.get("ROS_DISTRO", ""))
     threading.Thread(target=read, daemon=True).start()

@@ -162,7 +162,7 @@ class SimulatedRobot:
         with contextlib.suppress(BodyFailed):  # the fingers move all the same
             await (self.body.take(None) if is_closing else self.body.put(None))
         result.stalled = is_closing and self.body.holding is not None
-        result.reached_goal = not result.stalled
+        result.reached_goal = not result.stalled and (is_closing or self.body.holding is None)
         result.position = handle.request.command.position
         handle.succeed()
         return result
