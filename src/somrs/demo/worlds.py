@@ -214,12 +214,11 @@ class _Player:
                     self._print()
                     await asyncio.sleep(0.02)
                 await watcher
-                await self._operator.idle()
         finally:
             watcher.cancel()
             breaker.cancel()
+        await asyncio.sleep(1.0)  # the last End messages are in transit, and the last robot draws its arm in
         await self._picture("C")
-        await asyncio.sleep(0.3)  # the last End messages are in transit
         self._print()
         return self.record
 

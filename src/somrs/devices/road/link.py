@@ -6,7 +6,6 @@ The driver is the same as that of simulated robots; so are its services, its quo
 from __future__ import annotations
 
 import asyncio
-import itertools
 import logging
 from collections.abc import Callable, Coroutine
 from types import TracebackType
@@ -40,8 +39,8 @@ from somrs.traffic.robot_tasks import TripOver
 
 log = logging.getLogger(__name__)
 
-MOST_TRIED = 4
-"""How many stands are tried until traffic lets the robot go to one."""
+PATIENCE, PAUSE = 45.0, 2.0
+"""For how long a robot waits for others that are in the way to where it is to work, and the pause between two attempts, in seconds."""
 REST = 0.3
 """Seconds between two states with the same pose from which on a robot stands."""
 STILL = 0.01
@@ -168,25 +167,45 @@ class RoadLink(CommandLink):
         self._check(await self.traveller.travel(stop), goal)
 
     async def _approach(self, name: str) -> None:
+        """Drive to where a thing or a support is within reach: to another stand if others stand in the way to one. Robots that move may go
+        away: they are waited for a while."""
         self._stand = None
-        building, refusal = await self.traveller.building(), ""
-        driver = self.traveller.driver(building.level_of(building.pose(name)[2]) if name in building.solids else None)
-        for stand in itertools.islice(self._stands(building, driver, name), MOST_TRIED):
+        loop = asyncio.get_running_loop()
+        start_time = loop.time()
+        while True:
+            problem = await self._approached(name)
+            if problem is None:
+                return
+            if problem.reason != "blocked" or loop.time() > start_time + PATIENCE:
+                raise problem
+            await asyncio.sleep(PAUSE)
+
+    async def _approached(self, name: str) -> RobotGaveUp | None:
+        """Try some stands. Returns why none can be reached; None when the robot stands at one."""
+        building = await self.traveller.building()
+        level = building.level_of(building.pose(name)[2]) if name in building.solids else None
+        driver = self.traveller.driver(level)
+        stands = self._stands(building, driver, name)
+        reason = "there is no room for it, or something is in between"
+        problem = RobotGaveUp("unreachable", f"{self.robot.name} can stand nowhere from where it could reach {name}: {reason}", self.state)
+        for stand in dict.fromkeys((*stands[:1], *stands[len(stands) // 3 :][:1], *stands[2 * len(stands) // 3 :][:1], *stands[-1:])):
             stop = building.stop_at(driver, stand.base, self.traveller.new_name())
             if stop is None:
                 continue
-            over = await self.traveller.travel(stop, stand.yaw)
-            refusal = over.refusal
-            if not refusal:
-                self._check(over, stand.base)
+            try:
+                self._check(await self.traveller.travel(stop, stand.yaw), stand.base)
+            except RobotGaveUp as failure:
+                if failure.reason not in ("blocked", "unreachable"):
+                    raise
+                problem = failure
+            else:
                 self._stand = stand
-                return
-        reason = refusal or "there is no room for it, or something is in between"
-        raise RobotGaveUp("unreachable", f"{self.robot.name} can stand nowhere from where it could reach {name}: {reason}", self.state)
+                return None
+        return problem
 
-    def _stands(self, building: Building, driver: RoadDriver, name: str) -> itertools.chain[Stand]:
+    def _stands(self, building: Building, driver: RoadDriver, name: str) -> list[Stand]:
         try:
-            return itertools.chain(building.stands(driver, name))
+            return [*building.stands(driver, name)]
         except UsageError as error:
             raise RobotGaveUp("unknown-object", str(error), self.state) from None
 
