@@ -249,14 +249,3 @@ async def test_a_bridge_that_is_killed_is_started_again_and_the_robot_goes_on() 
         await witness.until(lambda: witness.presence == [True, False, True])
         await witness.until(lambda: witness.passed_numbers == [1, 2])
         assert witness.reasons == []
-
-
-@in_event_loop
-async def test_a_robot_that_does_not_cancel_is_waited_for_until_it_has_come_to_its_goal() -> None:
-    async with RobotProcess() as robot:
-        async with connected(robot, BINDING) as (connection, witness):
-            connection.follow(way((0, 0), (2, 0)))
-            await witness.until(lambda: witness.pose[0] > 0.2)
-        robot.tell("stubborn")
-        async with connected(robot, BINDING) as (_, witness):
-            await witness.until(lambda: witness.pose[0] > 1.9)
