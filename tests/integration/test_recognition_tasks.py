@@ -119,6 +119,15 @@ def test_a_question_that_nobody_can_answer_fails_and_says_why() -> None:
     assert "Camera9 looked, and found nothing" in view.explanation
 
 
+def test_who_could_look_on_a_condition_is_asked_once_because_nothing_is_moved_for_a_question() -> None:
+    system = KnowingSystem(Robot("Robot1", 4, 20))
+    scale = system.observe("Camera9", sees)
+    scale.refuses, scale.needs = "it is not before the camera", "Jar001 isOn Platform001"
+    (view,) = system.finish(system.submit("Jar001 isOn ?Where", recognise=True, waits=False))
+    assert view.outcome is Outcome.FAILED
+    assert "it is not before the camera" in view.explanation
+
+
 def test_who_looks_hinders_nobody() -> None:
     system = KnowingSystem(Robot("Robot1", 4, 200))
     system.observe("Camera9", sees)

@@ -88,6 +88,8 @@ class Robot:
     works: Script | None = None
     refuses: str = ""
     not_now: bool = False
+    needs: str | None = None
+    """The condition with which it refuses, if it does."""
     mute: bool = False
     halts: float = 1.0
     valid_for: float = 60.0
@@ -105,7 +107,7 @@ class Robot:
                 if self.mute:
                     return
                 if self.refuses:
-                    yield 0.1, Refusal(self.refuses, not_now=self.not_now)
+                    yield 0.1, Refusal(self.refuses, not_now=self.not_now, condition=self.needs)
                 else:
                     yield 0.1, Quoted(price=self.price, duration=self.duration, penalty=self.penalty)
             case Perform(order):

@@ -318,7 +318,8 @@ class GoalExecutor:
                 return Proceed()
             case RecoveryStep.REPLAN:
                 conditions = self._execution.conditions
-                barred = {name: reason for name, reason in run.excluded.items() if not conditions.is_conditional(name)}
+                is_met_by_none = self._recognises  # a plan that only observes moves nothing for a condition
+                barred = {name: reason for name, reason in run.excluded.items() if is_met_by_none or not conditions.is_conditional(name)}
                 if not alternatives and harmless and len(barred) == len(run.excluded):
                     services.tell_nothing(run)
                 elif not alternatives:
