@@ -12,7 +12,7 @@ JOBS ?= auto
 MORE_JOBS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution sbom clean kill-runs attack upgrade-runs mutants slow
+.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution sbom clean kill-runs adapter-runs attack upgrade-runs mutants slow
 
 setup: .venv/.ready
 
@@ -97,6 +97,10 @@ model-check: setup
 # Those of traffic are all in one run, of traffic.py.
 benchmarks: setup
 	@for file in $(filter-out benchmarks/grids.py benchmarks/hall.py,$(wildcard benchmarks/*.py)); do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+# Kills adapters, the other ends of their wires, and brokers, while robots drive.
+adapter-runs: setup
+	@$(BIN)/python -m verification.adapter_runs --runs $(or $(N),9) --first $(or $(SEED_BASE),0)
 
 # Kills real processes at every type of message of the protocol; SEED=17 plays one run once more.
 kill-runs: setup

@@ -1,0 +1,1 @@
+"""Kills adapters, the other ends of their wires, and brokers, while robots drive."""
