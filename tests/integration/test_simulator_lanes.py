@@ -174,7 +174,6 @@ def test_lanes_change_while_the_robots_are_there() -> None:
     assert {place.graph for place in run.simulation.robots["Robot1"].road.office.roadmap.roadmap.places} == {None}
 
 
-@pytest.mark.skipif(not HOTEL.exists(), reason=f"NOT TESTED: there is no {HOTEL}")
 def test_an_operator_sees_which_way_the_lanes_lead() -> None:
     run = Run(hall(loop()), WorldKind.KINEMATIC)
     run.run_for(0.1)
@@ -186,6 +185,7 @@ def test_an_operator_sees_which_way_the_lanes_lead() -> None:
         assert all(math.dist(start, one) < math.dist(start, two) for one, two in on_side)
 
 
+@pytest.mark.skipif(not HOTEL.exists(), reason=f"NOT TESTED: there is no {HOTEL}")
 def test_robots_of_the_hotel_keep_to_their_lanes() -> None:
     """Of Open-RMF's hotel, with two graphs; from waypoint to waypoint, nobody is farther from its lanes than where it steps aside."""
     site = import_building(HOTEL)
