@@ -41,7 +41,7 @@ FARTHEST = 6.0
 """How far the robot has driven at most when something is killed, in metres."""
 STANDING_TIME = 30.0
 """Within this time robots have to stand when nobody tells them anything, in seconds: the base of an order can be some metres long."""
-BESIDE = 0.5
+MOST_OFFSET = 0.5
 """How far beside what was granted a robot may come to stand, in metres: it cuts corners, and brakes."""
 MOST_TIME = 400.0
 """Seconds for a task."""
@@ -109,8 +109,8 @@ class Run:
                     watcher.cancel()
 
     async def _joined(self, client: Client) -> None:
-        wanted = {f"{robot}.TransferObject" for robot in ROBOTS}
-        while not wanted <= {offer.service for offer in await client.services()}:
+        wanted_services = {f"{robot}.TransferObject" for robot in ROBOTS}
+        while not wanted_services <= {offer.service for offer in await client.services()}:
             await asyncio.sleep(0.3)
 
     async def _kill(self, system: System, operator: OperatorLink, distance: float) -> None:
@@ -123,11 +123,11 @@ class Run:
         self.text = f"{self.case.victim} killed when {robot} had driven {driven:.1f} m"
         if not self.case.victim.endswith("-simulated"):
             await self._stand(operator)
-        after = await operator.robots()
+        final_states = await operator.robots()
         for name in ROBOTS:
-            off = _beside((after[name].x, after[name].y), (states[name].x, states[name].y), granted.get(name, ()))
-            if off > BESIDE:
-                self.problems.append(f"{name} stands {off:.2f} m beside what it was granted")
+            offset = _beside((final_states[name].x, final_states[name].y), (states[name].x, states[name].y), granted.get(name, ()))
+            if offset > MOST_OFFSET:
+                self.problems.append(f"{name} stands {offset:.2f} m beside what it was granted")
         await system.restart(self.case.victim)
 
     async def _driven(self, operator: OperatorLink, distance: float) -> tuple[str, float, Any]:
@@ -145,13 +145,13 @@ class Run:
 
     async def _stand(self, operator: OperatorLink) -> None:
         """Wait until the robots stand."""
-        end, still = time.monotonic() + STANDING_TIME, 0
+        end, still_looks = time.monotonic() + STANDING_TIME, 0
         states = await operator.robots()
-        while still < 10:
+        while still_looks < 10:
             await asyncio.sleep(0.2)
             following = await operator.robots()
             moved = max(math.dist((states[name].x, states[name].y), (following[name].x, following[name].y)) for name in ROBOTS)
-            still, states = (still + 1 if moved < 0.005 else 0), following
+            still_looks, states = (still_looks + 1 if moved < 0.005 else 0), following
             if time.monotonic() > end:
                 self.problems.append(f"a robot drives on {STANDING_TIME:.0f} s after {self.case.victim} was killed")
                 return
@@ -161,7 +161,7 @@ def _beside(position: tuple[float, float], start: tuple[float, float], granted: 
     """How far a robot is beside its way, m. `start`: where it was when it was granted."""
     points = [start, *((point[0], point[1]) for point in granted)]
     lines = zip(points, points[1:] or points, strict=False)
-    return min((point_distance(position, a, b) for a, b in lines), default=math.dist(position, start))
+    return min((point_distance(position, start_point, end_point) for start_point, end_point in lines), default=math.dist(position, start))
 
 
 async def _end(client: Client, task: str) -> TaskView:

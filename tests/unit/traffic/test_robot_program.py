@@ -154,7 +154,7 @@ class Hall:
         self.handle("traffic", Notified(RoadmapMade(roadmap=map, closing=CloseWays())))
 
     def close(self, *lanes: tuple[str, str]) -> None:
-        self.handle("traffic", Notified(CloseWays(lanes=tuple(ClosedLane(start=a, end=b) for a, b in lanes))))
+        self.handle("traffic", Notified(CloseWays(lanes=tuple(ClosedLane(start=first, end=second) for first, second in lanes))))
 
     def run(self, seconds: float = 60.0) -> None:
         end = self.now + seconds
@@ -197,12 +197,12 @@ def test_a_robot_travels_along_its_way_and_is_told_that_it_has_arrived() -> None
 def test_what_is_planned_is_told_before_it_is_released() -> None:
     hall = Hall(grid(), {f"Cart{number}": place for number, place in enumerate(("00", "03", "30", "33"))})
     cart = hall.robots["Cart0"]
-    seen: list[tuple[WayPlace, ...]] = []
+    ways_told: list[tuple[WayPlace, ...]] = []
     carry_out = cart.carry_out
 
     def watch(task: object) -> object:
         if isinstance(task, Follow):
-            seen.append(task.way)
+            ways_told.append(task.way)
         return carry_out(task)
 
     cart.carry_out = watch  # type: ignore[method-assign]
@@ -210,8 +210,8 @@ def test_what_is_planned_is_told_before_it_is_released() -> None:
         robot.go("trip", goal)
     hall.run(200.0)
     assert all(robot.result("trip") is TripResult.ARRIVED for robot in hall.robots.values())
-    assert any(not way[-1].released for way in seen)
-    assert all(all(first.released or not second.released for first, second in pairwise(way)) for way in seen)
+    assert any(not way[-1].released for way in ways_told)
+    assert all(all(first.released or not second.released for first, second in pairwise(way)) for way in ways_told)
 
 
 def test_an_idle_robot_makes_room() -> None:
