@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from somrs.ports import listen_at
+from tests.support.free_ports import free_port
 from tests.support.hang import HANG_TIME
 from tests.support.nats_server import NatsServer
 
@@ -24,8 +24,7 @@ class MqttBroker(NatsServer):
 
     def __init__(self, folder: Path, users: Mapping[str, str] = NO_USERS, certificate: Path | None = None, key: Path | None = None) -> None:
         super().__init__(folder)
-        with listen_at("127.0.0.1", 0) as free:
-            self.mqtt_port: int = free.getsockname()[1]
+        self.mqtt_port = free_port()
         settings = json.loads(self._settings.read_text())
         settings["server_name"] = "broker"
         settings["mqtt"] = {"host": "127.0.0.1", "port": self.mqtt_port}

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Self
 
-from somrs.ports import listen_at
 from somrs.runtime.bus_address import BusAddress
+from tests.support.free_ports import free_port
 from tests.support.hang import HANG_TIME
 
 
@@ -21,8 +21,7 @@ class NatsServer:
     """A context manager. `gateway`: the URL below which the addresses of the site are. `settings`: of JetStream."""
 
     def __init__(self, folder: Path, gateway: str = "http://127.0.0.1:1", settings: Mapping[str, int] | None = None) -> None:
-        with listen_at("127.0.0.1", 0) as free:
-            self.port: int = free.getsockname()[1]
+        self.port = free_port()
         self.address = BusAddress(servers=f"nats://127.0.0.1:{self.port}", site="yard", gateway=gateway)
         self._settings = folder / "nats.json"
         jetstream = {"store_dir": str(folder / "nats"), "sync_interval": "always"} | dict(settings or {})
