@@ -28,7 +28,7 @@ from somrs.adapters.ros2.driving import (
     WayChanged,
 )
 from somrs.adapters.ros2.frames import Pose, TransformTree, pose_of
-from somrs.adapters.ros2.lines import Feedback, GoalEnded, Replied, Values
+from somrs.adapters.ros2.lines import Feedback, GoalEnded, GoalStatus, Replied, Values
 from somrs.adapters.ros2.readings import AttributeReading, FaultReadings
 from somrs.adapters.ros2.session import MessageObserver, Session
 from somrs.adapters.ros2.settings import Binding, Level, RobotSettings, Step, Topic, full_name
@@ -81,7 +81,11 @@ class RobotConnection:
         self._navigation = 0
         self._goals: dict[int, int] = {}
         """The numbers of the session, by those of `Driving`."""
-        self._speed_limit = 0.0
+        self._speed_limit: float | None = None
+        """What the robot has been told, and still knows."""
+        self._is_telling = False
+        self._unsent: Navigate | None = None
+        """The goal that is sent when the robot has been told its speed limit."""
         self._halted = asyncio.Event()
         self._changed = asyncio.Event()
         self._entering: asyncio.Task[None] | None = None
@@ -203,7 +207,7 @@ class RobotConnection:
                 case Navigate():
                     self._navigate(effect)
                 case CancelNavigation(goal=goal):
-                    self._session.cancel_goal(self._goals.get(goal, 0))
+                    self._cancel(goal)
                 case EnterLevel(waypoint=waypoint):
                     self._entering = asyncio.create_task(self._enter(waypoint))
                 case HasPassed(number=number):
@@ -214,12 +218,24 @@ class RobotConnection:
                     self._halted.set()
 
     def _navigate(self, effect: Navigate) -> None:
+        replaced, self._unsent = self._unsent, effect
+        if replaced is not None:
+            self._handle(NavigationEnded(replaced.goal, GoalStatus.CANCELED, ""))
+        if not self._is_telling:
+            self._send_goal()
+
+    def _send_goal(self) -> None:
+        """Send the goal, after the speed limit of its way: messages on two wires do not arrive in the order in which they are sent."""
+        if (effect := self._unsent) is None:
+            return
         waypoint, navigation = effect.waypoint, self._binding.navigate
-        limit = waypoint.speed_limit or 0.0
-        if self._binding.speed_limit is not None and limit != self._speed_limit:
-            self._speed_limit, bound = limit, self._binding.speed_limit
+        limit, bound = waypoint.speed_limit or 0.0, self._binding.speed_limit
+        if bound is not None and limit != self._speed_limit:
+            self._speed_limit, self._is_telling = limit, True
             name, message = full_name(bound.topic, self._settings.namespace), fill_in(bound.message, {"speed": limit})
-            self._session.publish(name, bound.type, message, self._note)
+            self._session.publish(name, bound.type, message, self._take_reply)
+            return
+        self._unsent = None
         values = self._pose_values(Pose(waypoint.x, waypoint.y, effect.yaw), self._level)
         goal = fill_in(navigation.goal, {"robot": self.name, **values})
 
@@ -234,9 +250,18 @@ class RobotConnection:
         if effect.goal in self._goals:
             self._goals[effect.goal] = id
 
-    def _note(self, reply: Replied) -> None:
+    def _take_reply(self, reply: Replied) -> None:
         if reply.problem:
             log.warning("%s: the speed limit: %s", self.name, reply.problem)
+        self._is_telling = False
+        self._send_goal()
+
+    def _cancel(self, goal: int) -> None:
+        if self._unsent is not None and self._unsent.goal == goal:
+            self._unsent = None
+            self._handle(NavigationEnded(goal, GoalStatus.CANCELED, ""))
+        else:
+            self._session.cancel_goal(self._goals.get(goal, 0))
 
     async def _enter(self, waypoint: Waypoint) -> None:
         """Have the robot use its map of another floor."""
@@ -259,6 +284,7 @@ class RobotConnection:
         self._subscriptions.append(self._session.subscribe(name, bound.type, observer, latched=bound.latched, interval=interval))
 
     def _take_presence(self, present: bool) -> None:
+        self._speed_limit = None  # another node may be behind it, which knows nothing
         self._robot.heard(present)
         self._handle(NavigatorPresent(present))
 

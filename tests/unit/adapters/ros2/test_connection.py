@@ -104,6 +104,41 @@ async def test_a_robot_arrives_with_the_heading_that_it_is_to_have() -> None:
 
 
 @in_event_loop
+async def test_a_robot_is_sent_when_it_has_been_told_its_speed_limit() -> None:
+    conversation = Conversation({"speed_limit": {}})
+    there = [structs.replace(waypoint, speed_limit=0.5) for waypoint in way((0, 0), (1, 0), (2, 0), (2, 1))]
+    conversation.connection.follow(tuple(there[:2]))
+    limit = await conversation.request()
+    assert isinstance(limit, Publish)
+    assert limit.message == {"speed_limit": 0.5}
+    conversation.connection.follow(tuple(there))  # farther, meanwhile
+    await asyncio.sleep(0)
+    assert len(conversation.requests) == conversation.requests_before
+    conversation.session.handle(Replied(id=limit.id, value={}))
+    first = await conversation.goal()
+    assert first.goal["pose"]["pose"]["position"] == {"x": 2.0, "y": 0.0}
+    conversation.end(first)
+    second = await conversation.goal()
+    action = next(request for request in conversation.requests if isinstance(request, OpenAction))
+    for present in (False, True):  # another node, which does not know the limit
+        conversation.session.handle(ActionPresence(id=action.id, present=present))
+    assert isinstance(await conversation.request(), Publish)
+    assert second.goal["pose"]["pose"]["position"] == {"x": 2.0, "y": 1.0}
+
+
+@in_event_loop
+async def test_a_robot_that_halts_while_it_is_told_its_speed_limit_is_not_sent() -> None:
+    conversation = Conversation({"speed_limit": {}})
+    conversation.be_at(0, 0)
+    conversation.connection.follow(tuple(structs.replace(waypoint, speed_limit=0.5) for waypoint in way((0, 0), (1, 0))))
+    limit = await conversation.request()
+    await conversation.connection.halt()
+    conversation.session.handle(Replied(id=limit.id, value={}))
+    await asyncio.sleep(0)
+    assert len(conversation.requests) == conversation.requests_before
+
+
+@in_event_loop
 async def test_a_robot_in_a_lift_gets_the_map_of_the_other_floor() -> None:
     conversation = Conversation({}, FLOORS)
     conversation.be_at(4, 0)
@@ -205,6 +240,7 @@ async def test_a_speed_limit_is_published_when_it_changes() -> None:
     limit = await conversation.request()
     assert isinstance(limit, Publish)
     assert (limit.topic, limit.message) == ("/r1/speed_limit", {"speed_limit": 0.3})
+    conversation.session.handle(Replied(id=limit.id, value={}))
     goal = await conversation.goal()
     conversation.end(goal)
     limit = await conversation.request()

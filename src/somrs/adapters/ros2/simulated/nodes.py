@@ -125,13 +125,21 @@ class SimulatedRobot:
         self._servers.append(server)
 
     async def _navigate(self, handle: Any) -> Any:
-        """Drive to the pose. A new goal takes the place of the one in progress, which is then aborted, as Nav2 does it."""
+        """Drive to the pose. As with Nav2, a new goal takes the place of the one in progress, which is then aborted, and a speed limit
+        holds at once."""
         self._current, result = handle, NavigateToPose.Result()
         place = handle.request.pose.pose
         yaw = 2 * math.atan2(place.orientation.z, place.orientation.w)
-        drive = asyncio.create_task(self.body.drive(place.position.x, place.position.y, yaw, self._speed))
+
+        def start() -> asyncio.Task[None]:
+            return asyncio.create_task(self.body.drive(place.position.x, place.position.y, yaw, self._speed))
+
+        drive, speed = start(), self._speed
         while not drive.done():
             await asyncio.wait([drive], timeout=PUBLISHED)
+            if self._speed != speed and not drive.done():
+                drive.cancel()
+                drive, speed = start(), self._speed
             feedback = NavigateToPose.Feedback()
             feedback.distance_remaining = math.dist(self.body.pose[:2], (place.position.x, place.position.y))
             handle.publish_feedback(feedback)
