@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 from somrs.kernel.admission import check_room
 from somrs.kernel.codec import Schema
@@ -12,7 +11,6 @@ from somrs.kernel.component import (
     DeliveryFailed,
     Effect,
     Effects,
-    EffectsReturning,
     ErrorAnswer,
     Input,
     Notified,
@@ -29,15 +27,14 @@ from somrs.ontology.modes import freed_devices
 from somrs.ontology.objects import objects_of
 from somrs.protocol.messages import directory, frp, neighbours, previews, records, reservations, submission, task_news
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
-from somrs.protocol.messages.envelope import Message, message_id, reply
+from somrs.protocol.messages.envelope import Message, reply
 from somrs.protocol.messages.waits import WaitsForRepository
-from somrs.task_manager.context import TaskManagerContext, find_task_error
+from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.senders import answer_stranger
 from somrs.task_manager.migrations import MIGRATIONS
-from somrs.task_manager.preview import PreviewExecutor
-from somrs.task_manager.preview_state import new_preview, preview_of_plan
 from somrs.task_manager.requests import AssignmentAnswered, ForPlan, ReportAnswered, RequestResult, ReservationAnswered, ServicesKnown
+from somrs.task_manager.running_previews import RunningPreviews
 from somrs.task_manager.state import TaskManagerState, UnsettledReport
 from somrs.task_manager.submissions import Submissions, submitted_id
 from somrs.task_manager.subscriptions import Replies, TaskSubscriptions
@@ -66,13 +63,10 @@ from somrs.task_manager.transaction.repository_wait import RepositoryWait
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.transaction import Transaction
-from somrs.task_manager.transaction.views import preview_reply
 from somrs.task_manager.world_clock import WorldTimePassed
 
 READY_TIME = 30.0
 """Seconds that a task waits for the map after the start. Then its client receives a Fault: the Repository does not answer."""
-
-PreviewWork = Callable[[PreviewExecutor], EffectsReturning[previews.Previewed | None]]
 
 
 class TaskManager:
@@ -109,6 +103,7 @@ class TaskManager:
         self._subscriptions = TaskSubscriptions(state.subscriptions, state.tasks)
         self._queries = TaskQueries(state)
         self._submissions = Submissions(state)
+        self._previews = RunningPreviews(state, self._context, self._plan_quoted)
 
     @property
     def open(self) -> list[str]:
@@ -150,14 +145,13 @@ class TaskManager:
                 yield from self._transaction(task).proceed(now)
         for task in state.next_to_ask():
             yield from self._transaction(task).proceed(now)
-        yield from self._quote_plans(now)
+        yield from self._previews.quote_plans(now)
         if state.touched:
             yield from self._replies(self._subscriptions.notify_watchers(state.touched))
         for id in [id for id in state.running if state.tasks[id].outcome is not None]:
             state.running.remove(id)
             state.forget_old_tasks()
-        for id in [id for id, preview in state.previews.items() if preview.ended]:
-            del state.previews[id]
+        self._previews.forget_ended()
 
     def _handle(self, event: Input, now: float) -> Effects:
         state = self.state
@@ -221,7 +215,7 @@ class TaskManager:
             if message.header.transaction in state.tasks:
                 yield from self._transaction(message.header.transaction).receive(message, now)
             elif message.header.transaction in state.previews:
-                yield from self._advance_preview(message.header.transaction, now, lambda preview: preview.receive(message, now))
+                yield from self._previews.advance(message.header.transaction, now, lambda preview: preview.receive(message, now))
             else:
                 yield from answer_stranger(message, self.address)
         elif not state.replica.is_current and isinstance(body, submission.Submit | submission.SubmitOnce | previews.Preview):
@@ -254,7 +248,7 @@ class TaskManager:
             case task_news.ReadMessages():
                 yield self._queries.read_messages(message, message.body)
             case previews.Preview():
-                yield from self._preview(message, message.body, now)
+                yield from self._previews.begin(message, message.body, now)
             case records.ReadRecords():
                 yield self._queries.read_records(message, message.body)
             case directory.ServicesJoined(offers=offers):
@@ -282,36 +276,6 @@ class TaskManager:
             yield from self._transaction(submitted_id(submission)).start(now)
             yield self._submissions.acceptance(submission)
 
-    def _preview(self, message: Message, query: previews.Preview, now: float) -> Effects:
-        state, id = self.state, message_id("preview", message.header.message_id)
-        if id not in state.previews:
-            preview = new_preview(id, query, message)
-            if (task_error := find_task_error(preview.task, state.replica)) is not None:
-                yield self._reply(message, preview_reply(str(task_error)))
-            else:
-                state.previews[id] = preview
-                yield from self._advance_preview(id, now, lambda preview: preview.begin(now))
-
-    def _advance_preview(self, id: str, now: float, work: PreviewWork) -> Effects:
-        """Continue a preview. Its client receives the answer when it has ended."""
-        preview = self.state.previews[id]
-        answer = yield from work(PreviewExecutor(preview, self._context))
-        if answer is None:
-            return
-        if preview.request is not None:
-            yield self._reply(preview.request, answer)
-        elif preview.owner in self.state.previews:
-            yield from self._advance_preview(preview.owner, now, lambda owner: owner.rival_ended(id, answer, now))
-        elif preview.owner in self.state.tasks:
-            yield from self._transaction(preview.owner).plan_quoted(id, answer, now)
-
-    def _quote_plans(self, now: float) -> Effects:
-        """Ask services for terms for the plans that tasks and previews compare."""
-        while self._context.plans_to_quote:
-            quoted = self._context.plans_to_quote.pop(0)
-            self.state.previews[quoted.id] = preview_of_plan(quoted)
-            yield from self._advance_preview(quoted.id, now, partial(PreviewExecutor.begin_with_plan, plan=quoted.plan, now=now))
-
     # Timers and answers
 
     def _timer_fired(self, timer: Timer, now: float) -> Effects:
@@ -334,7 +298,7 @@ class TaskManager:
             case BidsDue() | SilenceDue() | OverdueDue() | DeadlineDue() | RetryDue() | StopDue() if timer.owner in state.tasks:
                 yield from self._transaction(timer.owner).timer_fired(timer, now)
             case BidsDue() | PreviewDue() if timer.owner in state.previews:
-                yield from self._advance_preview(timer.owner, now, lambda preview: preview.timer_fired(timer, now))
+                yield from self._previews.advance(timer.owner, now, lambda preview: preview.timer_fired(timer, now))
 
     def _answered(self, question: object, value: object, now: float) -> Effects:
         state = self.state
@@ -343,7 +307,7 @@ class TaskManager:
             case PlanWanted(owner=owner) if owner in state.tasks:
                 yield from self._transaction(owner).planned(question, answer, now)
             case PlanWanted(owner=owner) if owner in state.previews:
-                yield from self._advance_preview(owner, now, lambda preview: preview.planned(question, answer, now))
+                yield from self._previews.advance(owner, now, lambda preview: preview.planned(question, answer, now))
             case RecordsWanted(request):
                 yield from self._queries.records_read(request, answer)
 
@@ -352,7 +316,7 @@ class TaskManager:
         if transaction in self.state.tasks:
             yield from self._transaction(transaction).delivery_failed(message, reason, now)
         elif transaction in self.state.previews:
-            yield from self._advance_preview(transaction, now, lambda preview: preview.delivery_failed(message, reason, now))
+            yield from self._previews.advance(transaction, now, lambda preview: preview.delivery_failed(message, reason, now))
 
     def _note_overdue(self, request: str, now: float) -> None:
         """The Repository has not answered in time."""
@@ -369,7 +333,7 @@ class TaskManager:
             case ServicesKnown(purpose, offers) if purpose.owner in state.tasks:
                 yield from self._transaction(purpose.owner).discovered(purpose, offers, now)
             case ServicesKnown(ForPlan(owner=owner), offers) if owner in state.previews:
-                yield from self._advance_preview(owner, now, lambda preview: preview.discovered(offers, now))
+                yield from self._previews.advance(owner, now, lambda preview: preview.discovered(offers, now))
             case ReportAnswered(purpose, answer) if purpose.owner in state.tasks:
                 unsettled = yield from self._transaction(purpose.owner).report_answered(answer, now)
                 if unsettled is not None:
@@ -380,7 +344,7 @@ class TaskManager:
             case ReservationAnswered(purpose, answer) if purpose.owner in state.running:
                 yield from self._transaction(purpose.owner).reserved(purpose, answer, now)
             case ReservationAnswered() as answered if answered.purpose.owner in state.previews:
-                yield from self._advance_preview(answered.purpose.owner, now, lambda preview: preview.reserved(answered, now))
+                yield from self._previews.advance(answered.purpose.owner, now, lambda preview: preview.reserved(answered, now))
             case ReservationAnswered(purpose):
                 yield from state.requests.release_ended(purpose.owner, now)  # the request came after the release of the task that had ended
 
@@ -421,6 +385,9 @@ class TaskManager:
 
     def _transaction(self, id: str) -> Transaction:
         return Transaction(self.state.tasks[id], self._context)
+
+    def _plan_quoted(self, task: str, preview: str, answer: previews.Previewed, now: float) -> Effects:
+        yield from self._transaction(task).plan_quoted(preview, answer, now)
 
     def _repository_wait(self, id: str) -> RepositoryWait:
         return RepositoryWait(TaskScope(self.state.tasks[id], self._context))
