@@ -10,6 +10,8 @@ waiting before lifts and doors, and the driver that simulated robots have, with 
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 from collections.abc import Mapping
 
 from somrs.devices.road.building import Building
@@ -22,10 +24,14 @@ from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
 from somrs.devices.simulator.link.command_link import CommandLink
 from somrs.errors import RemoteError
 from somrs.ontology.map import Map
+from somrs.ontology.modes import is_stopped
 from somrs.ontology.types import Ontology
 from somrs.service_manager.sdk.device import Service
 
 __all__ = ["CarryingRobot", "RoadRobot", "RobotFailed", "Way", "Waypoint"]
+
+STOPS = 0.5
+"""Seconds between two looks at the map for whether an operator has stopped the robot."""
 
 
 async def _no_map(*, is_current: bool = True) -> tuple[Map, Ontology]:
@@ -43,6 +49,8 @@ class RoadRobot(MobileRobot):
     """The thing that it carries, by its name on the map."""
     hindrance: str | None = None
     """What keeps it from going on, and will pass without it, for people. Set it before `located`."""
+    remark: str | None = None
+    """What it says of itself that does not keep it from going on, for people. Set it before `located`."""
     can_charge: bool = False
     """Whether it can charge its battery."""
 
@@ -63,6 +71,18 @@ class RoadRobot(MobileRobot):
     async def open(self) -> None:
         """Connect to the robot, and call this: it waits for the first state of the robot."""
         await super().open()
+        self.keep_doing(self._follow_stops())
+
+    async def _follow_stops(self) -> None:
+        """Have the robot stand still while an operator has stopped it, or paused its task."""
+        is_paused = False
+        while True:
+            with contextlib.suppress(RemoteError):
+                map, ontology = await self.whole_map(is_current=False)
+                if is_stopped(self.name, map, ontology) != is_paused:
+                    is_paused = not is_paused
+                    await (self.pause() if is_paused else self.resume())
+            await asyncio.sleep(STOPS)
 
     def services(self) -> Mapping[str, Service]:
         offered = {"move_to", *(("charge",) if self.can_charge else ())}
@@ -85,6 +105,15 @@ class RoadRobot(MobileRobot):
     async def halt(self) -> None:
         """Stand still, wherever the robot is. Returns when it stands. What was released is not, any more."""
         raise NotImplementedError
+
+    async def pause(self) -> None:
+        """Stand still at once, because an operator wants it, until `resume` is called. What was released stays released; the way may
+        change meanwhile. Here, driving stops; a robot that can pause what it works on overrides both."""
+        await self.road.pause()
+
+    async def resume(self) -> None:
+        """Go on along the way as it is now."""
+        await self.road.resume()
 
     async def charge_at(self, charger: str) -> None:
         """Charge the battery at the charger at which the robot stands. Returns when it is full. Raises RobotFailed."""

@@ -49,9 +49,14 @@ def hold_reason(modes: Mapping[str, Mode]) -> str:
     return " and ".join(reason_of(name, mode) for name, mode in sorted(modes.items()) if mode in (Mode.FIRE, Mode.EMERGENCY))
 
 
+def is_stopped(device: str, map: Map, ontology: Ontology) -> bool:
+    """Whether an operator has stopped a device, or paused the task for which it works."""
+    return value_of(device, PAUSED, map, ontology) is True or value_of(device, PAUSED_FOR, map, ontology) is not None
+
+
 def stands_still(device: str, map: Map, ontology: Ontology) -> bool:
     """Whether a device must not move now: an operator has stopped it, or it is a robot in a fire or an emergency."""
-    if value_of(device, PAUSED, map, ontology) is True or value_of(device, PAUSED_FOR, map, ontology) is not None:
+    if is_stopped(device, map, ontology):
         return True
     object = map.objects.get(device)
     return object is not None and ontology.is_subtype(object.type, MOBILE_ROBOT) and bool(hold_reason(modes(map)))

@@ -41,7 +41,7 @@ class Vda5050Adapter:
         self._address = broker_address(self._settings.broker, self._settings.certificates, folder)
         self._frames = self._settings.frames
         self.sessions: dict[VehicleAddress, VehicleSession] = {}
-        """All vehicles that were heard."""
+        """All vehicles that were heard, and the addresses at which those may be that the settings name."""
         self._waited: dict[VehicleAddress, int] = {}
         self._owners: dict[str, tuple[str, str]] = {}
         """Manufacturer and serial number of the vehicles that have devices, by name."""
@@ -85,23 +85,27 @@ class Vda5050Adapter:
         if addressed is None:
             return
         address, topic = addressed
+        if address in self.sessions or self._settings.name(address) is not None:
+            self._session(address).receive(topic, payload)
+
+    def _session(self, address: VehicleAddress) -> VehicleSession:
         session = self.sessions.get(address)
         if session is None:
-            if self._settings.name(address) is None:
-                return
             session = self.sessions[address] = VehicleSession(address, self._frames, self._send)
             self._waited[address] = 0
-        session.receive(topic, payload)
+        return session
 
     def _send(self, topic: str, payload: bytes) -> None:
         if self._connection is not None:
             self._connection.publish(Message(topic=topic, payload=payload))
 
     def _notice_broker(self, is_connected: bool) -> None:
-        """Without the broker, no vehicle can be reached; with it, each says itself that it is there."""
-        if not is_connected:
-            for session in self.sessions.values():
-                session.lose_connection()
+        """Without the broker, no vehicle can be reached. With it, each says that it is there; those that the settings name are asked."""
+        if is_connected:
+            for address in self._settings.addresses:
+                self._session(address)
+        for session in self.sessions.values():
+            session.notice_broker(is_connected=is_connected)
 
     def _add_when_known(self, fleet: Fleet, session: VehicleSession) -> None:
         """Add a device when it is known where the vehicle is, and what it can do."""

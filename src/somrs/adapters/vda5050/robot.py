@@ -18,8 +18,11 @@ from somrs.adapters.vda5050.control.exchange import (
     Loaded,
     Located,
     Passed,
+    Pause,
     Perform,
     Reachable,
+    Remarked,
+    Resume,
 )
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.orders import ActionParameter
@@ -70,6 +73,12 @@ class Vda5050Vehicle(CarryingRobot):
         self._halts.append(halted)
         self.session.give(Halt())
         await halted
+
+    async def pause(self) -> None:
+        self.session.give(Pause())
+
+    async def resume(self) -> None:
+        self.session.give(Resume())
 
     async def interrupt(self) -> None:
         await self.halt()
@@ -143,6 +152,8 @@ class Vda5050Vehicle(CarryingRobot):
                 self.holding = self._picked
             case Delayed(reason=reason):
                 self.hindrance = f"{self.name} {reason}" if reason is not None else None
+            case Remarked(text=text):
+                self.remark = text
             case ActionEnded(failure=failure) if self._ended is not None and not self._ended.done():
                 self._ended.set_result(failure)
             case Halted():

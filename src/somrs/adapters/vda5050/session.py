@@ -7,7 +7,7 @@ import time
 import uuid
 from collections.abc import Callable
 
-from somrs.adapters.vda5050.control.exchange import Arrived, Disconnected, Effect, Input, Send, Tolerated, Warned
+from somrs.adapters.vda5050.control.exchange import Arrived, Disconnected, Effect, Input, Send, Subscribed, Tolerated, Warned
 from somrs.adapters.vda5050.control.vehicle import VehicleControl
 from somrs.adapters.vda5050.frames import Frames
 from somrs.adapters.vda5050.messages.decoding import decode
@@ -45,9 +45,9 @@ class VehicleSession:
             return
         self.give(Arrived(topic=topic, received=received))
 
-    def lose_connection(self) -> None:
-        """The broker is gone, and the vehicle cannot be reached."""
-        self.give(Disconnected())
+    def notice_broker(self, *, is_connected: bool) -> None:
+        """Whether the broker is there; without it, the vehicle cannot be reached."""
+        self.give(Subscribed() if is_connected else Disconnected())
 
     def give(self, input: Input) -> None:
         """Hand something to the state machine, and do what follows."""
@@ -60,8 +60,8 @@ class VehicleSession:
                     self._send(self.address.topic(topic), payload)
                 case Tolerated(deviation=deviation):
                     log.warning("%s: is not as VDA 5050 has it: %s", self.address, deviation)
-                case Warned(description=description):
-                    log.info("%s: %s", self.address, description)
+                case Warned(description=description, is_urgent=is_urgent):
+                    log.log(logging.WARNING if is_urgent else logging.INFO, "%s: %s", self.address, description)
             try:
                 self.on_effect(effect)
             except Exception:  # a defect in what has to do with one vehicle is no reason to leave all others alone

@@ -74,6 +74,18 @@ class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown
             serial_number=vehicle.serial_number,
         )
 
+    @property
+    def addresses(self) -> list[VehicleAddress]:
+        """Where the named vehicles may be: below which interface, and in which version, only a vehicle itself says."""
+        simulated = [self.address(vehicle) for vehicle in self.vehicles.values() if vehicle.simulated is not None]
+        return simulated + [
+            VehicleAddress(interface=interface, major=major, manufacturer=vehicle.manufacturer, serial_number=vehicle.serial_number)
+            for vehicle in self.vehicles.values()
+            if vehicle.simulated is None
+            for interface in self.interfaces
+            for major in (2, 3)
+        ]
+
     def name(self, address: VehicleAddress) -> str | None:
         """The name of a vehicle on the map; None if it is not served."""
         for name, vehicle in self.vehicles.items():

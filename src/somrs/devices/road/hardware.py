@@ -24,6 +24,7 @@ class Vehicle(Protocol):
     name: str
     battery: float | None
     hindrance: str | None
+    remark: str | None
     holding: str | None
     whole_map: WholeMap
     building: Building

@@ -73,6 +73,7 @@ class Traveller:
         self._roadmap: RoadmapRead | None = None
         self._berths: dict[str, Berth] = {}
         self._way: tuple[Waypoint, ...] = ()
+        self._is_paused = False
         self._blocked: set[str] = set()
         """The places to which the robot could not drive on."""
         self._is_abandoned = False
@@ -101,6 +102,7 @@ class Traveller:
             z=self.level,
             charge=self.robot.battery,
             hindrance=self.robot.hindrance,
+            remark=self.robot.remark,
         )
         if not self._says_whether_heard:
             self.connected.set()
@@ -254,7 +256,18 @@ class Traveller:
                 break  # of an earlier roadmap
             waypoints.append(waypoint)
         self._way = tuple(waypoints)
-        if waypoints:
+        if waypoints and not self._is_paused:
+            await self.robot.follow(self._way)
+
+    async def pause(self) -> None:
+        """Have the robot stand still, and not drive until `resume`."""
+        self._is_paused = True
+        await self.robot.halt()
+
+    async def resume(self) -> None:
+        """Have the robot follow its way again, as it is now."""
+        self._is_paused = False
+        if self._way:
             await self.robot.follow(self._way)
 
     def _waypoint(self, building: Building, place: WayPlace, start: str | None) -> Waypoint | None:

@@ -10,12 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from somrs.adapters.vda5050.control.exchange import Broken, Delayed, Follow, GaveUp, Halted, Located, Passed, Reachable, Warned
+from somrs.adapters.vda5050.control.exchange import Broken, Follow, GaveUp, Halted, Located, Passed, Reachable, Warned
 from somrs.adapters.vda5050.messages.header import Topic, Version
-from somrs.adapters.vda5050.messages.orders import Action, BlockingType, InstantActions
 from somrs.adapters.vda5050.messages.states import ErrorLevel, OperatingMode, State, VehicleError
 from somrs.adapters.vda5050.simulated.body import Rest
-from somrs.adapters.vda5050.simulated.exchange import Faulted, Instructed, Misbehaves, Repaired, Restarted, Switched
+from somrs.adapters.vda5050.simulated.exchange import Faulted, Misbehaves, Repaired, Restarted, Switched
 from tests.support.vda5050_pair import Pair, way
 
 VERSIONS = pytest.mark.parametrize("version", [Version.V2_1, Version.V3_0])
@@ -354,22 +353,6 @@ def test_a_long_way_is_sent_in_pieces_that_the_vehicle_takes(version: Version) -
     pair.run(30)
     assert pair.body.x == 10.0
     assert max(len(order.nodes) for order in pair.orders()) == 3
-
-
-@VERSIONS
-def test_a_pause_at_the_vehicle_delays_it(version: Version) -> None:
-    pair = Pair(version)
-    pair.follow("A", "B")
-    pause = Action(action_type="startPause", action_id="button", blocking_type=BlockingType.NONE)
-    pair.tell(Instructed(actions=InstantActions(actions=(pause,))))
-    assert pair.run_until(Delayed) == Delayed(reason="is paused")
-    pair.run(5)
-    assert pair.body.x < 0.5
-    resume = Action(action_type="stopPause", action_id="button2", blocking_type=BlockingType.NONE)
-    pair.tell(Instructed(actions=InstantActions(actions=(resume,))))
-    pair.run(5)
-    assert pair.of(Delayed)[1:] == [Delayed(reason=None)]
-    assert pair.body.x == 2.0
 
 
 @VERSIONS

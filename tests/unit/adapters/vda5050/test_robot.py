@@ -106,7 +106,7 @@ def test_what_nobody_wants_any_more_is_cancelled_when_the_vehicle_is_there_again
         picking = asyncio.create_task(bench.device.pick("Jar7", "Shelf1"))
         await asyncio.sleep(0)
         bench.answer("RUNNING")
-        bench.session.lose_connection()
+        bench.session.notice_broker(is_connected=False)
         picking.cancel()
         await asyncio.wait({picking})
         bench.answer("RUNNING")

@@ -21,14 +21,21 @@ REJECTIONS = frozenset(
 )  # fmt: skip
 """Types of errors by which vehicles reject orders (2.1, 6.6.4; 3.0, table 9), without underscores and in capital letters."""
 
+ABOUT_MESSAGES = frozenset({"NOORDERTOCANCEL", "INSTANTACTIONERROR", "INVALIDINSTANTACTION", "DUPLICATEMAP", "DUPLICATEZONESET"})
+"""Types of errors by which vehicles refuse other messages."""
 
 INSTANT = frozenset(
     {
         "cancelOrder", "startPause", "stopPause", "stateRequest", "factsheetRequest", "logReport", "stopCharging", "initializePosition",
-        "clearInstantActions", "skipRetry", "retry", "enableMap", "downloadMap", "deleteMap",
+        "clearInstantActions", "skipRetry", "retry", "enableMap", "downloadMap", "deleteMap", "enableZoneSet", "deleteZoneSet",
     }
 )  # fmt: skip
 """Types of instant actions; none of them makes the vehicle drive."""
+
+
+def plain_type(error: VehicleError) -> str:
+    """The type of an error, without underscores and in capital letters."""
+    return error.error_type.replace("_", "").upper()
 
 
 def hindrance(state: State) -> str | None:
@@ -44,9 +51,19 @@ def hindrance(state: State) -> str | None:
     return "; ".join(dict.fromkeys(reasons)) or None
 
 
-def remarks(state: State) -> list[str]:
+def warnings(state: State) -> list[VehicleError]:
     """The errors that do not stop the vehicle."""
-    return [str(error) for error in state.errors if error.error_level in (ErrorLevel.WARNING, ErrorLevel.URGENT)]
+    return [error for error in state.errors if error.error_level in (ErrorLevel.WARNING, ErrorLevel.URGENT)]
+
+
+def remark(state: State) -> str | None:
+    """What those should know whose task the vehicle works on; what it says about messages is for the log."""
+    words = [
+        f"{error} (needs attention)" if error.error_level is ErrorLevel.URGENT else str(error)
+        for error in warnings(state)
+        if plain_type(error) not in REJECTIONS | ABOUT_MESSAGES
+    ]
+    return "; ".join(dict.fromkeys(words)) or None
 
 
 def delay(state: State) -> str | None:
@@ -75,7 +92,7 @@ def order_actions(state: State) -> list[ActionState]:
 def rejection(state: State, order_id: str, update_id: int, earlier: Collection[VehicleError]) -> VehicleError | None:
     """The error by which the vehicle rejects an order. `earlier`: the errors that it had when the order was sent."""
     for error in state.errors:
-        if error.error_type.replace("_", "").upper() not in REJECTIONS:
+        if plain_type(error) not in REJECTIONS:
             continue
         referenced = error.reference("orderId")
         if referenced is None and error not in earlier:

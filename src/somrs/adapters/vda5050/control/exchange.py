@@ -19,6 +19,10 @@ class Arrived(Struct, frozen=True, kw_only=True):
     received: Received
 
 
+class Subscribed(Struct, frozen=True):
+    """The broker is there, and messages of the vehicle will arrive."""
+
+
 class Disconnected(Struct, frozen=True):
     """The broker is gone."""
 
@@ -31,6 +35,14 @@ class Follow(Struct, frozen=True, kw_only=True):
 
 class Halt(Struct, frozen=True):
     """Stand still, and forget the way and the action. Answered by Halted."""
+
+
+class Pause(Struct, frozen=True):
+    """Stand still, with all that the vehicle does, until Resume."""
+
+
+class Resume(Struct, frozen=True):
+    """Go on."""
 
 
 class Perform(Struct, frozen=True, kw_only=True):
@@ -48,7 +60,7 @@ class Tick(Struct, frozen=True):
     """Time has passed."""
 
 
-Input = Arrived | Disconnected | Follow | Halt | Perform | Charge | Tick
+Input = Arrived | Subscribed | Disconnected | Follow | Halt | Pause | Resume | Perform | Charge | Tick
 
 
 class Send(Struct, frozen=True, kw_only=True):
@@ -99,9 +111,16 @@ class ActionEnded(Struct, frozen=True, kw_only=True):
 
 
 class Warned(Struct, frozen=True, kw_only=True):
-    """The vehicle says something that does not stop it."""
+    """The vehicle says something that does not stop it, for the first time. `is_urgent`: it needs attention."""
 
     description: str
+    is_urgent: bool = False
+
+
+class Remarked(Struct, frozen=True, kw_only=True):
+    """What the vehicle says now that does not stop it; None: nothing."""
+
+    text: str | None
 
 
 class Delayed(Struct, frozen=True, kw_only=True):
@@ -144,6 +163,7 @@ Effect = (
     | Halted
     | ActionEnded
     | Warned
+    | Remarked
     | Delayed
     | Described
     | Tolerated

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from somrs.adapters.vda5050.control.condition import delay, hindrance, remarks
+from somrs.adapters.vda5050.control.condition import IN_CONTROL, delay, hindrance, remark, warnings
 from somrs.adapters.vda5050.control.exchange import (
     Arrived,
     Broken,
@@ -12,6 +12,7 @@ from somrs.adapters.vda5050.control.exchange import (
     Loaded,
     Located,
     Reachable,
+    Remarked,
     Tolerated,
     Warned,
 )
@@ -25,6 +26,7 @@ from somrs.adapters.vda5050.messages.states import (
     Connection,
     ConnectionState,
     EmergencyStop,
+    ErrorLevel,
     OperatingMode,
     Position,
     PowerSupply,
@@ -49,12 +51,15 @@ class Listener:
         """Why the vehicle cannot drive; None if it can."""
         self.delay: str | None = None
         """What keeps the vehicle from going on, and will pass; None: nothing."""
+        self.was_heard = False
+        """Whether it has said anything since the broker is there."""
         self._tolerated: set[str] = set()
-        self._remarks: frozenset[str] = frozenset()
+        self._remark: str | None = None
 
     def hear(self, arrived: Arrived) -> State | None:
         """Take in a message. Returns the state, if it is a new one."""
         received = arrived.received
+        self.was_heard = True
         for deviation in received.deviations:
             self._tolerate(deviation)
         if self.headers.is_old(arrived.topic, received.header):
@@ -125,9 +130,15 @@ class Listener:
     def _hear_connection(self, connection_state: ConnectionState) -> None:
         if connection_state is ConnectionState.ONLINE:
             self._reach()
-            self._outbox.instant("stateRequest")
+            if self.takes_instant_actions:
+                self._outbox.instant("stateRequest")
         else:
             self.lose()
+
+    @property
+    def takes_instant_actions(self) -> bool:
+        """Whether instant actions may be sent, as far as its last state says (3.0, table 11)."""
+        return self.state is None or self.state.operating_mode in IN_CONTROL
 
     def lose(self) -> None:
         """The vehicle cannot be reached."""
@@ -140,7 +151,7 @@ class Listener:
         if not self.is_connected:
             self.is_connected = True
             self._outbox.add(Reachable(is_connected=True))
-            if self.factsheet is None:
+            if self.factsheet is None and self.takes_instant_actions:
                 self._outbox.instant("factsheetRequest")
 
     def _locate(self, position: Position) -> None:
@@ -151,12 +162,8 @@ class Listener:
 
     def _hear_state(self, state: State) -> None:
         previous, self.state = self.state, state
-        if state.loads is not None and (previous is None or previous.loads is None or len(previous.loads) != len(state.loads)):
-            self._outbox.add(Loaded(count=len(state.loads)))
-        if state.mobile_robot_position is not None:
-            self._locate(state.mobile_robot_position)
-        if previous is None or previous.power_supply.state_of_charge != state.power_supply.state_of_charge:
-            self._outbox.add(Charged(level=state.power_supply.state_of_charge))
+        if state.operating_mode is not OperatingMode.STARTUP:  # what else it says may not be valid then (3.0, table 10)
+            self._hear_body(state, previous)
         reason = hindrance(state)
         if reason != self.hindrance:
             self.hindrance = reason
@@ -164,6 +171,18 @@ class Listener:
         if (passing := delay(state)) != self.delay:
             self.delay = passing
             self._outbox.add(Delayed(reason=passing))
-        words = remarks(state)
-        self._outbox.add(*(Warned(description=word) for word in words if word not in self._remarks))
-        self._remarks = frozenset(words)
+        earlier_words = {str(error) for error in warnings(previous)} if previous is not None else set()
+        for error in warnings(state):
+            if str(error) not in earlier_words:
+                self._outbox.add(Warned(description=str(error), is_urgent=error.error_level is ErrorLevel.URGENT))
+        if (words := remark(state)) != self._remark:
+            self._remark = words
+            self._outbox.add(Remarked(text=words))
+
+    def _hear_body(self, state: State, previous: State | None) -> None:
+        if state.loads is not None and (previous is None or previous.loads is None or len(previous.loads) != len(state.loads)):
+            self._outbox.add(Loaded(count=len(state.loads)))
+        if state.mobile_robot_position is not None:
+            self._locate(state.mobile_robot_position)
+        if previous is None or previous.power_supply.state_of_charge != state.power_supply.state_of_charge:
+            self._outbox.add(Charged(level=state.power_supply.state_of_charge))

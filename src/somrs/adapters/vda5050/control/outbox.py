@@ -9,6 +9,9 @@ from somrs.adapters.vda5050.messages.header import Topic
 from somrs.adapters.vda5050.messages.orders import Action, ActionParameter, BlockingType, GrantType, InstantActions, Response, Responses
 from somrs.adapters.vda5050.messages.states import RequestStatus, State
 
+RESEND = 3.0
+"""Seconds after which a message is sent again that the vehicle does not show to have received."""
+
 FINISHED_ACTIONS = 10
 """Finished instant actions in the state of a vehicle, after which it is told to drop them (3.0, 7.8)."""
 

@@ -21,23 +21,22 @@ from somrs.adapters.vda5050.control.exchange import (
     Halt,
     Halted,
     Input,
+    Pause,
     Perform,
+    Resume,
+    Subscribed,
     Tick,
 )
+from somrs.adapters.vda5050.control.inquiry import Inquiry
 from somrs.adapters.vda5050.control.job import Cancellation, Charging, Job
 from somrs.adapters.vda5050.control.listener import Listener
 from somrs.adapters.vda5050.control.orders import SentOrder
-from somrs.adapters.vda5050.control.outbox import Outbox
+from somrs.adapters.vda5050.control.outbox import RESEND, Outbox
+from somrs.adapters.vda5050.control.pausing import Pausing
 from somrs.adapters.vda5050.frames import Frames
 from somrs.adapters.vda5050.messages.header import Version
 from somrs.adapters.vda5050.messages.orders import ActionParameter, BlockingType
 from somrs.adapters.vda5050.messages.states import ActionStatus, State
-
-RESEND = 3.0
-"""Seconds after which a message is sent again that the vehicle does not show to have received."""
-
-UNANSWERED = 3
-"""Requests for its state after which a vehicle that answers none is taken for one without an order."""
 
 
 class VehicleControl:
@@ -50,7 +49,8 @@ class VehicleControl:
         self._cancellation: Cancellation | None = None
         self._job: Job | None = None
         self._charging: Charging | None = None
-        self._request_time, self._requests = 0.0, 0
+        self._pausing = Pausing(self._outbox)
+        self._inquiry = Inquiry(self.vehicle, self._outbox)
 
     def handle(self, input: Input, now: float) -> list[Effect]:
         """Take in what happened. Returns what to do, in this order."""
@@ -60,12 +60,16 @@ class VehicleControl:
                 state = self.vehicle.hear(input)
                 if state is not None:
                     self._see(state, now)
+            case Subscribed():
+                self._inquiry.begin()
             case Disconnected():
                 self.vehicle.lose()
             case Follow(way=way):
                 self._driving.follow(way)
             case Halt():
                 self._halt(now)
+            case Pause() | Resume():
+                self._pausing.is_wanted = isinstance(input, Pause)
             case Perform() | Charge() if self.vehicle.hindrance is not None:
                 self._outbox.add(ActionEnded(failure=self.vehicle.hindrance))
             case Perform(action_type=action_type, parameters=parameters):
@@ -94,7 +98,8 @@ class VehicleControl:
             self._see_charging(self._charging, state, now)
         if self.vehicle.hindrance is None:
             self._outbox.answer_requests(state)
-            self._outbox.clear_instant_actions(state)
+            if not state.paused:  # those of a pause say who has begun it
+                self._outbox.clear_instant_actions(state)
 
     def _give_up(self, hindrance: str, state: State, now: float) -> None:
         """Drop what is wanted from a vehicle that cannot drive: it would go on by itself, when somebody has mended it."""
@@ -196,7 +201,13 @@ class VehicleControl:
             parameters = (ActionParameter(key="orderId", value=order.message.order_id),)
         action = self._outbox.action("cancelOrder", BlockingType.NONE, parameters)
         self._cancellation = Cancellation(action=action, start_time=now, sending_time=now, effects=list(effects))
-        self._outbox.send_action(action)
+        if not self._clears_orders():
+            self._outbox.send_action(action)
+
+    def _clears_orders(self) -> bool:
+        """Whether the vehicle is in a mode in which it drops its order, and is to be sent nothing."""
+        state = self.vehicle.state
+        return state is not None and state.operating_mode in CLEARING
 
     def _see_cancellation(self, cancellation: Cancellation, state: State, now: float) -> None:
         """A vehicle that says that its order is cancelled may still roll: only one that stands has halted."""
@@ -215,7 +226,9 @@ class VehicleControl:
     def _reconcile(self, now: float) -> None:
         if not self.vehicle.is_connected or self.vehicle.hindrance is not None:
             return
-        if self._cancellation is not None or self._charging is not None:
+        if self.vehicle.state is not None:
+            self._pausing.reconcile(self.vehicle.state, now)
+        if self._cancellation is not None or self._charging is not None or self._pausing.is_wanted:
             return
         if self._job is None:
             self._driving.reconcile(now)
@@ -225,11 +238,10 @@ class VehicleControl:
     def _repeat(self, now: float) -> None:
         """Send again what the vehicle does not show to have received."""
         state, order, charging, cancellation = self.vehicle.state, self._driving.order, self._charging, self._cancellation
-        if not self.vehicle.is_connected:
+        self._inquiry.ask(now)
+        if state is None or not self.vehicle.is_connected or self._clears_orders():
             return
-        if state is None:
-            self._ask_for_state(now)
-        elif cancellation is not None:
+        if cancellation is not None:
             if now >= cancellation.sending_time + RESEND and state.action(cancellation.action.action_id) is None:
                 cancellation.sending_time = now
                 self._outbox.send_action(cancellation.action)
@@ -238,12 +250,3 @@ class VehicleControl:
                 self._stop_charging(charging, now)
         elif order is not None and not order.is_acknowledged and self.vehicle.hindrance is None and now >= order.sending_time + RESEND:
             self._driving.resend(order, now)
-
-    def _ask_for_state(self, now: float) -> None:
-        """Some vehicles send no state until they have an order: they are taken for idle after a few requests."""
-        if now < self._request_time + RESEND:
-            return
-        if self._requests >= UNANSWERED:
-            self.vehicle.assume_idle()
-        self._request_time, self._requests = now, self._requests + 1
-        self._outbox.instant("stateRequest")

@@ -247,9 +247,14 @@ class State(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=Tru
     zone_set_id: str | None = None
     information: tuple[Information, ...] | None = field(default=None)
 
+    @property
+    def all_actions(self) -> tuple[ActionState, ...]:
+        """The states of the actions of the order, and of instant actions."""
+        return (*self.action_states, *self.instant_action_states)
+
     def action(self, action_id: str) -> ActionState | None:
         """The state of an action of the order, or of an instant action; None if the vehicle does not list it."""
-        return next((item for item in (*self.action_states, *self.instant_action_states) if item.action_id == action_id), None)
+        return next((item for item in self.all_actions if item.action_id == action_id), None)
 
 
 class Visualization(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True):

@@ -48,6 +48,12 @@ class Switched(Struct, frozen=True, kw_only=True):
     mode: OperatingMode
 
 
+class Pressed(Struct, frozen=True, kw_only=True):
+    """Somebody pressed a button at the vehicle, which pauses it or lets it go on."""
+
+    pauses: bool
+
+
 class Faulted(Struct, frozen=True, kw_only=True):
     """The vehicle has an error, until it is `Repaired`."""
 
@@ -70,7 +76,7 @@ class Misbehaves(Struct, frozen=True, kw_only=True):
     rolls_on: bool = False
 
 
-Input = Ordered | Instructed | Garbled | Felt | Connected | Switched | Faulted | Repaired | Restarted | Misbehaves
+Input = Ordered | Instructed | Garbled | Felt | Connected | Switched | Pressed | Faulted | Repaired | Restarted | Misbehaves
 
 
 class Publish(Struct, frozen=True, kw_only=True):

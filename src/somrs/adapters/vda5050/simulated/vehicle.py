@@ -43,6 +43,7 @@ from somrs.adapters.vda5050.simulated.exchange import (
     Instructed,
     Misbehaves,
     Ordered,
+    Pressed,
     Publish,
     Repaired,
     Restarted,
@@ -77,6 +78,7 @@ class SimulatedVehicle:
         self._busy: Command | None = None
         self._busy_action: str | None = None
         self._cancelling: list[str] = []
+        self._pausing: list[str] = []
         self._disconnecting: list[str] = []
         self._blocked_at: float | None = None
         self._habits = Misbehaves()
@@ -102,6 +104,10 @@ class SimulatedVehicle:
                 self._publish_connection()
             case Switched(mode=mode):
                 self._switch(mode)
+            case Pressed(pauses=pauses):
+                self._paused = pauses
+                if pauses:
+                    self._halt_driving()
             case Faulted(error=error):
                 self._own_errors.append(error)
             case Repaired():
@@ -166,7 +172,7 @@ class SimulatedVehicle:
         self.mode = mode
 
     def _restart(self) -> None:
-        self.progress, self._paused, self._cancelling, self._disconnecting = Progress(), False, [], []
+        self.progress, self._paused, self._cancelling, self._pausing, self._disconnecting = Progress(), False, [], [], []
         self._instant, self._complaints = {}, []
         self._begin(Rest())
         self._publish_connection()
@@ -183,6 +189,8 @@ class SimulatedVehicle:
             case "startPause":
                 self._paused = True
                 self._halt_driving()
+                self._pausing.append(action.action_id)
+                status = ActionStatus.RUNNING
             case "stopPause":
                 self._paused = False
             case "stateRequest":
@@ -232,6 +240,8 @@ class SimulatedVehicle:
         self._see_nodes(sensed)
         if self._busy is not None and sensed.finished == self._number:
             self._end_command(self._busy, sensed.failure, now)
+        if not sensed.is_moving and not isinstance(self._busy, Drive):
+            self._finish(self._pausing)
         if not sensed.is_moving and (self._busy is None or isinstance(self._busy, Rest)):
             self._finish(self._cancelling)
         if not sensed.is_charging:

@@ -264,13 +264,14 @@ class Manipulator(OpeningRobot):
             self._on_way_to = object
             await self._driving(task, self._run_and_record(self._link.approach(object)), 0.05, 0.35, f"on the way to {object}")
             self._on_way_to = None
-            await self._run_and_record(self._link.grip(object))
+            await self._driving(task, self._run_and_record(self._link.grip(object)), 0.35, GRIPPED, f"grips {object}")
         await task.progress(GRIPPED, f"{object} isHeldBy {self.name}", f"{object} is gripped")
         note = f"carries {object} to {target.name}"
         if target.support is None:
             return await self._driving(task, self._run_and_record(self._link.insert(target.name)), GRIPPED, PLACED, note)
         await self._driving(task, self._run_and_record(self._link.approach(target.name)), GRIPPED, 0.85, note)
-        return await self._run_and_record(self._link.place(target.name, *(target.position or ())))
+        placing = self._run_and_record(self._link.place(target.name, *(target.position or ())))
+        return await self._driving(task, placing, 0.85, PLACED, f"puts {object} on {target.name}")
 
     async def _release_after_failure(self, failure: RobotGaveUp, object: str) -> str:
         """The situation after a command was given up. First puts down what the robot still holds, so that others can take it."""

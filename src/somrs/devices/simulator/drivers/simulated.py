@@ -205,8 +205,10 @@ class SimulatedDevice(Device):
         fraction = begin
         try:
             while True:
-                hindrance = self._link.state.hindrance if self._link.state is not None else None
-                await task.progress(fraction, note=f"waits: {hindrance}" if hindrance else note, waits=hindrance is not None)
+                state = self._link.state
+                hindrance = state.hindrance if state is not None else None
+                words = f"waits: {hindrance}" if hindrance else f"{note}; {state.remark}" if state is not None and state.remark else note
+                await task.progress(fraction, note=words, waits=hindrance is not None)
                 finished, _ = await asyncio.wait({driving}, timeout=REPORTING)
                 if finished:
                     return driving.result()

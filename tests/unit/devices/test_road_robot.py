@@ -1,0 +1,51 @@
+"""A robot of any make stands still while an operator has stopped it, or paused its task."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+
+import pytest
+
+from somrs.devices import road_robot
+from somrs.devices.road_robot import RoadRobot, Way, Waypoint
+from somrs.ontology.files.loading import upper
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
+from somrs.ontology.types import PAUSED, PAUSED_FOR, Ontology, Value
+
+WAY = tuple(Waypoint(number=number, name=f"P{number}", x=float(number), y=0.0, level=0.0, released=True) for number in range(3))
+
+
+class NotedRobot(RoadRobot):
+    def __init__(self, values: Iterable[dict[str, Value]]) -> None:
+        super().__init__("Robot1")
+        self.calls: list[str] = []
+        self.maps = iter([Map([Object(name="Robot1", type="MobileRobot", values=value)]) for value in values])
+        self.whole_map = self.next_map
+
+    async def next_map(self, *, is_current: bool = True) -> tuple[Map, Ontology]:
+        try:
+            return next(self.maps), upper()
+        except StopIteration:
+            raise asyncio.CancelledError from None
+
+    async def follow(self, way: Way) -> None:
+        self.calls.append(f"follow {way[-1].name}")
+
+    async def halt(self) -> None:
+        self.calls.append("halt")
+
+
+@pytest.mark.parametrize("stop", [{PAUSED: True}, {PAUSED_FOR: "Task1"}])
+def test_a_stopped_robot_stands_and_follows_its_way_afterwards(stop: dict[str, Value], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(road_robot, "STOPS", 0.0)
+
+    async def test() -> None:
+        robot = NotedRobot([{}, stop, stop, {}, {}])
+        robot.road._way = WAY
+        with pytest.raises(asyncio.CancelledError):
+            await robot._follow_stops()
+        assert robot.calls == ["halt", "follow P2"]
+
+    asyncio.run(test())
