@@ -18,6 +18,7 @@ from somrs.ontology.files.dump import dump_map
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Object
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.task_views import TaskView
 from tests.support import warm
 from tests.support.accomplishing import accomplish
@@ -77,6 +78,17 @@ def operator(client: Client) -> OperatorLink:
     return OperatorLink.at(client.addresses.simulator)
 
 
+async def stop(client: Client, robot: str, *, stopped: bool = True) -> None:
+    """Stop a robot, as an operator does, or let it go on."""
+    await client.update(UpdateMap(situation=f"{robot}.Paused = {str(stopped).upper()}"))
+
+
+async def until_standing(link: OperatorLink, robot: str) -> None:
+    pose = None
+    while pose != (pose := (await link.robots())[robot].y):
+        await asyncio.sleep(0.5)
+
+
 def providers(view: TaskView) -> list[str]:
     return [work.service.partition(".")[0] for work in view.work]
 
@@ -86,6 +98,11 @@ def test_vehicles_accomplish_tasks_also_when_one_breaks_down(tmp_path: Path) -> 
         async with system(tmp_path, SITE) as client, operator(client) as link:
             working = asyncio.create_task(accomplish(client, "Jar1 isOn Platform1"))
             while (await link.robots())["Robot1"].y < 2.0:
+                await asyncio.sleep(0.05)
+            await stop(client, "Robot1")
+            await until_standing(link, "Robot1")
+            await stop(client, "Robot1", stopped=False)
+            while (await link.robots())["Robot1"].y < 2.6:
                 await asyncio.sleep(0.05)
             await link.fault("Robot1", Fault.DRIVE)
             view = await working
