@@ -96,6 +96,8 @@ class RobotProgram:
         self._trip: TripWanted | None = None
         self._is_requested = False
         self._told: tuple[WayPlace, ...] = ()
+        self._halts = 0
+        """How often the robot has been told to stand still."""
         self._locating: _Question | None = None
         self._is_entering, self._entry_time = False, 0.0
         """Whether its entry has not been answered, and when it was sent."""
@@ -215,6 +217,7 @@ class RobotProgram:
             yield SetTimer(_Due(), now + PAUSE)
             return
         self._participant = Participant(self._robot, value.place, value.towards)
+        self._halts = max(self._halts, value.halts)
         self._is_requested = False
         entry = self._participant.enter(LEASE, value.berths, self._mobility)
         self._is_entering, self._entry_time = True, now
@@ -257,7 +260,8 @@ class RobotProgram:
             case TripWanted():
                 self._trip, self._is_requested = notice, False
                 yield from self._request_trip()
-            case TripGivenUp():
+            case TripGivenUp(halts):
+                self._halts, self._told = max(self._halts, halts), ()
                 yield from self._give_up()
             case PlacePassed(number):
                 yield from self._pass(number)
@@ -287,6 +291,7 @@ class RobotProgram:
         if trip is not None and self._is_requested:
             yield self._send(participant.cancel(trip.trip), is_answered=False)
         yield from self._give_way_back()
+        yield from self._go_on()
 
     def _give_way_back(self) -> Effects:
         """Give back the way to which the robot has not departed: busy, and free again after the answer."""
@@ -322,7 +327,7 @@ class RobotProgram:
         way = tuple(WayPlace(self._number + index, name, index < len(released)) for index, name in enumerate(names))
         if way != self._told:
             self._told = way
-            yield self._ask(Follow(way))
+            yield self._ask(Follow(way, self._halts))
 
     def _report(self) -> Send:
         assert self._participant is not None, "only who takes part reports"

@@ -23,11 +23,12 @@ class Locate(Struct, frozen=True):
 
 
 class Standing(Struct, frozen=True, kw_only=True):
-    """Where a robot is: at a place or a berth, or on its way from there to the next one."""
+    """Where a robot is: at a place or a berth, or on its way from there to the next one. `halts`: as of `Follow`."""
 
     place: str
     towards: str | None = None
     berths: tuple[Berth, ...] = ()
+    halts: int = 0
 
 
 class WayPlace(Struct, frozen=True):
@@ -39,9 +40,14 @@ class WayPlace(Struct, frozen=True):
 
 
 class Follow(Struct, frozen=True):
-    """Drive along these places, of which the first is where the robot is or was last; answered at once."""
+    """Drive along these places, of which the first is where the robot is or was last; answered at once.
+
+    `halts`: how often the robot has been told to stand still, as far as the program knows. A way from before the last time is not
+    followed: the robot gives it back.
+    """
 
     way: tuple[WayPlace, ...]
+    halts: int = 0
 
 
 class TripOver(Struct, frozen=True):
@@ -69,7 +75,9 @@ class TripWanted(Struct, frozen=True):
 
 
 class TripGivenUp(Struct, frozen=True):
-    """The robot does not want to go on with its trip, and stands."""
+    """The robot does not want to go on with its trip, and stands. `halts`: as of `Follow`."""
+
+    halts: int = 0
 
 
 class PlacePassed(Struct, frozen=True):

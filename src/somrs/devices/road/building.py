@@ -303,7 +303,7 @@ def _roadmap_of(road_places: Sequence[RoadmapPlace], building: OpenBuilding) -> 
     return Roadmap(places=places, lanes=lanes, lifts=tuple(shaft.name for shaft in building.shafts), doors=doors, graphs=graphs)
 
 
-def standing(place: Berth | str, towards: str | None = None) -> Standing:
+def standing(place: Berth | str, halts: int) -> Standing:
     """Where a robot is, for its program in traffic."""
     berths = (place,) if isinstance(place, Berth) else ()
-    return Standing(place=place.name if isinstance(place, Berth) else place, towards=towards, berths=berths)
+    return Standing(place=place.name if isinstance(place, Berth) else place, berths=berths, halts=halts)

@@ -79,6 +79,8 @@ class Traveller:
         self._is_abandoned = False
         """Whether it was told to drive by a command that has ended while it could not be reached."""
         self._stopping: asyncio.Task[None] | None = None
+        self._halts = 0
+        """How often it was told to stand still: ways from before are not followed any more."""
         self._yaws: dict[str, float] = {}
         """The headings that it is to have at berths."""
         self._trips: dict[str, asyncio.Future[TripOver]] = {}
@@ -120,7 +122,7 @@ class Traveller:
         ahead = next((waypoint for waypoint in self._way[1:] if waypoint.released), None)
         self._blocked = {ahead.name} if ahead is not None else set()
         trips, self._trips = [*self._trips.values()], {}
-        self.tell(TripGivenUp())
+        self._give_up_trip()
         self.tell(Astray())
         for trip in trips:
             if not trip.done():
@@ -145,16 +147,29 @@ class Traveller:
         if is_connected:
             self.connected.set()
             if self._is_abandoned:
-                self._is_abandoned, self._stopping = False, asyncio.create_task(self._stop_what_goes_on())
+                self._is_abandoned = False
+                self._begin_to_halt()
         else:
             self.connected.clear()
             self._lost_at = asyncio.get_running_loop().time()
             self._end_command("link-lost", f"{self.robot.name} cannot be reached")
 
-    async def _stop_what_goes_on(self) -> None:
-        """The robot is there again, and what it was told before is not wanted any more."""
+    def _begin_to_halt(self) -> asyncio.Task[None]:
+        """Have the robot stand still, because what it was told is not wanted any more, and give up its trip when it stands. What traffic
+        grants meanwhile is given back as well, so that it is not followed."""
+        if self._stopping is None or self._stopping.done():
+            self._halts, self._way = self._halts + 1, ()
+            self._stopping = asyncio.create_task(self._halt())
+        return self._stopping
+
+    async def _halt(self) -> None:
         await self.robot.halt()
-        self.tell(TripGivenUp())
+        self.tell(TripGivenUp(self._halts))
+
+    def _give_up_trip(self) -> None:
+        """Give up the trip of a robot that stands."""
+        self._halts, self._way = self._halts + 1, ()
+        self.tell(TripGivenUp(self._halts))
 
     async def wait_reconnected(self, timeout: float) -> bool:
         remaining = self._lost_at + timeout - asyncio.get_running_loop().time()
@@ -190,9 +205,10 @@ class Traveller:
             if not self.connected.is_set():
                 self._is_abandoned = True  # nobody knows how far it drives: it keeps what it was granted
                 raise
-            if not self._faults:
-                await asyncio.shield(self.robot.halt())
-            self.tell(TripGivenUp())
+            if self._faults:
+                self._give_up_trip()
+            else:
+                await asyncio.shield(self._begin_to_halt())
             raise
         finally:
             self._trips.pop(trip, None)
@@ -208,8 +224,10 @@ class Traveller:
         match task:
             case Locate(roadmap=roadmap):
                 return await self._locate(roadmap)
-            case Follow(way=way):
+            case Follow(way=way, halts=halts) if halts == self._halts:
                 await self._follow(way)
+            case Follow():
+                pass
             case TripOver(trip=trip):
                 over = self._trips.get(trip)
                 if over is not None and not over.done():
@@ -228,6 +246,7 @@ class Traveller:
     async def _locate(self, roadmap: RoadmapRead) -> Standing:
         """Where the robot stands, as soon as it does."""
         self._roadmap = roadmap
+        self._halts += 1  # what it was to follow is from before it was lost
         await self._stands_still()
         building = await self.building(is_current=False)
         state = self.state
@@ -238,7 +257,7 @@ class Traveller:
         if isinstance(stop, Berth):
             self._remember(stop, None)
         self._blocked, self._way = set(), ()
-        return standing(stop)
+        return standing(stop, halts=self._halts)
 
     def _remember(self, berth: Berth, yaw: float | None) -> None:
         """Keep a berth: ways may lead there. `yaw`: the heading that the robot is to have there."""

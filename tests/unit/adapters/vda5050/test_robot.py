@@ -139,3 +139,19 @@ def test_halting_takes_until_the_vehicle_stands() -> None:
 def test_the_attributes_of_a_vehicle_come_from_its_factsheet() -> None:
     values = Bench().device.values
     assert values == {"Shape.Form": "Cylinder", "Shape.Radius": 0.5, "Shape.Height": 0.6, "Speed": 1.0, "Payload": 20.0}
+
+
+def test_a_vehicle_that_is_there_again_can_be_reached_when_it_has_said_how_it_is() -> None:
+    """What is retained at the broker says that it is online; what it did meanwhile, only its state does."""
+
+    async def test() -> None:
+        bench = Bench()
+        bench.session.notice_broker(is_connected=False)
+        header = {key: STATE[key] for key in ("headerId", "timestamp", "version", "manufacturer", "serialNumber")}
+        bench.session.receive(Topic.CONNECTION, json.dumps({**header, "connectionState": "ONLINE"}).encode())
+        assert not bench.session.control.vehicle.is_connected
+        assert bench.newest("instantActions")["actions"][0]["actionType"] == "stateRequest"
+        bench.say()
+        assert bench.session.control.vehicle.is_connected
+
+    asyncio.run(test())

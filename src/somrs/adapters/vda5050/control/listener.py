@@ -129,9 +129,10 @@ class Listener:
 
     def _hear_connection(self, connection_state: ConnectionState) -> None:
         if connection_state is ConnectionState.ONLINE:
-            self._reach()
+            if self.state is None:
+                self._reach()
             if self.takes_instant_actions:
-                self._outbox.instant("stateRequest")
+                self._outbox.instant("stateRequest")  # until it answers, nobody knows what it has done meanwhile
         else:
             self.lose()
 

@@ -1,0 +1,34 @@
+"""Robots that are told to stand still follow no way that was meant for what they did before."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from tests.support.road_lab import RoadLab, in_virtual_time
+
+
+def test_a_robot_that_is_being_stopped_drives_no_further_than_it_keeps(tmp_path: Path) -> None:
+    """Seen with vehicles that were cut off from their broker: what traffic grants while they are halted was followed afterwards."""
+
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        robot.stopping = 3.0
+        await lab.start()
+        going = asyncio.create_task(robot.link.approach("Platform1"))
+        await asyncio.sleep(2.0)
+        robot.cut_off()
+        with pytest.raises(RobotGaveUp, match="cannot be reached"):
+            await going
+        await asyncio.sleep(8.0)
+        robot.return_back()
+        await asyncio.sleep(30.0)
+        building = await robot.road.building()
+        (place,) = lab.held("Robot1")
+        assert (robot.x, robot.y) == pytest.approx(building.point(place), abs=0.05)
+
+    in_virtual_time(test())
