@@ -27,6 +27,7 @@ from somrs.space.distances import Array, distances_from
 from somrs.space.edges import edge_targets
 from somrs.space.free_space import FreeSpace
 from somrs.space.lanes import lanes_of
+from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import CARRYING, Point, Role, Solid, solid_of
 from somrs.space.zones import Zones, zones_of
 from somrs.traffic.layout import OpenBuilding
@@ -198,6 +199,11 @@ class Building:
         """What a thing is on, or in; None if the map does not say so."""
         facts = (fact for relation in ("isOn", "isIn") for fact in self._map.facts(relation))
         return next((fact.arguments[1] for fact in facts if fact.arguments[0] == thing), None)
+
+    def floor_at(self, point: Point, height: float) -> str | None:
+        """The floor below a point, at a height in metres; None if there is none on the map."""
+        floors = (solid for solid in self.solids.values() if solid.role is Role.FLOOR and abs(solid.top - height) < SAME_FLOOR)
+        return next((floor.name for floor in floors if floor.distance(*point) <= 0), None)
 
     def level_of(self, height: float) -> float:
         """The floor that is nearest to a height, m."""

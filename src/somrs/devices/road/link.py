@@ -285,7 +285,8 @@ class RoadLink(CommandLink):
         robot.holding = None
         self.traveller.renew_state()
         x, y, z, support = spots[0]
-        return self._done(ObjectState(object=thing, x=x, y=y, z=z, yaw=0.0, support=support if support in building.solids else None))
+        on = support if support in building.solids else building.floor_at((x, y), z)
+        return self._done(ObjectState(object=thing, x=x, y=y, z=z, yaw=0.0, support=on))
 
     async def _charge(self) -> CommandDone:
         building, state = await self.traveller.building(), self.state
