@@ -18,6 +18,7 @@ from somrs.devices.road.building import Building
 from somrs.devices.road.hardware import RobotFailed
 from somrs.devices.road.link import RoadLink
 from somrs.devices.road.member import WholeMap
+from somrs.devices.road.motion import Experience, Motion
 from somrs.devices.road.waypoints import Way, Waypoint
 from somrs.devices.simulator.drivers.manipulator import Manipulator
 from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
@@ -26,9 +27,9 @@ from somrs.errors import RemoteError
 from somrs.ontology.map import Map
 from somrs.ontology.modes import is_stopped
 from somrs.ontology.types import Ontology
-from somrs.service_manager.sdk.device import Service
+from somrs.service_manager.sdk.device import Service, Task
 
-__all__ = ["CarryingRobot", "RoadRobot", "RobotFailed", "Way", "Waypoint"]
+__all__ = ["CarryingRobot", "Motion", "RoadRobot", "RobotFailed", "Way", "Waypoint"]
 
 STOPS = 0.5
 """Seconds between two looks at the map for whether an operator has stopped the robot."""
@@ -62,6 +63,7 @@ class RoadRobot(MobileRobot):
         """Drives where traffic lets it; the program that runs the device connects it to traffic."""
         self.whole_map: WholeMap = _no_map
         """The map as it is, and the ontology; the program that runs the device sets it."""
+        self.driving, self.handling = Experience(), Experience()
         self.building = Building()
         """What is known of the building; robots of one process share it."""
 
@@ -87,6 +89,9 @@ class RoadRobot(MobileRobot):
     def services(self) -> Mapping[str, Service]:
         offered = {"move_to", *(("charge",) if self.can_charge else ())}
         return {name: service for name, service in super().services().items() if name in offered}
+
+    async def driving_time(self, task: Task, way: float) -> float:
+        return self.driving.ratio * way / self.road.driver().solid.speed
 
     @property
     def _needs_charge(self) -> bool:
@@ -136,6 +141,11 @@ class RoadRobot(MobileRobot):
         """End what the robot works on, such as picking, dropping or charging, as soon as this is safe. Returns when it does nothing."""
         raise NotImplementedError
 
+    @property
+    def motion(self) -> Motion:
+        """How it moves, and handles things; its quotes come from there, and from how long it took before."""
+        return Motion()
+
     # For authors: what the robot says
 
     def located(self, x: float, y: float, yaw: float, level: float | None = None) -> None:
@@ -167,6 +177,10 @@ class CarryingRobot(RoadRobot, Manipulator):
     type = "MobileManipulator"
     can_carry: bool = True
     """Whether it can pick and drop things."""
+
+    @property
+    def handling_time(self) -> float:
+        return self.handling.ratio * self.motion.handling
 
     def services(self) -> Mapping[str, Service]:
         offered = {"move_to", *(("charge",) if self.can_charge else ()), *(("transfer",) if self.can_carry else ())}

@@ -75,13 +75,15 @@ class Goal:
 @dataclass(frozen=True, slots=True)
 class Way:
     """A way. `length`: in metres, where a ride in a lift, and a lane in a slow zone, count as far as the robot drives in that time; `end`:
-    where it ends, and the height of that floor; `doors`, `lifts`: through which it leads."""
+    where it ends, and the height of that floor; `doors`, `lifts`: through which it leads; `points`: those of its places, with its beginning
+    and its end; empty for who does not drive."""
 
     length: float
     end: Point
     level: float
     doors: frozenset[str] = frozenset()
     lifts: frozenset[str] = frozenset()
+    points: tuple[Point, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -241,7 +243,8 @@ class Ways:
         rides = (lane for lane in lanes if self._seconds[lane])
         lifts = {self._roadmap.roadmap.places[self._starts[lane]].zone or "" for lane in rides}
         length = max(cost - float(goal.stands.costs[stand]), 0.0)
-        return Way(length, (x, y), goal.level, frozenset(doors), frozenset(lifts))
+        places = (*(point for _, point in ends[:2]), *(self._point(int(self._ends[lane])) for lane in lanes), (x, y))
+        return Way(length, (x, y), goal.level, frozenset(doors), frozenset(lifts), places)
 
     def _point(self, place: int) -> Point:
         x, y = self._points[place].tolist()

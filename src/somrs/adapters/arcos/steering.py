@@ -12,6 +12,7 @@ from msgspec import Struct
 
 from somrs.adapters.arcos.odometry import Pose, wrap
 from somrs.adapters.arcos.parameters import Parameters
+from somrs.devices.road_robot import Motion
 
 LOOK_AHEAD = 0.5
 """The robot steers to the point of the line this far ahead of it, m."""
@@ -25,6 +26,12 @@ SLOWEST_TURN = math.radians(3)
 """Slower, the motors hardly turn, rad/s."""
 BRAKING = 0.5
 """Share of the robot's deceleration that plans use: reports and commands are on their way for a tenth of a second."""
+
+
+GRANTED = 2.0
+"""How far ahead a robot may mostly drive, m: three places of the roadmap."""
+HANDLING = 24.0
+"""To turn to a thing, to drive up to it and back, and to move paddles and lift, for picking and for dropping, s."""
 
 
 class Speeds(Struct, frozen=True, kw_only=True):
@@ -55,6 +62,17 @@ def speed_for(distance: float, parameters: Parameters, limit: float) -> float:
     way, braking, blind_time = distance + ALLOWANCE, parameters.acceleration, parameters.watchdog + DELAY
     blind = braking * (math.sqrt(blind_time**2 + 2 * way / braking) - blind_time)
     return min(limit, parameters.speed, blind, max(CREEPING, math.sqrt(2 * BRAKING * braking * distance)))
+
+
+def motion_of(parameters: Parameters) -> Motion:
+    """How robots move by these speeds, for their quotes."""
+    return Motion(
+        speed=speed_for(GRANTED, parameters, parameters.speed),
+        acceleration=2 * parameters.acceleration * BRAKING / (1 + BRAKING),  # it brakes more gently than it sets off
+        turning=parameters.turning,
+        settling=2 * DELAY + parameters.turning / parameters.turning_acceleration,
+        handling=HANDLING,
+    )
 
 
 class Line(Struct, frozen=True, kw_only=True):

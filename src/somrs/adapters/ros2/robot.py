@@ -6,7 +6,7 @@ from somrs.adapters.ros2.connection import RobotConnection
 from somrs.adapters.ros2.frames import Pose
 from somrs.adapters.ros2.session import Session
 from somrs.adapters.ros2.settings import Binding, RobotSettings
-from somrs.devices.road_robot import CarryingRobot, RobotFailed, Way
+from somrs.devices.road_robot import CarryingRobot, Motion, RobotFailed, Way
 from somrs.ontology.types import Value
 from somrs.service_manager.sdk.values import as_term
 
@@ -17,6 +17,7 @@ class Ros2Robot(CarryingRobot):
     def __init__(self, name: str, settings: RobotSettings, binding: Binding, session: Session) -> None:
         super().__init__(name)
         self.can_charge, self.can_carry = binding.charge is not None, bool(binding.pick)
+        self._moves = binding.moves
         self._connection = RobotConnection(name, settings, binding, session, self)
 
     async def open(self) -> None:
@@ -27,6 +28,11 @@ class Ros2Robot(CarryingRobot):
     async def close(self) -> None:
         await super().close()
         self._connection.close()
+
+    @property
+    def motion(self) -> Motion:
+        moves = self._moves
+        return Motion(speed=moves.speed, acceleration=moves.acceleration, turning=moves.turning, handling=moves.handling)
 
     # What traffic and the services tell the robot
 

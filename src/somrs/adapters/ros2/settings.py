@@ -161,6 +161,16 @@ class PuttingDown(Model):
     ahead: float = 0.4
 
 
+class Moves(Model):
+    """How a robot moves, for its quotes: its largest speed in m/s (None: that of the map), its acceleration in m/s², its turning on the
+    spot in rad/s, and how long it takes to pick a thing and to drop it, in seconds."""
+
+    speed: float | None = Field(default=None, gt=0)
+    acceleration: float = Field(default=0.5, gt=0)
+    turning: float = Field(default=1.0, gt=0)
+    handling: float = Field(default=20.0, ge=0)
+
+
 class Binding(Model):
     """What the robots of one kind have: the content of a binding file. Where a robot is comes from `pose`, or else from `transform`."""
 
@@ -169,6 +179,7 @@ class Binding(Model):
     odometry: OdometryTopic | None = None
     navigate: Navigation = Navigation()
     speed_limit: SpeedLimit | None = None
+    moves: Moves = Moves()
     pick: tuple[Step, ...] = ()
     drop: tuple[Step, ...] = ()
     put_down: PuttingDown | None = None

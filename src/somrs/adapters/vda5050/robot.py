@@ -28,7 +28,7 @@ from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.orders import ActionParameter
 from somrs.adapters.vda5050.session import VehicleSession
 from somrs.adapters.vda5050.settings import Settings
-from somrs.devices.road_robot import CarryingRobot, RobotFailed, Way
+from somrs.devices.road_robot import CarryingRobot, Motion, RobotFailed, Way
 from somrs.ontology.types import Value
 
 
@@ -62,6 +62,11 @@ class Vda5050Vehicle(CarryingRobot):
             self._take_effect(Broken(reason=vehicle.hindrance))
         if vehicle.pose is not None:
             self._take_effect(Located(pose=vehicle.pose))
+
+    @property
+    def motion(self) -> Motion:
+        factsheet = self.session.control.vehicle.factsheet
+        return _motion(factsheet) if factsheet is not None else Motion()
 
     # What traffic and the services tell the vehicle
 
@@ -179,6 +184,20 @@ def described(session: VehicleSession) -> dict[str, Value]:
     if vehicle.factsheet is not None:
         values |= _measures(vehicle.factsheet)
     return values
+
+
+def _motion(factsheet: Factsheet) -> Motion:
+    """How a vehicle moves by its factsheet; what that leaves open, or has as 0, as most vehicles do."""
+    physical, usual = factsheet.physical_parameters, Motion()
+    load_sets = factsheet.load_specification.load_sets if factsheet.load_specification is not None else None
+    times = [(load.pick_time or 0.0) + (load.drop_time or 0.0) for load in load_sets or ()]
+    ramps = [ramp for ramp in (physical.maximum_acceleration, abs(physical.maximum_deceleration)) if ramp > 0]
+    return Motion(
+        speed=physical.maximum_speed if physical.maximum_speed > 0 else None,
+        acceleration=min(ramps, default=usual.acceleration),
+        turning=physical.maximum_angular_speed or usual.turning,
+        handling=max(times, default=0.0) or usual.handling,
+    )
 
 
 def _measures(factsheet: Factsheet) -> dict[str, Value]:

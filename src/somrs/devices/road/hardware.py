@@ -6,6 +6,7 @@ from typing import Protocol
 
 from somrs.devices.road.building import Building
 from somrs.devices.road.member import WholeMap
+from somrs.devices.road.motion import Experience, Motion
 from somrs.devices.road.waypoints import Way
 
 
@@ -28,6 +29,11 @@ class Vehicle(Protocol):
     holding: str | None
     whole_map: WholeMap
     building: Building
+    driving: Experience
+    handling: Experience
+
+    @property
+    def motion(self) -> Motion: ...
 
     async def follow(self, way: Way) -> None: ...
 

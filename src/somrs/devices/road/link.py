@@ -30,10 +30,11 @@ from somrs.devices.simulator.link.commands import (
     Stop,
 )
 from somrs.devices.simulator.link.connection import RobotGaveUp
-from somrs.devices.simulator.link.lines import Legs, PathStop
+from somrs.devices.simulator.link.lines import Legs, PathStop, StandAt, Stops
 from somrs.devices.simulator.motion.driving import why_not_arrived
 from somrs.devices.simulator.motion.legs import find_legs
 from somrs.errors import UsageError
+from somrs.protocol.messages.traffic import Berth
 from somrs.space.solids import Point, Role
 from somrs.traffic.robot_tasks import TripOver
 
@@ -63,6 +64,8 @@ class RoadLink(CommandLink):
         """Whether the thing that the robot was to take may be somewhere else now."""
         self._stand: Stand | None = None
         """Where the robot stands to work, if it does."""
+        self._picking_time: float | None = None
+        """How long it took to pick what the robot carries, s."""
 
     def _end_at_once(self, reason: str, description: str) -> None:
         if self._current is not None and not self._current.done():
@@ -90,8 +93,11 @@ class RoadLink(CommandLink):
         return await self.traveller.wait_reconnected(timeout)
 
     async def legs(self, *stops: PathStop, situation: str | None = None) -> Legs:
-        building = await self.traveller.building()
-        return find_legs(building, self.traveller.driver(), stops, situation)
+        return self._legs(await self.traveller.building(), stops, situation)
+
+    def _legs(self, building: Building, stops: Stops, situation: str | None = None) -> Legs:
+        driver, motion = self.traveller.driver(), self.robot.motion
+        return find_legs(building, driver, stops, situation, lambda way: motion.detour(way.points, driver.solid.speed))
 
     async def command(self, command: Command) -> CommandDone:
         if self.state is None or not self.connected:
@@ -164,7 +170,15 @@ class RoadLink(CommandLink):
         if stop is None:
             description = f"{self.robot.name} sees no place of the roadmap from ({goal[0]:.2f}, {goal[1]:.2f})"
             raise RobotGaveUp("unreachable", description, self.state)
-        self._check(await self.traveller.travel(stop), goal)
+        await self._travel(stop, goal)
+
+    async def _travel(self, stop: Berth | str, goal: Point, yaw: float | None = None) -> None:
+        """Go there, and learn how long that takes."""
+        loop, driver = asyncio.get_running_loop(), self.traveller.driver()
+        (way,) = self._legs(self.robot.building, (StandAt(x=goal[0], y=goal[1], z=driver.level),)).lengths
+        start_time = loop.time()
+        self._check(await self.traveller.travel(stop, yaw), goal)
+        self.robot.driving.learn((way or 0.0) / driver.solid.speed, loop.time() - start_time)
 
     async def _approach(self, name: str) -> None:
         """Drive to where a thing or a support is within reach: to another stand if others stand in the way to one. Robots that move may go
@@ -193,7 +207,7 @@ class RoadLink(CommandLink):
             if stop is None:
                 continue
             try:
-                self._check(await self.traveller.travel(stop, stand.yaw), stand.base)
+                await self._travel(stop, stand.base, stand.yaw)
             except RobotGaveUp as failure:
                 if failure.reason not in ("blocked", "unreachable"):
                     raise
@@ -220,11 +234,14 @@ class RoadLink(CommandLink):
 
     # Things
 
-    async def _working(self, work: Coroutine[object, object, None]) -> None:
-        """Let the robot work where it stands: nobody asks it to make room."""
+    async def _working(self, work: Coroutine[object, object, None]) -> float:
+        """Let the robot work where it stands: nobody asks it to make room. Returns how long that took, s."""
         self.traveller.tell_mobility()
+        loop = asyncio.get_running_loop()
+        start_time = loop.time()
         try:
             await work
+            return loop.time() - start_time
         except RobotFailed as failure:
             self._is_lost = failure.is_lost
             raise RobotGaveUp("not-possible", failure.description, self.state) from None
@@ -245,7 +262,7 @@ class RoadLink(CommandLink):
             self.traveller.activity = "Grip"
         support, (x, y, z, yaw) = building.support_of(thing), building.pose(thing)
         self._is_lost = True  # for who cannot be asked any more
-        await self._working(robot.pick(thing, support or ""))
+        self._picking_time = await self._working(robot.pick(thing, support or ""))
         self._is_lost = False
         robot.holding = thing
         self.traveller.renew_state()
@@ -263,8 +280,10 @@ class RoadLink(CommandLink):
         if self._stand is None or not self._stands_there():
             await self._approach(support)
             self.traveller.activity = "Place"
-        await self._working(robot.drop(thing, support))
-        robot.holding = None
+        dropping_time = await self._working(robot.drop(thing, support))
+        if self._picking_time is not None:
+            robot.handling.learn(robot.motion.handling, self._picking_time + dropping_time)
+        robot.holding = self._picking_time = None
         self.traveller.renew_state()
         stand, solid = self._stand, building.solids[support]
         (x, y), z = (stand.spot if stand is not None else (solid.x, solid.y)), solid.top

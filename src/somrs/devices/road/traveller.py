@@ -10,6 +10,7 @@ import itertools
 import logging
 import uuid
 from collections.abc import Callable
+from dataclasses import replace
 
 from somrs.devices.road.building import Building, RoadDriver, standing
 from somrs.devices.road.hardware import Vehicle
@@ -322,6 +323,7 @@ class Traveller:
             raise RemoteError(f"{self.robot.name} is not on the map, with a position and a shape")
         assert state is not None, "the robot was located"
         floor = self.robot.building.level_of(self.level if level is None else level)
+        solid = replace(solid, speed=self.robot.motion.speed_on(solid.speed))
         return RoadDriver(self.robot.name, solid, (state.x, state.y, state.yaw), floor)
 
     def new_name(self) -> str:

@@ -87,7 +87,7 @@ async def _weighing_time(device: Manipulator, task: Task) -> float:
 
 
 async def _duration(device: Manipulator, task: Task) -> float:
-    return round(HANDLING_TIME + await device.driving_time(task, sum(await device.legs(task))), 1)
+    return round(device.handling_time + await device.driving_time(task, sum(await device.legs(task))), 1)
 
 
 def _destination(task: Task) -> str:
@@ -98,6 +98,11 @@ class Manipulator(OpeningRobot):
     """A mobile robot with a gripper in the simulator."""
 
     type = "MobileManipulator"
+
+    @property
+    def handling_time(self) -> float:
+        """Seconds to grip a thing and to put it down."""
+        return HANDLING_TIME
 
     async def open(self) -> None:
         self._last_observations: dict[str, ObjectState] = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -86,7 +86,13 @@ def _is_movable(solid: Solid | None) -> bool:
     return solid is not None and solid.role in (Role.THING, Role.ROBOT)
 
 
-def find_legs(world: DrivenWorld, driver: Driver, stops: Stops, situation: str | None = None) -> Legs:
+def _nothing(way: Way) -> float:
+    return 0.0
+
+
+def find_legs(
+    world: DrivenWorld, driver: Driver, stops: Stops, situation: str | None = None, extra: Callable[[Way], float] = _nothing
+) -> Legs:
     """Driving distances in metres to the first stop, from there to the next, and so on; None from the first leg without a path on.
 
     If shut doors leave no path, the legs are those of a shortest path with the doors on it open, and the doors are named. So are the open
@@ -107,7 +113,7 @@ def find_legs(world: DrivenWorld, driver: Driver, stops: Stops, situation: str |
     leg_ways = planner.ways(stops, closed)
     if None not in leg_ways or not (shut_doors or lifts or zones.forbidden):
         needed_doors = _needed(planner, stops, closed, leg_ways)
-        return Legs(_lengths(leg_ways), (), needed_doors, carries, out_of_reach=planner.is_out_of_reach(stops, leg_ways))
+        return Legs(_lengths(leg_ways, extra), (), needed_doors, carries, out_of_reach=planner.is_out_of_reach(stops, leg_ways))
     to_move = {stop.removesuffix(HANDLES) for stop in stops if isinstance(stop, str) and stop.endswith(HANDLES)}
     staying_shut = unusable | (shut_doors & to_move)  # none can be opened from behind itself
     with_doors = planner.ways(stops, replace(closed, doors=staying_shut))
@@ -115,7 +121,7 @@ def find_legs(world: DrivenWorld, driver: Driver, stops: Stops, situation: str |
         out_of_order, forbidden = _closing(planner, stops, replace(closed, doors=staying_shut))
         passages = tuple(passage for passage in out_of_order if passage not in to_move)
         out_of_reach = planner.is_out_of_reach(stops, leg_ways)
-        return Legs(_lengths(leg_ways), carries=carries, out_of_order=passages, zones=forbidden, out_of_reach=out_of_reach)
+        return Legs(_lengths(leg_ways, extra), carries=carries, out_of_order=passages, zones=forbidden, out_of_reach=out_of_reach)
     to_open = [door for door in doors if door in shut_doors and door in _doors(with_doors)]
     for door in [*to_open] if len(to_open) > 1 else ():  # a longer way may need fewer doors
         shorter = planner.ways(stops, replace(closed, doors=(shut_doors - {*to_open}) | {door}))
@@ -124,7 +130,7 @@ def find_legs(world: DrivenWorld, driver: Driver, stops: Stops, situation: str |
             with_doors = shorter
     closed = replace(closed, doors=shut_doors - {*to_open})
     needed_doors = _needed(planner, stops, closed, with_doors)
-    return Legs(_lengths(with_doors), tuple(to_open), tuple(door for door in needed_doors if door not in to_open), carries)
+    return Legs(_lengths(with_doors, extra), tuple(to_open), tuple(door for door in needed_doors if door not in to_open), carries)
 
 
 def _closing(planner: _LegPlanner, stops: Stops, closed: Closed) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -186,8 +192,8 @@ def _doors(leg_ways: Sequence[Way | None]) -> frozenset[str]:
     return frozenset(door for way in leg_ways if way is not None for door in way.doors)
 
 
-def _lengths(leg_ways: Sequence[Way | None]) -> tuple[float | None, ...]:
-    return tuple(way.length if way is not None else None for way in leg_ways)
+def _lengths(leg_ways: Sequence[Way | None], extra: Callable[[Way], float]) -> tuple[float | None, ...]:
+    return tuple(way.length + extra(way) if way is not None else None for way in leg_ways)
 
 
 class _LegPlanner:
