@@ -20,7 +20,7 @@ setup: .venv/.ready
 	@scripts/setup "$(PYTHON)"
 
 demo: setup
-	@$(BIN)/somrs demo $(SCENARIO) --out out/scenario-$(SCENARIO)
+	@$(BIN)/somrs demo $(SCENARIO) $(if $(ARCOS),--arcos) $(if $(SEED),--seed $(SEED)) --out out/scenario-$(SCENARIO)$(if $(ARCOS),-arcos)
 
 test:
 	@scripts/test

@@ -5,12 +5,24 @@ It is made if the environment variable `SOMRS_WIRES` names a folder: a file for 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 VARIABLE = "SOMRS_WIRES"
+
+
+@contextlib.contextmanager
+def recorded_wires(folder: Path) -> Iterator[None]:
+    """Have the adapters whose programs are started meanwhile record what is said on their wires, in a folder."""
+    os.environ[VARIABLE] = str(folder.resolve())
+    try:
+        yield
+    finally:
+        os.environ.pop(VARIABLE, None)
 
 
 class WireRecord:

@@ -112,6 +112,7 @@ def demo(
     ] = "1b",
     out: Annotated[Path | None, typer.Option(help="The folder for pictures, messages and maps.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed for random start positions, and a random time of the fault.")] = None,
+    arcos: Annotated[bool, typer.Option("--arcos", help="Drive the robots of scenarios 1 and 1b by ARCOS, in real time.")] = False,
 ) -> None:
     """Run a scenario of the paper in the simulator."""
     from somrs.deployment.launcher import Launcher, fork_launcher
@@ -119,7 +120,7 @@ def demo(
     launcher_process = fork_launcher()  # before numpy starts threads
     from somrs.demo.scenarios import play
 
-    sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed, launcher=Launcher(launcher_process))))
+    sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed, launcher=Launcher(launcher_process), arcos=arcos)))
 
 
 @app.command(cls=UpCommand)

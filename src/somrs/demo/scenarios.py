@@ -19,6 +19,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from somrs.adapters.wires import recorded_wires
 from somrs.client import terminal
 from somrs.client.client import Client
 from somrs.client.message_chart import chart
@@ -27,6 +28,7 @@ from somrs.client.trace import Follower, Line
 from somrs.demo import cooperation as cooperation_demo
 from somrs.demo import hotel as hotel_demo
 from somrs.demo import neighbours as neighbours_demo
+from somrs.demo import pioneers
 from somrs.demo import recovery as recovery_demo
 from somrs.demo import worlds as worlds_demo
 from somrs.demo.picture_sheet import sheet
@@ -94,14 +96,17 @@ async def play(
     *,
     launcher: Launcher | None = None,
     world: WorldKind = WorldKind.PHYSICS,
+    arcos: bool = False,
 ) -> int:
     """Play a scenario, print its messages, and write its results to `folder`. Return the exit code: 0 if all checks pass.
 
     `seed`: vary the positions and the time of the failure; None: as in the paper. `world`: what moves robots and things; those of scenarios
-    4 and 5 are kinematic. Raises UsageError for an unknown scenario.
+    4 and 5 are kinematic. `arcos`: the robots are driven by ARCOS, in real time. Raises UsageError for an unknown scenario.
     """
     if scenario not in _SCENARIOS:
         raise UsageError(f"there is no scenario {scenario}; there are {' and '.join(_SCENARIOS)}")
+    if arcos and scenario not in ("1", "1b"):
+        raise UsageError(f"--arcos: the robots of scenario {scenario} are not driven by ARCOS alone; those of 1 and 1b can be")
     console = console or terminal.console()
     if folder.exists():
         shutil.rmtree(folder)
@@ -111,11 +116,12 @@ async def play(
     if scenario == "6":
         return await worlds_demo.play(folder, seed, console, launcher)
     site, distance = prepare(scenario, folder, seed)
-    speed = {"2": recovery_demo.SPEED, "4": hotel_demo.SPEED}.get(scenario, SPEED)
+    speed = pioneers.SPEED if arcos else {"2": recovery_demo.SPEED, "4": hotel_demo.SPEED}.get(scenario, SPEED)
     world = WorldKind.KINEMATIC if scenario == "4" else world
-    system = System([site], folder / "run", speed=speed, world=world, launcher=launcher, devices_per_process=1)
+    system = System([site], folder / "run", speed=speed, world=world, launcher=launcher, devices_per_process=1, arcos=arcos)
+    wires = recorded_wires(folder / "wires") if arcos else contextlib.nullcontext()
     try:
-        with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the Service Managers ..."):
+        with wires, console.status("starting the Repository, the Registry, the Task Manager, the simulator and the Service Managers ..."):
             await system.start()
         if scenario == "2":
             return await recovery_demo.perform(system, folder, console)
@@ -126,6 +132,8 @@ async def play(
         played = await _perform(scenario, system, folder, distance, console)
     finally:
         await system.stop()
+    if arcos:
+        played.checks |= pioneers.wire_checks(folder / "wires", scenario)
     _close(played, scenario, folder, console)
     return 0 if played.passed else 1
 

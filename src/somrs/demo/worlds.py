@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import os
 import shutil
 import sys
 import time
@@ -21,7 +20,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from somrs.adapters.wires import VARIABLE
+from somrs.adapters.wires import recorded_wires
 from somrs.client import terminal
 from somrs.client.client import Client
 from somrs.client.message_chart import chart
@@ -110,11 +109,10 @@ async def play(folder: Path, seed: int | None, console: Console, launcher: Launc
         )
     adapters = {"ros2": _ros_settings(python, site.with_name("robot.yaml"))} if python is not None else {}
     breaks = BREAKS[0 if seed is None else seed % len(BREAKS)]
-    wires = (folder / "wires").resolve()
-    os.environ[VARIABLE] = str(wires)
+    wires = folder / "wires"
     system = System([site], folder / "run", speed="1", world=WorldKind.KINEMATIC, launcher=launcher, adapters=adapters, arcos=True)
     try:
-        with console.status("starting the system, the adapters, and the other ends of their wires ..."):
+        with recorded_wires(wires), console.status("starting the system, the adapters, and the other ends of their wires ..."):
             await system.start()
         async with Client(system.addresses) as client, operator_link(system.addresses) as operator:
             player = _Player(system, client, operator, folder, console, breaks)
@@ -123,7 +121,6 @@ async def play(folder: Path, seed: int | None, console: Console, launcher: Launc
             map, ontology = await client.map(), await client.ontology()
             supports = {thing: (await operator.observe(thing)).support for thing in GOALS}
     finally:
-        os.environ.pop(VARIABLE, None)
         await system.stop()
     assert record.view is not None, "an accepted task has news"
     (folder / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")

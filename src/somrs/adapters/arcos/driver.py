@@ -29,6 +29,7 @@ from somrs.adapters.arcos.events import (
     Heard,
     Input,
     Located,
+    MoveGripper,
     Passed,
     Quit,
     Received,
@@ -40,6 +41,7 @@ from somrs.adapters.arcos.obstacles import SonarMap
 from somrs.adapters.arcos.odometry import Odometry, Pose, Reckoning
 from somrs.adapters.arcos.parameters import TYPES, Parameters
 from somrs.adapters.arcos.session import Session, SessionState
+from somrs.adapters.arcos.stalls import STUCK, Diagnosis, DrawingBack, Standstill
 from somrs.adapters.arcos.steering import STAND, Speeds
 
 STOPPED_AFTER = 4.0
@@ -89,6 +91,8 @@ class Driver:
         self._waits_since: float | None = None
         self._stuck_reports = 0
         self._was_stalled = False
+        self._drawing_back: DrawingBack | None = None
+        self._standstill: Standstill | None = None
         self._broken: str | None = None
         self._voltage: float | None = None
         self._charge: int | None = None
@@ -143,11 +147,13 @@ class Driver:
         return effects
 
     def _act(self, action: Action) -> None:
-        if self._broken is not None or self.parameters is None:
+        # A robot that is stuck can still put down what it holds. What a person has stopped does nothing.
+        is_stopped = self._broken is not None and not (self._broken == STUCK and isinstance(action, MoveGripper))
+        if is_stopped or self.parameters is None:
             self._effects.append(ActionFailed(description=self._broken or "it has not said yet what it is"))
             return
         self._course.clear()
-        self._stuck_reports = 0
+        self._stuck_reports, self._drawing_back = 0, None
         self._action = begin(action, self.parameters)
 
     def _note_contact(self) -> None:
@@ -205,10 +211,15 @@ class Driver:
         self._speeds = speeds
 
     def _next_speeds(self, status: Status, pose: Pose, parameters: Parameters, now: float) -> Speeds:
-        if self._broken is not None or self._is_halting:
+        if self._is_halting or (self._broken is not None and self._action is None):
             return STAND
+        if self._drawing_back is not None:
+            return self._next_of_drawing_back(self._drawing_back, status)
         if (problem := self._problem(status)) is not None:
-            self._give_up(problem)
+            if status.stall:
+                self._drawing_back = DrawingBack(problem, self._speeds)
+            else:
+                self._give_up(problem)
             return STAND
         if self._action is not None:
             return self._next_of_action(self._action, status, pose)
@@ -226,6 +237,19 @@ class Driver:
             case (ActionDone() | ActionFailed()) as end:
                 self._action = None
                 self._effects.append(end)
+        return STAND
+
+    def _next_of_drawing_back(self, drawing_back: DrawingBack, status: Status) -> Speeds:
+        match drawing_back.update(status):
+            case Speeds() as speeds:
+                return speeds
+            case Diagnosis.STUCK:
+                self._drawing_back = None
+                self._standstill = Standstill()
+                self._note_health(status)
+            case _:
+                self._drawing_back = None
+                self._give_up(drawing_back.problem)
         return STAND
 
     def _problem(self, status: Status) -> str | None:
@@ -258,7 +282,7 @@ class Driver:
     def _end(self, description: str) -> None:
         """End what the robot does."""
         self._course.clear()
-        self._waits_since, self._stuck_reports = None, 0
+        self._waits_since, self._stuck_reports, self._drawing_back = None, 0, None
         if self._action is not None:
             self._action = None
             if self.has_gripper:
@@ -267,13 +291,17 @@ class Driver:
 
     def _note_health(self, status: Status) -> None:
         reason = None
+        if self._standstill is not None and self._standstill.is_over(status, self.session.send):
+            self._standstill = None
         if status.flags & Flag.STOP_BUTTON:
             reason = "its stop button is pressed"
+        elif self._standstill is not None:
+            reason = STUCK
         elif not status.flags & Flag.MOTORS and self.session.needs_motors_button:
             reason = "its motors were switched off: press its MOTORS button"
         if reason == self._broken:
             return
-        if reason is not None and self._broken is None:
+        if reason is not None and self._broken in (None, STUCK):
             self._end(reason)
         self._broken = reason
         self._effects.append(Broken(reason))

@@ -32,8 +32,9 @@ from somrs.adapters.arcos.messages import GripperCommand
 from somrs.adapters.arcos.odometry import Pose, Reckoning
 from somrs.adapters.arcos.parameters import Parameters
 from somrs.adapters.arcos.settings import RobotSettings
+from somrs.adapters.arcos.steering import motion_of
 from somrs.adapters.arcos.stored_reckoning import load_reckoning, store_reckoning
-from somrs.devices.road_robot import CarryingRobot, RobotFailed, Way
+from somrs.devices.road_robot import CarryingRobot, Motion, RobotFailed, Way
 from somrs.devices.simulator.drivers.simulated import number_of
 from somrs.errors import UsageError
 
@@ -74,6 +75,11 @@ class ArcosRobot(CarryingRobot):
             with contextlib.suppress(asyncio.CancelledError):
                 await self._running
 
+    @property
+    def motion(self) -> Motion:
+        parameters = self._line.driver.parameters if self._line is not None else self._parameters
+        return motion_of(parameters or Parameters())
+
     # What traffic and the services tell the robot
 
     async def follow(self, way: Way) -> None:
@@ -93,7 +99,7 @@ class ArcosRobot(CarryingRobot):
         distance = await self._face(thing)
         await self._act(MoveGripper(GripperCommand.DEPLOY))
         start = self._open_line().driver.pose
-        approach = await self._act(Advance(distance=max(0.0, distance - self.settings.reach + SPARE), until_beam=True))
+        approach = await self._act(Advance(distance=max(0.0, distance - self.settings.paddles + SPARE), until_beam=True))
         closing = await self._act(MoveGripper(GripperCommand.CLOSE)) if approach.is_occupied else approach
         if closing.is_occupied:
             self.holding = thing
@@ -113,7 +119,7 @@ class ArcosRobot(CarryingRobot):
 
     async def put_down(self, thing: str) -> tuple[float, float, float, str]:
         await self.drop(thing, "")
-        spot = self._open_line().driver.pose.moved(self.settings.reach)
+        spot = self._open_line().driver.pose.moved(self.settings.paddles)
         return spot.x, spot.y, self.road.level, ""
 
     async def charge_at(self, charger: str) -> None:

@@ -15,6 +15,9 @@ from somrs.adapters.arcos.odometry import Pose
 from somrs.adapters.arcos.parameters import Parameters, read_parameters
 from somrs.errors import UsageError
 
+REACH, SIMULATED_REACH = 0.35, 0.56
+"""From the centre of a robot to the middle of its paddles, and to where the arm of a robot of the simulator puts things, m."""
+
 
 class RobotSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One robot.
@@ -22,8 +25,8 @@ class RobotSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     `port`: `tcp://HOST:PORT`, or a serial line such as `/dev/ttyUSB0`. `baud`: of the serial line. `start`: where the robot stands when
     its program starts, as x and y in metres and the direction in degrees; None: where the map has it. `parameters`: the parameter file of
     the robot; None: the type that the robot says it is. `speed`: with which it drives at most, m/s. `reach`: from its centre to the middle
-    of the paddles, m. `battery`: the voltages of the empty and of the full battery. `dock`: whether it has contacts for a charger.
-    `simulated`: a robot of the simulator answers at this port, which has to be one of TCP.
+    of the paddles, m; None: the usual one. `battery`: the voltages of the empty and of the full battery. `dock`: whether it has contacts
+    for a charger. `simulated`: a robot of the simulator answers at this port, which has to be one of TCP.
     """
 
     port: str
@@ -31,10 +34,15 @@ class RobotSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     start: tuple[float, float, float] | None = None
     parameters: str | None = None
     speed: float | None = None
-    reach: float = 0.35
+    reach: float | None = None
     battery: Battery = Battery()
     dock: bool = False
     simulated: bool = False
+
+    @property
+    def paddles(self) -> float:
+        """How far from its centre the robot holds things, m."""
+        return self.reach if self.reach is not None else SIMULATED_REACH if self.simulated else REACH
 
     @property
     def pose(self) -> Pose | None:

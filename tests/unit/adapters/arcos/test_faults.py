@@ -148,19 +148,72 @@ def test_a_robot_that_cannot_be_reached_has_stopped_by_itself_when_it_is_told_to
     assert pioneer.stands()
 
 
-def test_a_stalled_robot_says_so_and_stands() -> None:
-    pioneer = under_way()
+def stalled(pioneer: Pioneer) -> Broken:
+    """Have the drive of a robot that drives break. Returns how it says so."""
     pioneer.body.is_stuck = True
-    assert pioneer.run(5, lambda: bool(events(pioneer, GaveUp)))
-    (refusal,) = events(pioneer, GaveUp)
-    assert isinstance(refusal, GaveUp)
-    assert "motor is stalled" in refusal.description
+    assert pioneer.run(6, lambda: bool(events(pioneer, Broken)))
+    (broken,) = events(pioneer, Broken)
+    assert isinstance(broken, Broken)
+    return broken
+
+
+def test_a_robot_whose_drive_breaks_is_broken_and_its_motors_are_switched_off() -> None:
+    pioneer = under_way()
+    assert "its motors stall in both directions" in str(stalled(pioneer).reason)
+    assert pioneer.run(1, lambda: not pioneer.firmware._motors)
     pioneer.body.is_stuck = False
-    position = pioneer.body.place.x
+    position = pioneer.body.place
     pioneer.run(20)
+    assert pioneer.body.place == position
+
+
+def test_a_robot_whose_drive_was_mended_goes_on_when_its_motors_were_switched_on() -> None:
+    pioneer = under_way()
+    stalled(pioneer)
+    pioneer.run(1)
+    pioneer.body.is_stuck = False
+    pioneer.firmware.switch_motors_on()
+    assert pioneer.run(3, lambda: events(pioneer, Broken)[-1] == Broken(None))
+    position = pioneer.body.place.x
+    pioneer.run(5)
     assert pioneer.body.place.x == position
     pioneer.give(Follow(way((position, 0.0), (6.0, 0.0), start=10)))
     assert pioneer.run(60, lambda: Passed(11) in pioneer.effects)
+
+
+def test_a_robot_whose_drive_broke_puts_down_what_it_holds_unless_its_stop_button_is_pressed() -> None:
+    pioneer = under_way()
+    stalled(pioneer)
+    assert not isinstance(pioneer.act(MoveGripper(GripperCommand.OPEN)), ActionFailed)
+    assert isinstance(pioneer.act(Advance(distance=0.1)), ActionFailed)
+    pioneer.give(MoveGripper(GripperCommand.CLOSE))
+    pioneer.firmware.stop_button = True
+    assert pioneer.run(1, lambda: isinstance(pioneer.effects[-1], Broken))
+    assert events(pioneer, ActionFailed)[-1] == ActionFailed(description="its stop button is pressed")
+    assert pioneer.act(MoveGripper(GripperCommand.OPEN)) == ActionFailed(description="its stop button is pressed")
+
+
+def test_a_robot_that_pushes_against_something_draws_back_and_gives_up() -> None:
+    """It can go on elsewhere."""
+    pioneer = under_way()
+    pioneer.body.obstacles = (Obstacle(x=pioneer.body.place.x + 1.0, y=0.0, radius=0.2),)
+    pioneer.body.echo = lambda x, y, heading: math.inf  # type: ignore[method-assign]
+    assert pioneer.run(20, lambda: bool(events(pioneer, GaveUp)))
+    touched = pioneer.body.obstacles[0].x - 0.2 - pioneer.body.radius
+    pioneer.run(3)
+    assert 0.01 < touched - pioneer.body.place.x < 0.06
+    assert not events(pioneer, Broken)
+    assert pioneer.firmware._motors
+
+
+def test_a_robot_that_does_not_hear_how_it_is_to_draw_back_is_not_broken() -> None:
+    pioneer = under_way()
+    pioneer.body.is_stuck = True
+    assert pioneer.run(3, lambda: pioneer.firmware._stalled > 0)
+    pioneer.to_robot = lambda data: b""
+    assert pioneer.run(10, lambda: bool(events(pioneer, GaveUp)))
+    assert "motor is stalled" in str(events(pioneer, GaveUp)[0])
+    assert not events(pioneer, Broken)
 
 
 def test_a_robot_that_does_not_move_gives_up() -> None:

@@ -114,6 +114,10 @@ class Firmware:
         """With which it drives, mm/s and degrees/s."""
         return self._velocity
 
+    def switch_motors_on(self) -> None:
+        """Somebody presses the MOTORS button, if the motors are off."""
+        self._motors = not self.stop_button
+
     # What the client sends
 
     def receive(self, data: bytes) -> None:

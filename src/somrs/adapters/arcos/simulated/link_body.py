@@ -6,14 +6,14 @@ import asyncio
 import contextlib
 import logging
 import math
-from collections.abc import AsyncIterator, Coroutine, Mapping
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from typing import Any
 
 from somrs.adapters.arcos.simulated.body import Place, point_range
 from somrs.adapters.arcos.simulated.firmware import Firmware
 from somrs.adapters.arcos.simulated.server import SimulatedRobot, serving_tcp
 from somrs.devices.link_security import link_credentials
-from somrs.devices.simulator.link.commands import CommandDone, RobotState, Scan
+from somrs.devices.simulator.link.commands import CommandDone, Fault, RobotState, Scan
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Mover
 from somrs.devices.simulator.link.link import OperatorLink, RobotLink, link_address
@@ -84,6 +84,9 @@ class LinkBody:
         self._echoes: tuple[tuple[float, float], ...] = ()
         """The points of the last scan."""
         self.contact: str | None = None
+        self._was_dead = False
+        self.on_mended: Callable[[], None] = _nothing
+        """Is called when somebody has mended the drive."""
 
     @property
     def _state(self) -> RobotState:
@@ -93,9 +96,13 @@ class LinkBody:
     def place(self) -> Place:
         return Place(x=self._state.x, y=self._state.y, yaw=self._state.yaw)
 
+    def has_contact(self) -> bool:
+        """Whether its radio works."""
+        return self._link.connected and not self._link.silent
+
     @property
     def is_blocked(self) -> bool:
-        return self._blocked_for > 0
+        return self._blocked_for > 0 or Fault.DRIVE in self._state.faults
 
     @property
     def charge(self) -> float:
@@ -153,6 +160,9 @@ class LinkBody:
 
     def advance(self, duration: float) -> None:
         self._velocity_age += duration
+        was_dead, self._was_dead = self._was_dead, Fault.DRIVE in self._state.faults
+        if was_dead and not self._was_dead:
+            self.on_mended()
         self._blocked_for = STILL_BLOCKED if self._state.obstructed else max(0.0, self._blocked_for - duration)
         if self.is_handling or self.has_charger or self._velocity_age < PERIOD:
             return
@@ -194,6 +204,10 @@ class LinkBody:
         return sorted(bearings, key=lambda name: bearings[name])
 
 
+def _nothing() -> None:
+    """Do nothing."""
+
+
 @contextlib.asynccontextmanager
 async def simulated_robots(robots: Mapping[str, int], simulator: str) -> AsyncIterator[dict[str, str]]:
     """Give robots of the simulator at an address ARCOS controllers, each behind a TCP port of this computer; port 0: any. Yields the
@@ -212,7 +226,8 @@ async def simulated_robots(robots: Mapping[str, int], simulator: str) -> AsyncIt
             body = LinkBody(link, world, (await link.status()).state)
             listening = asyncio.create_task(body.listen())
             stack.callback(listening.cancel)
-            robot = SimulatedRobot(Firmware(body, name=name, watchdog=WATCHDOG))
+            robot = SimulatedRobot(Firmware(body, name=name, watchdog=WATCHDOG), has_contact=body.has_contact)
+            body.on_mended = robot.firmware.switch_motors_on
             addresses[name] = await stack.enter_async_context(serving_tcp(robot, tcp_port))
         yield addresses
 

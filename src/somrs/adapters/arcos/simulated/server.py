@@ -22,12 +22,12 @@ class SimulatedRobot:
     """A controller that runs in real time, and the line to it. Like a real one, it does not notice who is at the other end of the line, nor
     that somebody else is.
 
-    `loss`: the share of bytes that the line loses, in both directions.
+    `loss`: the share of bytes that the line loses, in both directions; all, while it has no contact (`has_contact`).
     """
 
-    def __init__(self, firmware: Firmware, *, loss: float = 0.0, seed: int = 0) -> None:
+    def __init__(self, firmware: Firmware, *, loss: float = 0.0, seed: int = 0, has_contact: Callable[[], bool] = lambda: True) -> None:
         self.firmware = firmware
-        self.loss = loss
+        self.loss, self._has_contact = loss, has_contact
         self._random = random.Random(seed)
         self._send: Callable[[bytes], None] | None = None
 
@@ -52,6 +52,8 @@ class SimulatedRobot:
         self._send = send
 
     def _through_line(self, data: bytes) -> bytes:
+        if not self._has_contact():
+            return b""
         if not self.loss:
             return data
         return bytes(byte for byte in data if self._random.random() >= self.loss)

@@ -123,7 +123,7 @@ class RobotWork:
     # Ends
 
     def _finish(self, robot: Robot, work: Work) -> None:
-        if work.failure is None and robot.holding is not None and Fault.DRIVE in robot.faults:
+        if work.failure is None and robot.holding is not None and Fault.DRIVE in robot.faults and not robot.is_outside:
             failure = GivenUp("drive-dead", f"the drive of {robot.name} is dead")
             self._abort(robot, work, failure)
             return
@@ -139,8 +139,8 @@ class RobotWork:
             self._report(robot, work, work.failure)
             return
         work.failure = failure
-        if Fault.DRIVE in robot.faults and robot.holding is not None and Fault.GRIPPER not in robot.faults:
-            self._dropped[robot.name] = robot.holding
+        if Fault.DRIVE in robot.faults and (held := _laid_down(robot)) is not None:
+            self._dropped[robot.name] = held
             work.routine = set_down(robot)
         else:
             work.routine = withdraw(robot)
@@ -187,8 +187,8 @@ class RobotWork:
         """Do what a robot does when it gets a fault."""
         name = robot.name
         match fault:
-            case Fault.DRIVE if name not in self._work and robot.holding is not None and Fault.GRIPPER not in robot.faults:
-                self._dropped[name] = robot.holding
+            case Fault.DRIVE if name not in self._work and (held := _laid_down(robot)) is not None:
+                self._dropped[name] = held
                 self._work[name] = Work(set_down(robot), None, None, failure=GivenUp("drive-dead", f"the drive of {name} is dead"))
             case Fault.SILENT:
                 work = self._work.pop(name, None)
@@ -218,6 +218,11 @@ class RobotWork:
         for robot, work in [*self._work.items()]:
             if name in work.touched:
                 self._abort(self._robots[robot], work, GivenUp("not-possible", f"{name} was renamed to {new_name}"))
+
+
+def _laid_down(robot: Robot) -> str | None:
+    """What a robot whose drive is dead lays down by itself: what it holds. One that is driven from outside is told to."""
+    return robot.holding if Fault.GRIPPER not in robot.faults and not robot.is_outside else None
 
 
 def _chain_routines(first: Generator[None, None, object], second: Generator[None, None, object]) -> Routine:
