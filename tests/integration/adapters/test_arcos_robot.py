@@ -15,7 +15,7 @@ from somrs.adapters.arcos.settings import RobotSettings
 from somrs.adapters.arcos.simulated.body import Place, PlaneBody
 from somrs.adapters.arcos.simulated.firmware import Firmware
 from somrs.adapters.arcos.simulated.server import SimulatedRobot, serving_tcp
-from somrs.adapters.arcos.stored_reckoning import load_reckoning
+from somrs.adapters.arcos.stored_reckoning import Stored, load_stored
 from somrs.devices.road_robot import RobotFailed
 from somrs.service_manager.sdk.map_reader import MapReader
 from tests.integration.adapters.test_arcos_lines import run, wait_until
@@ -45,9 +45,11 @@ class RecordingRobot(ArcosRobot):
 
 
 @contextlib.asynccontextmanager
-async def robot(folder: Path, *, gripper: bool = True) -> AsyncIterator[tuple[RecordingRobot, PlaneBody, SimulatedRobot]]:
+async def robot(
+    folder: Path, *, gripper: bool = True, body: PlaneBody | None = None
+) -> AsyncIterator[tuple[RecordingRobot, PlaneBody, SimulatedRobot]]:
     """Robot1 of the laboratory, at (2, 1.5). Jar1 is at (1.15, 4)."""
-    body = PlaneBody(Place(x=2.0, y=1.5, yaw=0.0))
+    body = body or PlaneBody(Place(x=2.0, y=1.5, yaw=0.0))
     simulated = SimulatedRobot(Firmware(body, watchdog=0.5, gripper=gripper))
     async with serving_tcp(simulated) as port:
         device = RecordingRobot(RobotSettings(port=port))
@@ -74,7 +76,9 @@ def test_a_robot_begins_where_the_map_has_it_and_follows_ways(tmp_path: Path) ->
             assert device.battery is not None
             await asyncio.sleep(1.0)
             assert device._line is not None
-            assert load_reckoning(tmp_path / "arcos" / "Robot1.json") == device._line.driver.reckoning
+            reckoning = device._line.driver.reckoning
+            assert reckoning is not None
+            assert load_stored(tmp_path / "arcos" / "Robot1.json") == Stored(reckoning=reckoning)
 
     run(test())
 
@@ -83,7 +87,7 @@ def test_a_robot_begins_where_the_map_has_it_and_follows_ways(tmp_path: Path) ->
 def test_a_damaged_file_is_no_pose(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "Robot1.json"
     file.write_bytes(content)
-    assert load_reckoning(file) is None
+    assert load_stored(file) is None
 
 
 @pytest.mark.long
@@ -102,6 +106,25 @@ def test_a_robot_picks_what_is_before_it_and_drops_it(tmp_path: Path) -> None:
             assert device.holding is None
             assert body.thing is not None
             assert math.dist(body.thing, (x, y)) < 0.06
+
+    run(test())
+
+
+def test_a_program_that_is_started_anew_knows_what_its_robot_holds(tmp_path: Path) -> None:
+    async def test() -> None:
+        body = PlaneBody(Place(x=2.0, y=1.5, yaw=0.0))
+        body.is_holding = True
+        async with robot(tmp_path, body=body) as (device, _, _):
+            assert device.holding is None, "nobody has told it"
+            with pytest.raises(RobotFailed, match="between the paddles of Robot1 that nobody knows"):
+                await device.pick("Jar1", "Table1")
+            device.holding = "Jar1"
+            await asyncio.sleep(0.3)
+        async with robot(tmp_path, body=body) as (device, _, _):
+            assert device.holding == "Jar1"
+            body.is_holding = False
+        async with robot(tmp_path, body=body) as (device, _, _):
+            assert device.holding is None, "somebody has taken it out"
 
     run(test())
 

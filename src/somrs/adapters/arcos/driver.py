@@ -27,6 +27,7 @@ from somrs.adapters.arcos.events import (
     Halt,
     Halted,
     Heard,
+    Holds,
     Input,
     Located,
     MoveGripper,
@@ -36,6 +37,7 @@ from somrs.adapters.arcos.events import (
     Tick,
     Transmit,
 )
+from somrs.adapters.arcos.gripper import holds
 from somrs.adapters.arcos.messages import Command, Flag, GripperCommand, Status
 from somrs.adapters.arcos.obstacles import SonarMap
 from somrs.adapters.arcos.odometry import Odometry, Pose, Reckoning
@@ -94,6 +96,8 @@ class Driver:
         self._drawing_back: DrawingBack | None = None
         self._standstill: Standstill | None = None
         self._broken: str | None = None
+        self._felt = False
+        self._holds: bool | None = None
         self._voltage: float | None = None
         self._charge: int | None = None
         self._is_connected = False
@@ -159,6 +163,8 @@ class Driver:
     def _note_contact(self) -> None:
         if self._is_connected != (self.session.is_known and self.parameters is not None):
             self._is_connected = not self._is_connected
+            if self._is_connected and self._report is not None:
+                self._note_grip(self._report)
             self._effects.append(Heard(self._is_connected))
 
     def _update(self, status: Status, now: float) -> None:
@@ -170,17 +176,26 @@ class Driver:
             self._odometry.resume(self._earlier)
         self._earlier = None
         self.parameters, self._report_time = parameters, now
+        confirmed = self._confirmed(status)
+        self._note_grip(status)
         self._note_contact()
         pose = self._odometry.update(status, parameters)
         self._effects.append(Located(pose))
         self._sonar.update(status, pose, parameters, now)
         self._note_battery(status)
-        confirmed = self._confirmed(status)
         self._note_health(confirmed)
         speeds = self._next_speeds(confirmed, pose, parameters, now)
         if self._is_halting and is_standing(status):
             self._note_halt()
         self._command(speeds, status)
+
+    def _note_grip(self, status: Status) -> None:
+        """Say what the paddles hold, if two reports agree on it."""
+        felt, self._felt = self._felt, holds(status)
+        is_holding = self.has_gripper and self._felt
+        if self.session.is_known and felt == self._felt and is_holding != self._holds:
+            self._holds = is_holding
+            self._effects.append(Holds(is_holding))
 
     def _confirmed(self, status: Status) -> Status:
         """A report with what the one before has said, too, of stalls, bumpers and buttons: two wrong bits can cancel out in a checksum."""

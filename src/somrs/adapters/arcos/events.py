@@ -127,10 +127,16 @@ class ActionFailed(Struct, frozen=True, kw_only=True):
     description: str
 
 
+class Holds(Struct, frozen=True):
+    """Whether the paddles have closed around something: when the robot is connected, and when that has changed."""
+
+    something: bool
+
+
 class BatteryLevel(Struct, frozen=True):
     """The charge of the battery, in percent, when it has changed by 1 or more."""
 
     charge: int
 
 
-Effect = Transmit | Heard | Located | Passed | GaveUp | Broken | Halted | ActionDone | ActionFailed | BatteryLevel
+Effect = Transmit | Heard | Located | Passed | GaveUp | Broken | Halted | ActionDone | ActionFailed | BatteryLevel | Holds

@@ -23,6 +23,12 @@ def is_occupied(status: Status) -> bool:
     return bool(status.inputs & (Beam.INNER | Beam.OUTER))
 
 
+def holds(status: Status) -> bool:
+    """Whether the paddles have closed around something: open ones can stand around a thing that they have let go, and closed ones before
+    one."""
+    return is_occupied(status) and not status.gripper & (GripperState.OPEN | GripperState.CLOSED | GripperState.MOVING)
+
+
 class GripperFailed(Exception):
     """A move of the gripper has come to no end. `description`: why, for people."""
 

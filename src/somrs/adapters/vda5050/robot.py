@@ -66,7 +66,7 @@ class Vda5050Vehicle(CarryingRobot):
     @property
     def motion(self) -> Motion:
         factsheet = self.session.control.vehicle.factsheet
-        return _motion(factsheet) if factsheet is not None else Motion()
+        return _motion(factsheet) if factsheet is not None else Motion(rounds_corners=True)
 
     # What traffic and the services tell the vehicle
 
@@ -197,6 +197,7 @@ def _motion(factsheet: Factsheet) -> Motion:
         acceleration=min(ramps, default=usual.acceleration),
         turning=physical.maximum_angular_speed or usual.turning,
         handling=max(times, default=0.0) or usual.handling,
+        rounds_corners=True,
     )
 
 

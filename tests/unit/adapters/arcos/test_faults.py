@@ -15,11 +15,13 @@ from somrs.adapters.arcos.events import (
     Follow,
     GaveUp,
     Heard,
+    Holds,
     Located,
     MoveGripper,
     Passed,
     Quit,
     Received,
+    Tick,
     TurnTo,
 )
 from somrs.adapters.arcos.messages import GripperCommand
@@ -273,6 +275,22 @@ def test_the_gripper_takes_what_is_between_its_paddles() -> None:
     assert abs(pioneer.body.place.x) < 0.05
     pioneer.act(MoveGripper(GripperCommand.OPEN))
     assert pioneer.body.thing != (0.6, 0.0)
+
+
+def test_a_driver_says_whether_its_robot_holds_something() -> None:
+    """A thing that stands between open paddles, or before closed ones, is not held."""
+    pioneer = Pioneer()
+    pioneer.body.thing = (0.35, 0.0)
+    pioneer.ready().run(1)
+    pioneer.act(MoveGripper(GripperCommand.OPEN))
+    pioneer.act(MoveGripper(GripperCommand.CLOSE))
+    pioneer.run(0.5)
+    assert pioneer.driver.handle(Tick(), pioneer.now) == []
+    assert events(pioneer, Holds)[-1] == Holds(True)
+    pioneer.act(MoveGripper(GripperCommand.OPEN))
+    pioneer.run(0.5)
+    assert events(pioneer, Holds)[-1] == Holds(False)
+    assert pioneer.body.has_thing
 
 
 def test_an_empty_gripper_says_so() -> None:

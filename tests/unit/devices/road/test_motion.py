@@ -30,6 +30,13 @@ def test_a_corner_costs_a_stop_and_a_turn() -> None:
     assert math.isclose(bent - straight, 0.5 / 0.5 + math.pi / 2 + 0.5)
 
 
+def test_who_rounds_corners_is_slower_there_and_does_not_stop() -> None:
+    rounding = Motion(acceleration=0.5, turning=1.0, settling=0.5, rounds_corners=True)
+    right_angle, bend = [(0, 0), (4, 0), (4, 4)], [(0, 0), (4, 0), (8, 2)]
+    assert rounding.time(bend, 0.5) < rounding.time(right_angle, 0.5) < MOTION.time(right_angle, 0.5)
+    assert math.isclose(rounding.time(right_angle, 0.5) - rounding.time([(0, 0), (8, 0)], 0.5), 0.5 / 0.5)
+
+
 def test_who_is_there_takes_no_time() -> None:
     assert MOTION.time([], 0.5) == MOTION.time([(1, 1)], 0.5) == MOTION.time([(1, 1), (1, 1)], 0.5) == 0.0
 

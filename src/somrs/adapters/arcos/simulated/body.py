@@ -47,6 +47,10 @@ class Body(Protocol):
         """Whether something is between the paddles, or where they would close around it."""
 
     @property
+    def is_holding(self) -> bool:
+        """Whether it has gripped something."""
+
+    @property
     def is_handling(self) -> bool:
         """Whether it is still gripping or releasing."""
 
@@ -98,7 +102,7 @@ class PlaneBody:
         self.is_stuck = False
         """The wheels do not turn, whatever the motors do."""
         self._velocities = (0.0, 0.0)
-        self._is_holding = False
+        self.is_holding = False
         self._is_charging = False
 
     @property
@@ -107,7 +111,7 @@ class PlaneBody:
 
     @property
     def has_thing(self) -> bool:
-        return self._is_holding or (self.thing is not None and math.dist(self.thing, self._paddles()) < self.grasp)
+        return self.is_holding or (self.thing is not None and math.dist(self.thing, self._paddles()) < self.grasp)
 
     def drive(self, forward: float, turning: float) -> None:
         self._velocities = forward, turning
@@ -118,12 +122,12 @@ class PlaneBody:
         return min((echo_range(start, self.place.yaw + heading, obstacle) for obstacle in self.obstacles), default=math.inf)
 
     def grip(self) -> None:
-        self._is_holding = self.has_thing
+        self.is_holding = self.has_thing
 
     def release(self) -> None:
-        if self._is_holding:
+        if self.is_holding:
             self.thing = self._paddles()
-        self._is_holding = False
+        self.is_holding = False
 
     def set_charging(self, is_charging: bool) -> None:
         self._is_charging = is_charging

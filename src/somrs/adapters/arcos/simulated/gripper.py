@@ -15,7 +15,7 @@ class Gripper:
 
     def __init__(self, body: Body) -> None:
         self._body = body
-        self._paddles, self._lift = 1.0, 1.0
+        self._paddles, self._lift = GRASP if body.is_holding else 1.0, 1.0
         self._paddle_goal: float | None = None
         self._lift_goal: float | None = None
         self.is_stuck = False

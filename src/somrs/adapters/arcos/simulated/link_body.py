@@ -113,6 +113,10 @@ class LinkBody:
         return self._charging is not None and not self._charging.done()
 
     @property
+    def is_holding(self) -> bool:
+        return self._state.holding is not None
+
+    @property
     def is_handling(self) -> bool:
         return self._handling is not None and not self._handling.done()
 

@@ -27,6 +27,9 @@ INSTANT_ACTIONS = (
     "clearInstantActions", "trigger",
 )  # fmt: skip
 
+LOADS = LoadSet(set_name="DEFAULT", load_type="DEFAULT", pick_time=7.0, drop_time=8.0)
+"""What it carries, and about how long a robot of the simulator takes to pick it and to drop it, s."""
+
 
 def factsheet(
     *,
@@ -65,6 +68,7 @@ def factsheet(
             maximum_height=0.6,
             width=width,
             length=length,
+            maximum_angular_speed=2.0,
         ),
         protocol_limits=ProtocolLimits(
             maximum_string_lengths=StringLengths(),
@@ -79,9 +83,7 @@ def factsheet(
             ),
         ),
         mobile_robot_geometry=Geometry(),
-        load_specification=LoadSpecification(load_positions=("top",), load_sets=(LoadSet(set_name="DEFAULT", load_type="DEFAULT"),))
-        if handles
-        else LoadSpecification(),
+        load_specification=LoadSpecification(load_positions=("top",), load_sets=(LOADS,)) if handles else LoadSpecification(),
         mobile_robot_configuration=Configuration(battery_charging=BatteryCharging(maximum_desired_charging_level=99.0)),
     )
 
