@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from somrs.devices.road.building import Building, RoadDriver, standing
 from somrs.devices.road.hardware import Vehicle
+from somrs.devices.road.vain_trips import VainTrips
 from somrs.devices.road.waypoints import Waypoint
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
@@ -77,6 +78,9 @@ class Traveller:
         self._is_paused = False
         self._blocked: set[str] = set()
         """The places to which the robot could not drive on."""
+        self._vain_trips = VainTrips()
+        self._rest: asyncio.TimerHandle | None = None
+        """The timer until whose end it is not asked to make room for others."""
         self._is_abandoned = False
         """Whether it was told to drive by a command that has ended while it could not be reached."""
         self._stopping: asyncio.Task[None] | None = None
@@ -93,6 +97,8 @@ class Traveller:
         now = asyncio.get_running_loop().time()
         if self._last_point is None or max(abs(x - self._last_point[0]), abs(y - self._last_point[1])) > STILL:
             self._last_point, self._still_since = (x, y), now
+        if self._vain_trips.is_over((x, y)):
+            self._end_rest()
         self.level = self.level if level is None else level
         self.state = RobotState(
             time=now,
@@ -123,11 +129,26 @@ class Traveller:
         ahead = next((waypoint for waypoint in self._way[1:] if waypoint.released), None)
         self._blocked = {ahead.name} if ahead is not None else set()
         trips, self._trips = [*self._trips.values()], {}
+        self._begin_rest()
         self._give_up_trip()
         self.tell(Astray())
         for trip in trips:
             if not trip.done():
                 trip.set_exception(RobotGaveUp("blocked", description, self.state))
+
+    def _begin_rest(self) -> None:
+        """A robot that has given up does not make room for others, if it did so before where it stands."""
+        duration = self._vain_trips.add((self.state.x, self.state.y)) if self.state is not None else None
+        if duration is not None:
+            self._end_rest()
+            self._rest = asyncio.get_running_loop().call_later(duration, self._end_rest)
+            self.tell_mobility()
+
+    def _end_rest(self) -> None:
+        if self._rest is not None:
+            self._rest.cancel()
+            self._rest = None
+            self.tell_mobility()
 
     def broken(self, reason: str | None) -> None:
         was_broken = bool(self._faults)
@@ -197,6 +218,7 @@ class Traveller:
         self._trips[trip] = over
         self._is_abandoned = False
         try:
+            self._end_rest()
             self.tell_mobility()
             self.tell(TripWanted(trip, stop))
             ended = await over
@@ -216,7 +238,8 @@ class Traveller:
 
     def tell_mobility(self) -> None:
         is_busy = self.activity in ("Grip", "Place", "PutDown", "Charge")
-        self.tell(MobilityChanged(Mobility.IMMOBILE if self._faults else Mobility.BUSY if is_busy else Mobility.FREE))
+        cannot_move = self._faults or self._rest is not None
+        self.tell(MobilityChanged(Mobility.IMMOBILE if cannot_move else Mobility.BUSY if is_busy else Mobility.FREE))
 
     # The program in traffic
 
