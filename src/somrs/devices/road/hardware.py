@@ -29,8 +29,8 @@ class Vehicle(Protocol):
     holding: str | None
     whole_map: WholeMap
     building: Building
-    driving: Experience
-    handling: Experience
+    driving_experience: Experience
+    handling_experience: Experience
 
     @property
     def motion(self) -> Motion: ...

@@ -178,7 +178,7 @@ class RoadLink(CommandLink):
         (way,) = self._legs(self.robot.building, (StandAt(x=goal[0], y=goal[1], z=driver.level),)).lengths
         start_time = loop.time()
         self._check(await self.traveller.travel(stop, yaw), goal)
-        self.robot.driving.learn((way or 0.0) / driver.solid.speed, loop.time() - start_time)
+        self.robot.driving_experience.learn((way or 0.0) / driver.solid.speed, loop.time() - start_time)
 
     async def _approach(self, name: str) -> None:
         """Drive to where a thing or a support is within reach: to another stand if others stand in the way to one. Robots that move may go
@@ -282,7 +282,7 @@ class RoadLink(CommandLink):
             self.traveller.activity = "Place"
         dropping_time = await self._working(robot.drop(thing, support))
         if self._picking_time is not None:
-            robot.handling.learn(robot.motion.handling, self._picking_time + dropping_time)
+            robot.handling_experience.learn(robot.motion.handling, self._picking_time + dropping_time)
         robot.holding = self._picking_time = None
         self.traveller.renew_state()
         stand, solid = self._stand, building.solids[support]
