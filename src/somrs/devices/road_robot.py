@@ -63,7 +63,7 @@ class RoadRobot(MobileRobot):
         """Drives where traffic lets it; the program that runs the device connects it to traffic."""
         self.whole_map: WholeMap = _no_map
         """The map as it is, and the ontology; the program that runs the device sets it."""
-        self.driving_experience, self.handling_experience = Experience(), Experience()
+        self.experience = Experience()
         self.building = Building()
         """What is known of the building; robots of one process share it."""
 
@@ -91,7 +91,7 @@ class RoadRobot(MobileRobot):
         return {name: service for name, service in super().services().items() if name in offered}
 
     async def driving_time(self, task: Task, way: float) -> float:
-        return self.driving_experience.ratio * way / self.road.driver().solid.speed
+        return self.experience.ratio * way / self.road.driver().solid.speed
 
     @property
     def _needs_charge(self) -> bool:
@@ -180,7 +180,7 @@ class CarryingRobot(RoadRobot, Manipulator):
 
     @property
     def handling_time(self) -> float:
-        return self.handling_experience.ratio * self.motion.handling
+        return self.motion.handling
 
     def services(self) -> Mapping[str, Service]:
         offered = {"move_to", *(("charge",) if self.can_charge else ()), *(("transfer",) if self.can_carry else ())}

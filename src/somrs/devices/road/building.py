@@ -27,7 +27,6 @@ from somrs.space.distances import Array, distances_from
 from somrs.space.edges import edge_targets
 from somrs.space.free_space import FreeSpace
 from somrs.space.lanes import lanes_of
-from somrs.space.shafts import SAME_FLOOR
 from somrs.space.solids import CARRYING, Point, Role, Solid, solid_of
 from somrs.space.zones import Zones, zones_of
 from somrs.traffic.layout import OpenBuilding
@@ -42,6 +41,8 @@ EDGE = 0.1
 """Distance from the edge of a support at which things are taken to be put, m."""
 INEXACT = 0.06
 """How far from where it is to stand a robot may be, m."""
+FLOOR_HEIGHT = 0.1
+"""Difference in height up to which a point is on a floor, m."""
 MOST_STANDS = 24
 """How many stands are tried until one is clear."""
 
@@ -200,10 +201,10 @@ class Building:
         facts = (fact for relation in ("isOn", "isIn") for fact in self._map.facts(relation))
         return next((fact.arguments[1] for fact in facts if fact.arguments[0] == thing), None)
 
-    def floor_at(self, point: Point, height: float) -> str | None:
-        """The floor below a point, at a height in metres; None if there is none on the map."""
-        floors = (solid for solid in self.solids.values() if solid.role is Role.FLOOR and abs(solid.top - height) < SAME_FLOOR)
-        return next((floor.name for floor in floors if floor.distance(*point) <= 0), None)
+    def floor_at(self, x: float, y: float, level: float) -> str | None:
+        """The floor at a point; None if the map has none there."""
+        floors = (solid for solid in self.solids.values() if solid.role is Role.FLOOR and abs(solid.top - level) < FLOOR_HEIGHT)
+        return next((solid.name for solid in floors if solid.distance(x, y) <= 0.0), None)
 
     def level_of(self, height: float) -> float:
         """The floor that is nearest to a height, m."""

@@ -29,8 +29,7 @@ class Vehicle(Protocol):
     holding: str | None
     whole_map: WholeMap
     building: Building
-    driving_experience: Experience
-    handling_experience: Experience
+    experience: Experience
 
     @property
     def motion(self) -> Motion: ...

@@ -64,8 +64,6 @@ class RoadLink(CommandLink):
         """Whether the thing that the robot was to take may be somewhere else now."""
         self._stand: Stand | None = None
         """Where the robot stands to work, if it does."""
-        self._picking_time: float | None = None
-        """How long it took to pick what the robot carries, s."""
 
     def _end_at_once(self, reason: str, description: str) -> None:
         if self._current is not None and not self._current.done():
@@ -178,7 +176,7 @@ class RoadLink(CommandLink):
         (way,) = self._legs(self.robot.building, (StandAt(x=goal[0], y=goal[1], z=driver.level),)).lengths
         start_time = loop.time()
         self._check(await self.traveller.travel(stop, yaw), goal)
-        self.robot.driving_experience.learn((way or 0.0) / driver.solid.speed, loop.time() - start_time)
+        self.robot.experience.learn((way or 0.0) / driver.solid.speed, loop.time() - start_time)
 
     async def _approach(self, name: str) -> None:
         """Drive to where a thing or a support is within reach: to another stand if others stand in the way to one. Robots that move may go
@@ -234,14 +232,11 @@ class RoadLink(CommandLink):
 
     # Things
 
-    async def _working(self, work: Coroutine[object, object, None]) -> float:
-        """Let the robot work where it stands: nobody asks it to make room. Returns how long that took, s."""
+    async def _working(self, work: Coroutine[object, object, None]) -> None:
+        """Let the robot work where it stands: nobody asks it to make room."""
         self.traveller.tell_mobility()
-        loop = asyncio.get_running_loop()
-        start_time = loop.time()
         try:
             await work
-            return loop.time() - start_time
         except RobotFailed as failure:
             self._is_lost = failure.is_lost
             raise RobotGaveUp("not-possible", failure.description, self.state) from None
@@ -262,7 +257,7 @@ class RoadLink(CommandLink):
             self.traveller.activity = "Grip"
         support, (x, y, z, yaw) = building.support_of(thing), building.pose(thing)
         self._is_lost = True  # for who cannot be asked any more
-        self._picking_time = await self._working(robot.pick(thing, support or ""))
+        await self._working(robot.pick(thing, support or ""))
         self._is_lost = False
         robot.holding = thing
         self.traveller.renew_state()
@@ -280,10 +275,8 @@ class RoadLink(CommandLink):
         if self._stand is None or not self._stands_there():
             await self._approach(support)
             self.traveller.activity = "Place"
-        dropping_time = await self._working(robot.drop(thing, support))
-        if self._picking_time is not None:
-            robot.handling_experience.learn(robot.motion.handling, self._picking_time + dropping_time)
-        robot.holding = self._picking_time = None
+        await self._working(robot.drop(thing, support))
+        robot.holding = None
         self.traveller.renew_state()
         stand, solid = self._stand, building.solids[support]
         (x, y), z = (stand.spot if stand is not None else (solid.x, solid.y)), solid.top
@@ -304,7 +297,7 @@ class RoadLink(CommandLink):
         robot.holding = None
         self.traveller.renew_state()
         x, y, z, support = spots[0]
-        on = support if support in building.solids else building.floor_at((x, y), z)
+        on = support if support in building.solids else building.floor_at(x, y, z)
         return self._done(ObjectState(object=thing, x=x, y=y, z=z, yaw=0.0, support=on))
 
     async def _charge(self) -> CommandDone:
