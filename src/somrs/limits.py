@@ -55,6 +55,8 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """That time at most."""
     audit_entries: Count = 1_000_000
     """Entries of the audit log. When there are more, the oldest tenth is removed."""
+    broker_bytes: Count = 2**30
+    """What the servers of a bus keep for who speaks MQTT: retained messages, and those for clients that are away."""
     log_bytes: Count = 64 * 2**20
     """A log file. When it is full, its content goes to a file beside it."""
 

@@ -57,6 +57,14 @@ def check_address(host: str) -> None:
             )
 
 
+def host_and_port(text: str) -> tuple[str, int]:
+    """The parts of HOST:PORT; an IPv6 address is in brackets. Raises UsageError."""
+    host, _, port = text.rpartition(":")
+    if not host or not port.isascii() or not port.isdigit() or not 0 < int(port) < 65536:
+        raise UsageError(f"{text!r} is no address: write HOST:PORT, such as 10.0.0.7:8883")
+    return host.removeprefix("[").removesuffix("]"), int(port)
+
+
 def is_reserved(port: int) -> bool:
     """Whether the port is reserved for a program of this system: for the one that is told to listen there, as others could do so, too."""
     return port in _reserved or str(port) in os.environ.get(RESERVED, "").split(",")

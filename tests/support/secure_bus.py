@@ -35,6 +35,8 @@ class SecureBus:
         self.authority = Authority.of_data(folder)
         self.authority.create("yard", datetime.now(UTC))
         self.gateway_port = free_port()
+        self.mqtt = f"127.0.0.1:{free_port()}"
+        """Where it is a broker, if it is one."""
         self.address = BusAddress(servers=f"tls://127.0.0.1:{free_port()}", site="yard", gateway=f"https://127.0.0.1:{self.gateway_port}")
 
     def enrolled(self, name: str, role: Role, *, now: datetime | None = None) -> Credentials:
@@ -64,11 +66,11 @@ class SecureBus:
 
 @asynccontextmanager
 async def running(
-    folder: Path, servers: str, credentials: Credentials, cluster_port: int = 0, routes: Sequence[str] = ()
+    folder: Path, servers: str, credentials: Credentials, cluster_port: int = 0, routes: Sequence[str] = (), mqtt: str | None = None
 ) -> AsyncIterator[asyncio.Task[None]]:
     """A server of a bus."""
     port = int(servers.rpartition(":")[2])
-    task = asyncio.create_task(run_bus(folder, "127.0.0.1", port, cluster_port, routes, credentials))
+    task = asyncio.create_task(run_bus(folder, "127.0.0.1", port, cluster_port, routes, credentials, mqtt))
     try:
         yield task
     finally:
@@ -78,10 +80,10 @@ async def running(
 
 
 @asynccontextmanager
-async def secure_bus(folder: Path) -> AsyncIterator[SecureBus]:
-    """A bus with one server, which is there."""
+async def secure_bus(folder: Path, *, mqtt: bool = False) -> AsyncIterator[SecureBus]:
+    """A bus with one server, which is there, and is a broker for MQTT, too, if asked for."""
     bus = SecureBus(folder)
     credentials = bus.enrolled("bus", Role.BUS)
-    async with running(folder, bus.address.servers, credentials):
+    async with running(folder, bus.address.servers, credentials, mqtt=bus.mqtt if mqtt else None):
         await bus.known(credentials)
         yield bus

@@ -23,11 +23,13 @@ Names = tuple[Annotated[str, msgspec.Meta(min_length=1, max_length=200)], ...]
 
 class CertificateHolder(msgspec.Struct, frozen=True, kw_only=True):
     """Who has a certificate that holds. `until`: of the one that holds longest, in seconds since 1970. `hosts`: where it is reached.
-    `is_own`: it is a program of the system itself, which has a new one after a revocation."""
+    `topics`: filters of the topics that it may use at the bus by MQTT. `is_own`: it is a program of the system itself, which
+    has a new one after a revocation."""
 
     name: str
     roles: tuple[Role, ...]
     speaks_for: tuple[str, ...]
+    topics: tuple[str, ...]
     hosts: tuple[str, ...]
     until: float
     is_own: bool
@@ -51,11 +53,13 @@ class TrustView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class NewInvitation(msgspec.Struct, frozen=True, kw_only=True):
-    """`speaks_for`: devices in whose names it speaks besides its own. `hosts`: where it is reached; by default, where it enrols from."""
+    """`speaks_for`: devices in whose names it speaks besides its own. `topics`: filters of the topics that it may use at the bus by MQTT.
+    `hosts`: where it is reached; by default, where it enrols from."""
 
     name: Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
     roles: tuple[Role, ...] = (Role.DEVICE,)
     speaks_for: Names = ()
+    topics: Names = ()
     hosts: Names = ()
 
 
@@ -83,6 +87,7 @@ class TrustService:
                 name=entry.name,
                 roles=entry.roles,
                 speaks_for=entry.speaks_for,
+                topics=entry.topics,
                 hosts=entry.hosts,
                 until=entry.ends,
                 is_own=entry.name in own_names,
@@ -95,11 +100,13 @@ class TrustService:
 
     @operation("POST", "/trust/invitations", Right.MODEL)
     async def invite(self, body: NewInvitation) -> Invited:
-        """Let a device or a program enrol itself once, within an hour. Other roles than `device` need the right to administer."""
+        """Let a device, a thing or a program enrol itself once, within an hour. Other roles than `device` and `thing` need the right to
+        administer."""
         identity = sender.get()
-        if {*body.roles} - {Role.DEVICE} and (identity is None or Right.ADMINISTER not in identity.rights):
-            raise Forbidden(f"only who is {least_role(Right.ADMINISTER)} invites others than devices")
-        invited = Identity(name=body.name, roles=frozenset(body.roles), speaks_for=frozenset(body.speaks_for))
+        if {*body.roles} - {Role.DEVICE, Role.THING} and (identity is None or Right.ADMINISTER not in identity.rights):
+            raise Forbidden(f"only who is {least_role(Right.ADMINISTER)} invites others than devices and things")
+        speaks_for, topics = frozenset(body.speaks_for), frozenset(body.topics)
+        invited = Identity(name=body.name, roles=frozenset(body.roles), speaks_for=speaks_for, topics=topics)
         word = await asyncio.to_thread(lambda: self._authority.invite(invited, _now(), hosts=body.hosts))
         service_file = self._authority.folder / SERVICE_FILE
         return Invited(secret=word, service=service_file.read_text().strip() if service_file.exists() else "")

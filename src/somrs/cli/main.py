@@ -45,7 +45,6 @@ from somrs.cli.options import (
     guarded,
 )
 from somrs.cli.orders import orders_app, templates_app
-from somrs.cli.ros2 import ros2_app
 from somrs.cli.run import addresses_of, run_app
 from somrs.cli.task_options import PolicyOption
 from somrs.cli.tasks import tasks_app
@@ -75,7 +74,6 @@ app.add_typer(user_app, name="user")
 app.add_typer(token_app, name="token")
 app.add_typer(audit_app, name="audit")
 app.add_typer(run_app, name="run")
-app.add_typer(ros2_app, name="ros2")
 app.add_typer(thing_app, name="thing")
 app.add_typer(trust_app, name="trust", help="Certificates of the site: who is who.")
 
@@ -145,6 +143,10 @@ def up(
     task_managers: TaskManagers = None,
     registries: Registries = None,
     bus: OwnBusOption = None,
+    mqtt: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Where the bus is a broker for MQTT. By default, at a free port.", show_default=False),
+    ] = None,
     name: SiteName = None,
     neighbours: Neighbours = None,
     first_port: FirstPort = None,
@@ -182,6 +184,7 @@ def up(
             task_managers=task_managers,
             registries=registries,
             bus=bus,
+            mqtt=mqtt,
             name=name,
             neighbours=neighbours,
             first_port=first_port,

@@ -63,12 +63,16 @@ def bus(
     route: Annotated[
         list[str], typer.Option(envvar="SOMRS_ROUTES", help="HOST:PORT of each server of the bus for the others, its own too.")
     ] = [],  # noqa: B006  # as above
+    mqtt: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", envvar="SOMRS_MQTT", help="Be a broker for MQTT there, too.", show_default=False),
+    ] = None,
 ) -> None:
     """A server of the bus: NATS with JetStream. Several that know each other store everything together."""
     from somrs.deployment.bus_server import run_bus
     from somrs.deployment.programs import run_program
 
-    guarded(lambda: run_program(run_bus(data, host, port, cluster_port, route)))
+    guarded(lambda: run_program(run_bus(data, host, port, cluster_port, route, mqtt=mqtt)))
 
 
 @run_app.command()
@@ -85,6 +89,15 @@ def gateway(
             envvar="SOMRS_URL", help="The gateway's URL for participants, if it is not that of HOST and PORT.", show_default=False
         ),
     ] = None,
+    mqtt: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            envvar="SOMRS_MQTT",
+            help="Where the servers of the bus are a broker for MQTT, for adapters.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """The gateway of a site on the bus: the address of all its components for SOAP participants that are not on the bus."""
     from somrs.deployment.bus import bus_address, run_gateway
@@ -94,7 +107,7 @@ def gateway(
     def run() -> None:
         scheme = "http" if Credentials.of_environment() is None else "https"
         address = bus_address(bus, name, url or f"{scheme}://{host}:{port}")
-        run_program(run_gateway(address, host, port))
+        run_program(run_gateway(address, host, port, mqtt))
 
     guarded(run)
 
@@ -297,13 +310,19 @@ def adapter(
     name: Annotated[str, typer.Argument(help="The adapter, such as vda5050.")],
     simulated: Annotated[bool, typer.Option("--simulated", help="The other end: robots of the simulator behind the protocol.")] = False,
     devices: Annotated[list[str], typer.Argument(help="NAME=adapter for each device of which it is known that it is one.")] = [],  # noqa: B006  # as above
+    site: Annotated[
+        list[Path],
+        typer.Option(help="Files with `adapters:`; by default, the adapters that `somrs up` has started.", show_default=False),
+    ] = [],  # noqa: B006  # as above
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
+    bus: BusOption = None,
+    site_name: SiteName = None,
 ) -> None:
     """The adapter for robots or things of one protocol."""
     from somrs.deployment.adapters import run_adapter
 
-    guarded(lambda: run_adapter(name, addresses_of(data, None, None), data, host, is_simulated=simulated))
+    guarded(lambda: run_adapter(name, addresses_of(data, bus, site_name), data, host, site, is_simulated=simulated))
 
 
 def addresses_of(data: Path, bus: str | None, name: str | None) -> Addresses:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -92,8 +93,7 @@ def list_certificates(
         print("nobody has a certificate; `somrs trust invite NAME` invites a device")
     for entry in listed_certificates:
         print(f"{entry.name}: {_text(entry.roles)}, until {_time(entry.ends)}, serial number {entry.serial}{_state(entry.revoked_at)}")
-        if entry.speaks_for:
-            print(f"  speaks for {_text(entry.speaks_for)}")
+        _print_rights(entry.speaks_for, entry.topics)
 
 
 @trust_app.command()
@@ -103,6 +103,10 @@ def invite(
     speaks_for: Annotated[
         list[str], typer.Option("--speaks-for", help="A device in whose name it speaks, too; may be repeated.", show_default=False)
     ] = [],  # noqa: B006
+    topic: Annotated[
+        list[str],
+        typer.Option("--topic", help="Topics of MQTT that it may use at the bus, such as 'uagv/v2/ACME/0001/#'; may be repeated."),
+    ] = [],  # noqa: B006
     host: Hosts = [],  # noqa: B006
     data: Data = DEFAULT_FOLDER,
 ) -> None:
@@ -111,11 +115,12 @@ def invite(
     from somrs.trust.identity import Identity, role_named
 
     def invited() -> str:
-        identity = Identity(name=name, roles=frozenset(map(role_named, role)), speaks_for=frozenset(speaks_for))
+        roles, names, topics = frozenset(map(role_named, role)), frozenset(speaks_for), frozenset(topic)
+        identity = Identity(name=name, roles=roles, speaks_for=names, topics=topics)
         return _authority(data).invite(identity, _now(), hosts=tuple(host))
 
     word = guarded(invited)
-    _record(data, "invite", name=name, roles=role, speaks_for=speaks_for, hosts=host)
+    _record(data, "invite", name=name, roles=role, speaks_for=speaks_for, topics=topic, hosts=host)
     print(word)
     service = _authority(data).folder / SERVICE_FILE
     if service.exists():
@@ -182,8 +187,14 @@ def show(
     """Check a certificate, and show whose it is and what it is for."""
     identity = guarded(lambda: _authority(data).check(certificate.read_bytes(), _now()))
     print(f"{identity.name}: {_text(sorted(identity.roles))}")
-    if identity.speaks_for:
-        print(f"  speaks for {_text(sorted(identity.speaks_for))}")
+    _print_rights(sorted(identity.speaks_for), sorted(identity.topics))
+
+
+def _print_rights(speaks_for: Sequence[str], topics: Sequence[str]) -> None:
+    if speaks_for:
+        print(f"  speaks for {_text([*speaks_for])}")
+    if topics:
+        print(f"  by MQTT at {_text([*topics])}")
 
 
 def _now() -> datetime:

@@ -37,6 +37,8 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     """Traffic, which grants places to robots; None for a symbolic world."""
     bus: BusAddress | None = None
     """The bus on which the components are; None for a system without one."""
+    mqtt: str | None = None
+    """The URL at which the servers of the bus are a broker for MQTT: `mqtts://HOST:PORT`; None if they are none."""
     further_task_managers: tuple[str, ...] = ()
     """The Task Managers besides `task_manager`, in a system with several."""
     further_registries: tuple[str, ...] = ()

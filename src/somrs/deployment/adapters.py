@@ -9,21 +9,22 @@ from __future__ import annotations
 import asyncio
 import importlib
 import logging
-import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from somrs.client.addresses import Addresses
 from somrs.deployment.device_host import HostedDevice, Listeners, name_device
 from somrs.deployment.program_certificates import certificate_of_devices, give_devices_a_certificate
 from somrs.deployment.programs import run_program, until_stopped
 from somrs.errors import InputError, RemoteError, UsageError
+from somrs.runtime.trust_client import following
 from somrs.service_manager.sdk.device import Device
-from somrs.trust.credentials import VARIABLE, Credentials
+from somrs.trust.credentials import Credentials
+from somrs.trust.mqtt_topics import EVERYTHING
 
 if TYPE_CHECKING:
     from somrs.adapters.adapter import Adapter
@@ -42,6 +43,10 @@ OWN = {
 """The adapters of SO-MRS, by name. Sites name others as `module:Class` or `file.py:Class`."""
 
 
+OWN_BROKER, BUS_BROKER = "own", "bus"
+"""What the setting `broker` names besides addresses: a broker that is started with the system, and the servers of its bus."""
+
+
 class AdapterSettings(Struct, frozen=True):
     """An adapter, the settings that it is made with, and the folder to which paths in them refer."""
 
@@ -49,10 +54,32 @@ class AdapterSettings(Struct, frozen=True):
     settings: dict[str, Any]
     folder: str
 
+    @property
+    def label(self) -> str:
+        """The name of its program: that of the class, for one of the site's own."""
+        return self.name.rpartition(":")[2]
+
     def make(self) -> Adapter:
         """Make the adapter. Raises InputError."""
         adapter: Adapter = adapter_class(self.name, Path(self.folder))(self.settings, Path(self.folder))
         return adapter
+
+    def with_broker(self, name: str, url: str, **further: object) -> AdapterSettings:
+        """The same with the address of a broker, and with further settings, in place of this name, if that is its broker."""
+        is_named = self.settings.get("broker") == name
+        return structs.replace(self, settings={**self.settings, "broker": url, **further}) if is_named else self
+
+    def at_bus(self, url: str | None, credentials: Credentials | None = None) -> AdapterSettings:
+        """The same with the address of the bus, if that is its broker. `url`: where its servers are a broker. Raises UsageError if they are
+        none."""
+        if self.settings.get("broker") == BUS_BROKER and url is None:
+            raise UsageError(
+                f"adapters: {self.name}: broker: bus: there is no bus that is known to speak MQTT; start the system with `--bus`, say by "
+                "`--mqtt` where the servers do that run already, or write `own` or mqtt://HOST:PORT"
+            )
+        files = {"authority": credentials.authority, "certificate": credentials.certificate, "key": credentials.key} if credentials else {}
+        certificates = {"certificates": {name: str(file.resolve()) for name, file in files.items()}} if files else {}
+        return self.with_broker(BUS_BROKER, url or "", **certificates)
 
 
 def adapter_class(name: str, folder: Path) -> type[Any]:
@@ -105,25 +132,33 @@ def store_adapters(adapters: Collection[AdapterSettings], data: Path) -> None:
     file.write_bytes(msgspec.json.encode([*adapters]))
 
 
-def stored_adapter(name: str, data: Path) -> AdapterSettings:
-    """Raises UsageError if the system has no such adapter."""
-    try:
-        adapters = msgspec.json.decode((data / FILE).read_bytes(), type=list[AdapterSettings])
-    except (OSError, msgspec.DecodeError) as error:
-        raise UsageError(f"{data / FILE} cannot be read: {error}; start the system with `somrs up`") from None
+def named_adapter(name: str, data: Path, site: Sequence[Path]) -> AdapterSettings:
+    """The adapter with this name, of these files, or, without files, of the system that was started from this data folder.
+
+    Raises UsageError if there is none.
+    """
+    adapters = adapters_of(site, {}) if site else _stored_adapters(data)
     for adapter in adapters:
         if adapter.name == name:
             return adapter
-    raise UsageError(f"the system has no adapter {name}; it has {', '.join(adapter.name for adapter in adapters) or 'none'}")
+    owner = ", ".join(map(str, site)) if site else "the system"
+    raise UsageError(f"{owner}: there is no adapter {name}; there are {', '.join(adapter.name for adapter in adapters) or 'none'}")
+
+
+def _stored_adapters(data: Path) -> list[AdapterSettings]:
+    try:
+        return msgspec.json.decode((data / FILE).read_bytes(), type=list[AdapterSettings])
+    except (OSError, msgspec.DecodeError) as error:
+        raise UsageError(f"{data / FILE} cannot be read: {error}; start the system with `somrs up`, or name files with --site") from None
 
 
 class HostedFleet:
-    """The devices of an adapter in this process. `names`: those for which the process has a certificate; others get one of their own."""
+    """The devices of an adapter in this process. `credentials`: with what the process proves who it is. Devices for which it may not speak
+    get a certificate of their own."""
 
-    def __init__(self, addresses: Addresses, data: Path, address: str, names: Collection[str]) -> None:
-        self._addresses, self._data, self._address, self._names = addresses, data, address, frozenset(names)
+    def __init__(self, addresses: Addresses, data: Path, address: str, credentials: Credentials | None) -> None:
+        self._addresses, self._data, self._address, self._credentials = addresses, data, address, credentials
         self._listeners = Listeners(address, addresses.bus)
-        self._credentials = os.environ.get(VARIABLE)
         self._running: dict[str, asyncio.Task[None]] = {}
         self._own_listeners: dict[str, Listeners] = {}
 
@@ -142,12 +177,16 @@ class HostedFleet:
 
     def _listeners_for(self, name: str) -> Listeners:
         """The ports at which a device listens: those of all, or its own, where it proves who it is with a certificate of its own."""
-        if self._credentials is None or name in self._names:
+        if self._credentials is None or self._credentials.identity.may_speak_for(name):
             return self._listeners
         if name not in self._own_listeners:
             certificate = certificate_of_devices([name], self._addresses, self._address)
-            credentials = Credentials(certificate) if certificate is not None else None
-            self._own_listeners[name] = Listeners(self._address, self._addresses.bus, credentials)
+            if certificate is None:
+                speaker = self._credentials.name
+                advice = f"invite {speaker} again, with --speaks-for {name}"
+                log.warning("%s cannot take part: the certificate of %s may not speak for it; %s", name, speaker, advice)
+                return self._listeners
+            self._own_listeners[name] = Listeners(self._address, self._addresses.bus, Credentials(certificate))
         return self._own_listeners[name]
 
     async def remove(self, name: str) -> None:
@@ -177,22 +216,29 @@ class HostedFleet:
         await asyncio.gather(*(listeners.stop() for listeners in (self._listeners, *self._own_listeners.values())))
 
 
-async def serve_adapter(name: str, addresses: Addresses, data: Path, address: str) -> None:
+async def serve_adapter(settings: AdapterSettings, addresses: Addresses, data: Path, address: str) -> None:
     """Run an adapter until this process is asked to stop. Raises InputError."""
-    adapter = stored_adapter(name, data).make()
-    if adapter.names:
-        give_devices_a_certificate([*adapter.names], addresses, address)
-    fleet = HostedFleet(addresses, data, address, adapter.names)
-    await _until_stopped(name, asyncio.create_task(adapter.run(fleet)))
+    name = settings.name
+    give_devices_a_certificate([settings.label, *settings.at_bus(addresses.mqtt).make().names], addresses, address, topics=[EVERYTHING])
+    credentials = Credentials.of_environment()
+    fleet = HostedFleet(addresses, data, address, credentials)
+    adapter = settings.at_bus(addresses.mqtt, credentials).make()
+    async with following(credentials):
+        await _until_stopped(name, asyncio.create_task(adapter.run(fleet)))
     await fleet.close()
 
 
-async def serve_simulated(name: str, addresses: Addresses, data: Path) -> None:
+async def serve_simulated(settings: AdapterSettings, addresses: Addresses, address: str) -> None:
     """Be the other end of an adapter for robots of the simulator, until this process is asked to stop. Raises InputError."""
-    adapter = stored_adapter(name, data).make()
+    name = settings.name
+    robots = settings.at_bus(addresses.mqtt).make().simulated
+    give_devices_a_certificate([f"{settings.label}-simulated", *robots], addresses, address, topics=[EVERYTHING])
+    credentials = Credentials.of_environment()
+    adapter = settings.at_bus(addresses.mqtt, credentials).make()
     if addresses.simulator is None:
         raise UsageError(f"the adapter {name} puts robots of the simulator behind its protocol, and this system has no simulator")
-    await _until_stopped(f"{name}-simulated", asyncio.create_task(adapter.simulate(addresses.simulator)))
+    async with following(credentials):
+        await _until_stopped(f"{name}-simulated", asyncio.create_task(adapter.simulate(addresses.simulator)))
 
 
 async def _until_stopped(name: str, work: asyncio.Task[None]) -> None:
@@ -208,9 +254,11 @@ async def _until_stopped(name: str, work: asyncio.Task[None]) -> None:
     raise UsageError(f"the adapter {name} has ended by itself")
 
 
-def run_adapter(name: str, addresses: Addresses, data: Path, address: str, *, is_simulated: bool) -> None:
-    """Run an adapter, or the other end of it. Each line of the log begins with the device that it is about."""
+def run_adapter(name: str, addresses: Addresses, data: Path, address: str, site: Sequence[Path] = (), *, is_simulated: bool) -> None:
+    """Run an adapter, or the other end of it. Each line of the log begins with the device that it is about. `site`: as of
+    `named_adapter`."""
+    settings = named_adapter(name, data, site)
     handler = logging.StreamHandler()
     handler.addFilter(name_device)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
-    run_program(serve_simulated(name, addresses, data) if is_simulated else serve_adapter(name, addresses, data, address))
+    run_program(serve_simulated(settings, addresses, address) if is_simulated else serve_adapter(settings, addresses, data, address))

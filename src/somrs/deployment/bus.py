@@ -15,6 +15,7 @@ import msgspec
 from somrs.client.addresses import Addresses, registry_path, task_manager_path
 from somrs.deployment.programs import until_stopped
 from somrs.errors import UsageError
+from somrs.ports import host_and_port
 from somrs.runtime.bus import Bus
 from somrs.runtime.bus_address import BusAddress
 from somrs.runtime.bus_gateway import BusParts
@@ -53,8 +54,17 @@ def bus_address(servers: str, site: str, gateway: str) -> BusAddress:
         raise UsageError(str(error)) from None
 
 
-async def run_gateway(bus: BusAddress, host: str, port: int) -> None:
-    """Run the gateway of a site until this process is asked to stop, and list the site's addresses on the bus."""
+def mqtt_url(address: str, *, secure: bool) -> str:
+    """The URL of the broker at HOST:PORT. `secure`: its clients have certificates. Raises UsageError for a wrong address."""
+    host_and_port(address)
+    return f"{'mqtts' if secure else 'mqtt'}://{address}"
+
+
+async def run_gateway(bus: BusAddress, host: str, port: int, mqtt: str | None = None) -> None:
+    """Run the gateway of a site until this process is asked to stop, and list the site's addresses on the bus.
+
+    `mqtt`: the HOST:PORT at which the servers of the bus are a broker for MQTT; None: as it is listed, if it is.
+    """
     credentials = Credentials.of_environment()
     connection = Bus(bus, credentials)
     await connection.start()
@@ -65,8 +75,12 @@ async def run_gateway(bus: BusAddress, host: str, port: int) -> None:
             await _check_same_site(bus, listed)
         server = Server(host, port, BusParts(connection, ANSWER_TIME), public_url=bus.gateway, credentials=credentials)
         await server.start()
+        broker = mqtt_url(mqtt, secure=credentials is not None) if mqtt is not None else (listed.mqtt if listed is not None else None)
         if listed is None or listed.bus != bus:
-            await _put(sites, await _running_addresses(bus, credentials))
+            listed = await _running_addresses(bus, credentials)
+            await _put(sites, msgspec.structs.replace(listed, mqtt=broker))
+        elif listed.mqtt != broker:
+            await _put(sites, msgspec.structs.replace(listed, mqtt=broker))
         async with following(credentials):
             await until_stopped("gateway", bus.gateway)
         await server.stop()

@@ -20,13 +20,14 @@ from somrs.deployment.bus_stores import BusStores
 from somrs.deployment.programs import until_stopped
 from somrs.errors import RemoteError, UsageError
 from somrs.limits import limits
+from somrs.ports import host_and_port
 from somrs.runtime.bus import Bus
+from somrs.runtime.bus_accounts import MQTT, accounts, users_of, without_certificates
 from somrs.runtime.bus_address import BusAddress
-from somrs.runtime.bus_rights import permissions
 from somrs.runtime.trust_client import following
 from somrs.trust.credentials import Credentials
 from somrs.trust.holders import Holder
-from somrs.trust.identity import Role, certificate_uri, role_uri
+from somrs.trust.identity import Role, role_uri
 
 log = logging.getLogger(__name__)
 
@@ -48,22 +49,28 @@ _DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 
 
 async def run_bus(
-    data: Path, host: str, port: int, cluster_port: int = 0, routes: Sequence[str] = (), credentials: Credentials | None = None
+    data: Path,
+    host: str,
+    port: int,
+    cluster_port: int = 0,
+    routes: Sequence[str] = (),
+    credentials: Credentials | None = None,
+    mqtt: str | None = None,
 ) -> None:
     """Run a NATS server with JetStream until this process is asked to stop. What it stores is in the folder `bus` of the data folder.
 
     With `routes`, the HOST:PORT at which all servers of the bus listen for each other, it is one of several, and listens at `cluster_port`.
     `credentials`: with them, it speaks TLS only, with who has a certificate of the site, and permits each what its role may; by default,
-    those of the environment.
+    those of the environment. `mqtt`: the HOST:PORT at which it is a broker for MQTT 3.1.1, too; None: it is none.
 
     Raises UsageError when there is no NATS server on this machine, or when it ends at once.
     """
     folder = data / "bus"
     folder.mkdir(parents=True, exist_ok=True)
     credentials = credentials if credentials is not None else Credentials.of_environment()
-    configuration = _Configuration(
-        folder, _settings(folder, host, port) | _cluster(folder, host, cluster_port, routes, credentials), credentials
-    )
+    settings = _settings(folder, host, port) | _cluster(host, cluster_port, routes, credentials) | _mqtt(mqtt, credentials)
+    settings["server_name"] = _server_name(folder, host, cluster_port if routes else port)
+    configuration = _Configuration(folder, settings, credentials)
     configuration.write()
     async with following(credentials):
         await _run_server(configuration, folder, f"{'nats' if credentials is None else 'tls'}://{host}:{port}")
@@ -134,15 +141,13 @@ class _Configuration:
         return has_news or now >= self._next_end
 
     def write(self) -> None:
-        settings, credentials = self._settings, self.credentials
+        settings, credentials = self._settings | without_certificates(), self.credentials
         if credentials is not None:
             self._holders, self._generation, self._has_new_site = credentials.holders, credentials.generation, False
             holding = [holder for holder in self._holders if holder.ends > time.time()]
             self._next_end = min((holder.ends for holder in holding), default=float("inf"))
-            # The URI has the serial number: who is revoked and enrolled again cannot use the earlier certificate.
-            sites = sorted(self._sites)
-            users = [{"user": certificate_uri(holder.serial), "permissions": permissions(holder.identity, sites)} for holder in holding]
-            settings = settings | {"tls": _tls(credentials) | {"handshake_first": True}, "authorization": {"users": users}}
+            tls = _tls(credentials) | {"handshake_first": True}
+            settings = self._settings | {"tls": tls} | accounts(*users_of(holding, sorted(self._sites)))
         self.file.write_text(json.dumps(settings, indent=2))
 
 
@@ -184,7 +189,16 @@ def _tls(credentials: Credentials) -> dict[str, object]:
     }
 
 
-def _cluster(folder: Path, host: str, port: int, routes: Sequence[str], credentials: Credentials | None) -> dict[str, object]:
+def _mqtt(address: str | None, credentials: Credentials | None) -> dict[str, object]:
+    """The part of the configuration for a server that is a broker. Raises UsageError for a wrong address."""
+    if address is None:
+        return {}
+    host, port = host_and_port(address)
+    listening: dict[str, object] = {"host": host, "port": port}
+    return {"mqtt": listening | ({"tls": _tls(credentials)} if credentials is not None else {"no_auth_user": MQTT})}
+
+
+def _cluster(host: str, port: int, routes: Sequence[str], credentials: Credentials | None) -> dict[str, object]:
     """The part of the configuration for a server that is one of several.
 
     With certificates, only servers of the bus may be one: the others of the site would have all rights that way.
@@ -195,7 +209,7 @@ def _cluster(folder: Path, host: str, port: int, routes: Sequence[str], credenti
     cluster: dict[str, object] = {"name": CLUSTER, "host": host, "port": port, "routes": urls}
     if credentials is not None:
         cluster |= {"tls": _tls(credentials), "authorization": {"user": role_uri(Role.BUS)}}
-    return {"server_name": _server_name(folder, host, port), "cluster": cluster}
+    return {"cluster": cluster}
 
 
 def _server_name(folder: Path, host: str, port: int) -> str:

@@ -27,6 +27,7 @@ class Part(IntEnum):
     BUS = 8
     GATEWAY = 9
     TRUST = 10
+    MQTT = 11
 
 
 _WITHOUT_BUS = {Part.WORLD, Part.WINDOWS, Part.API, Part.TRUST}
@@ -125,6 +126,7 @@ def ports_before(addresses: Addresses, *, task_managers: int, is_on_bus: bool, h
         Part.BUS: addresses.bus.servers if addresses.bus is not None else "",
         Part.GATEWAY: addresses.bus.gateway if addresses.bus is not None else "",
         Part.TRUST: addresses.trust_service or "",
+        Part.MQTT: addresses.mqtt or "",
     }
     ports = {part: urlsplit(place).port or 0 for part, place in places.items()}
     if addresses.bus is None:
@@ -134,5 +136,5 @@ def ports_before(addresses: Addresses, *, task_managers: int, is_on_bus: bool, h
         )
         return [*ports.values(), *[*further_managers, *[0] * task_managers][: task_managers - 1], *further_registries]
     # The components had the port of the gateway, and devices without a bus take it if nobody reserves it.
-    kept = _WITHOUT_BUS | ({Part.GATEWAY} if is_on_bus else set()) | ({Part.BUS} if has_own_bus else set())
+    kept = _WITHOUT_BUS | ({Part.GATEWAY} if is_on_bus else set()) | ({Part.BUS, Part.MQTT} if has_own_bus else set())
     return [port if part in kept else 0 for part, port in ports.items()]

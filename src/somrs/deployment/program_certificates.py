@@ -13,6 +13,7 @@ from somrs.client.addresses import Addresses
 from somrs.deployment.neighbours import read_trusted_neighbours
 from somrs.trust.credentials import FOLDER, VARIABLE, Credentials
 from somrs.trust.identity import Identity, Role
+from somrs.trust.mqtt_topics import EVERYTHING
 from somrs.trust.neighbours import TrustedNeighbour
 
 if TYPE_CHECKING:
@@ -65,24 +66,24 @@ def certificates_of_programs(
     return ProgramCertificates(Authority.of_data(data), host, site, trusted)
 
 
-def give_devices_a_certificate(names: Collection[str], addresses: Addresses, host: str) -> None:
+def give_devices_a_certificate(names: Collection[str], addresses: Addresses, host: str, topics: Collection[str] = ()) -> None:
     """Have this process use a certificate with which it may speak for these devices, if the system has some, this process has none, and it
-    may read the data folder. Raises UsageError if that certificate cannot be made."""
-    certificate = certificate_of_devices(names, addresses, host) if VARIABLE not in os.environ else None
+    may read the data folder. `topics`: of MQTT, that it may use. Raises UsageError if that certificate cannot be made."""
+    certificate = certificate_of_devices(names, addresses, host, topics) if VARIABLE not in os.environ else None
     if certificate is not None:
         os.environ[VARIABLE] = str(certificate)
 
 
-def certificate_of_devices(names: Collection[str], addresses: Addresses, host: str) -> Path | None:
-    """The file of a new certificate with which a program may speak for these devices; None if the system has none, or if this process may
-    not read the data folder. Raises UsageError if it cannot be made."""
+def certificate_of_devices(names: Collection[str], addresses: Addresses, host: str, topics: Collection[str] = ()) -> Path | None:
+    """The file of a new certificate with which a program may speak for these devices, and use these topics of MQTT; None if the system has
+    none, or if this process may not read the data folder. Raises UsageError if it cannot be made."""
     folder = Path(addresses.trust) if addresses.trust is not None else None
     if folder is None or not os.access(folder / "authority.key", os.R_OK):
         return None
     from somrs.trust.authority import Authority  # as above
 
     name, *further = names
-    return ProgramCertificates(Authority(folder), host, "").of_devices(name, further)
+    return ProgramCertificates(Authority(folder), host, "").of_devices(name, further, topics)
 
 
 def give_simulator_a_certificate(repositories: Sequence[str], data: Path, host: str) -> None:
@@ -126,19 +127,22 @@ class ProgramCertificates:
         """With what the system itself uses its bus: it has all rights there."""
         return Credentials(self._issue(Identity(name="bus", roles=frozenset({Role.BUS}))))
 
-    def of_devices(self, name: str, further: Iterable[str]) -> Path:
+    def of_devices(self, name: str, further: Iterable[str], topics: Iterable[str] = ()) -> Path:
         """The file of the certificate of a process of devices that is not one of the system's own programs."""
-        return self._issue(Identity(name=name, roles=frozenset({Role.DEVICE}), speaks_for=frozenset(further)))
+        return self._issue(Identity(name=name, roles=frozenset({Role.DEVICE}), speaks_for=frozenset(further), topics=frozenset(topics)))
 
     def of_simulator(self) -> Path:
         """The file of the certificate of a simulator that is not one of the system's own programs."""
         return self._issue(Identity(name="simulator", roles=frozenset({Role.TRAFFIC})))
 
     def environment(self, name: str, arguments: Sequence[str]) -> dict[str, str]:
-        """What a program needs to prove who it is. A process of devices speaks for each of them: `NAME=DRIVER` of its arguments."""
+        """What a program needs to prove who it is. A process of devices speaks for each of them: `NAME=DRIVER` of its arguments. An adapter
+        uses all topics of MQTT at the bus."""
         role = _ROLES.get(arguments[1], Role.VIEWER)
         devices = [argument.partition("=")[0] for argument in arguments if "=" in argument] if role is Role.DEVICE else []
-        return {VARIABLE: str(self._issue(Identity(name=name, roles=frozenset({role}), speaks_for=frozenset(devices))))}
+        topics = frozenset({EVERYTHING} if arguments[1] == "adapter" else ())
+        identity = Identity(name=name, roles=frozenset({role}), speaks_for=frozenset(devices), topics=topics)
+        return {VARIABLE: str(self._issue(identity))}
 
     def renew(self) -> None:
         """Renew what is due. Programs go on with their new certificates by themselves."""

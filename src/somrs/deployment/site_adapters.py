@@ -6,18 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from msgspec import structs
-
 from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.ports import Reservation
 
 if TYPE_CHECKING:
     from somrs.adapters.adapter import Adapter
-    from somrs.deployment.adapters import AdapterSettings
-
-OWN_BROKER = "own"
-"""The broker that is started with the system."""
 
 PIONEER = "PioneerP3DX"
 """The type of the robots that the simulator drives by ARCOS, if it is to."""
@@ -30,14 +24,18 @@ class SiteAdapters:
     def __init__(self, site: Sequence[Path], data: Path, host: str, chosen: Mapping[str, Mapping[str, Any]], *, with_arcos: bool) -> None:
         self._site, self._data, self._host, self._chosen, self._with_arcos = site, data, host, chosen, with_arcos
         self._adapters: dict[str, Adapter] = {}
+        self._labels: dict[str, str] = {}
         self._reservation: Reservation | None = None
         self.needs_broker = False
         """Whether a broker is to be started."""
         self.broker_port = 0
 
-    def prepare(self, map: Map, ontology: Ontology) -> set[str]:
-        """Read the settings, and make what the programs read. Returns the objects of the map that adapters serve. Raises InputError."""
-        from somrs.deployment.adapters import adapters_of, store_adapters
+    def prepare(self, map: Map, ontology: Ontology, mqtt: str | None) -> set[str]:
+        """Read the settings, and make what the programs read. Returns the objects of the map that adapters serve. Raises InputError.
+
+        `mqtt`: the URL at which the bus is a broker, if there is one.
+        """
+        from somrs.deployment.adapters import OWN_BROKER, adapters_of, store_adapters
 
         chosen = dict(self._chosen)
         pioneers = [name for name, object in sorted(map.objects.items()) if ontology.is_subtype(object.type, PIONEER)]
@@ -51,19 +49,20 @@ class SiteAdapters:
         if self.needs_broker:
             self._reservation = self._reservation or Reservation(self._host, 1)
             self.broker_port = self._reservation.ports[0]
-            entries = [_with_broker(entry, self.broker) for entry in entries]
+            entries = [entry.with_broker(OWN_BROKER, self.broker) for entry in entries]
             self._reservation.release(self.broker_port)
         store_adapters(entries, self._data)
-        self._adapters = {entry.name: entry.make() for entry in entries}
+        self._labels = {entry.name: entry.label for entry in entries}
+        self._adapters = {entry.name: entry.at_bus(mqtt).make() for entry in entries}
         return {name for adapter in self._adapters.values() for name in adapter.names}
 
     def programs(self) -> Iterator[tuple[str, list[str]]]:
         """The labels of the programs to start, and their arguments: the other ends first."""
         for name, adapter in self._adapters.items():
             if adapter.simulated:
-                yield f"{_label(name)}-simulated", [name, "--simulated", *(f"{robot}=adapter" for robot in adapter.simulated)]
+                yield f"{self._labels[name]}-simulated", [name, "--simulated", *(f"{robot}=adapter" for robot in adapter.simulated)]
         for name, adapter in self._adapters.items():
-            yield _label(name), [name, *(f"{robot}=adapter" for robot in adapter.names)]
+            yield self._labels[name], [name, *(f"{robot}=adapter" for robot in adapter.names)]
 
     @property
     def broker(self) -> str:
@@ -78,14 +77,3 @@ class SiteAdapters:
     def close(self) -> None:
         if self._reservation is not None:
             self._reservation.close()
-
-
-def _with_broker(entry: AdapterSettings, broker: str) -> AdapterSettings:
-    """An adapter with the address of the broker that is started with the system, if it is to use that."""
-    has_own = entry.settings.get("broker") == OWN_BROKER
-    return structs.replace(entry, settings={**entry.settings, "broker": broker}) if has_own else entry
-
-
-def _label(name: str) -> str:
-    """The name of an adapter's program: that of the class, for one of the site's own."""
-    return name.rpartition(":")[2]

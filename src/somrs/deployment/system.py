@@ -20,7 +20,7 @@ from somrs.access.store import AccessStore, access_files
 from somrs.client.addresses import LAST_FILE, SYSTEM_FILE, Addresses
 from somrs.client.client import Client
 from somrs.deployment.backup import serve_request
-from somrs.deployment.bus import bus_address, check_reachable, discard_site, list_site, site_name
+from somrs.deployment.bus import bus_address, check_reachable, discard_site, list_site, mqtt_url, site_name
 from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.devices_of_map import DevicePrograms, Selection, devices, is_symbolic, of_one_world, unsimulated
 from somrs.deployment.incidents import add_incident
@@ -54,7 +54,7 @@ REGISTRY, TASK_MANAGER, DEVICES, ADAPTER = "registry", "task-manager", "devices"
 BUS, GATEWAY, BROKER = "bus", "gateway", "broker"
 """Commands of `somrs run` on which all others rely, if the system is on a bus."""
 
-_SETTINGS = {"SOMRS_BUS", "SOMRS_OIDC", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS", VARIABLE}
+_SETTINGS = {"SOMRS_BUS", "SOMRS_MQTT", "SOMRS_OIDC", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS", VARIABLE}
 """Variables from which `somrs run` would take settings that the system does not have."""
 
 OWN_BUS = "own"
@@ -99,6 +99,8 @@ class System:
     `task_managers`, `registries`: the number of Task Managers, and of Registries; None: as many as in the last run.
     `bus`: the URLs of the NATS servers on which the components are, `OWN_BUS` for one that is started with them, None for no bus; `name`:
     the site's name there.
+    `mqtt`: the HOST:PORT at which the bus is a broker for MQTT; None: a bus that is started with the components is one at a port of theirs,
+    and of others it is not known.
     `neighbours`: the file of the neighbours of Registry and Repository; None: they have none.
     `adapters`: the settings of adapters, by their names, besides those of the site's files; `arcos`: the Pioneer robots of the map are
     driven by ARCOS, which the simulator speaks for them.
@@ -124,6 +126,7 @@ class System:
         task_managers: int | None = None,
         registries: int | None = None,
         bus: str | None = None,
+        mqtt: str | None = None,
         name: str | None = None,
         neighbours: Path | None = None,
         first_port: int | None = None,
@@ -135,7 +138,7 @@ class System:
         arcos: bool = False,
     ) -> None:
         self.site, self.data, self.host = [path.resolve() for path in site], data, host
-        self._bus, self._name, self._first_port, self._listed = bus, name, first_port, False
+        self._bus, self._mqtt, self._name, self._first_port, self._listed = bus, mqtt, name, first_port, False
         self.speed, self.world, self.simulates, self.secure = speed, world, simulates, secure
         self.programs: dict[str, Program] = {}
         self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
@@ -205,14 +208,14 @@ class System:
         ports = self._reserve_ports()
         self._check_site()
         bus = await self._start_bus(ports)
-        self.addresses = ports.addresses(bus, has_windows=self._windows and has_windows())
+        self.addresses = replace(ports.addresses(bus, has_windows=self._windows and has_windows()), mqtt=self._mqtt_url(ports))
         site = [argument for path in self.site for argument in ("--site", str(path))]
         entrance = ["--port", str(ports[Part.REPOSITORY])] if bus is None else ["--bus", bus.servers, "--name", bus.site]
         neighbours = ["--neighbours", str(self._neighbours.resolve())] if self._neighbours is not None else []
         await self._start("repository", *entrance, *site, *neighbours)
         async with Client(self.addresses) as client:
             ontology, map = await client.ontology(), await client.map()
-        adapted = await asyncio.to_thread(self._adapters.prepare, map, ontology)
+        adapted = await asyncio.to_thread(self._adapters.prepare, map, ontology, self.addresses.mqtt)
         own_devices = [device for device in devices(map, ontology) if device[0] not in adapted]
         driven = self._selected(await asyncio.to_thread(self._device_programs.select, own_devices))
         bodiless = is_symbolic(driven)
@@ -302,11 +305,18 @@ class System:
         if self._bus == OWN_BUS:
             assert self._reservation is not None, "made before"
             self._reservation.release(server_port)
-            await self._start(BUS, "--port", str(server_port))
+            self._reservation.release(ports[Part.MQTT])
+            await self._start(BUS, "--port", str(server_port), "--mqtt", self._mqtt or f"{self.host}:{ports[Part.MQTT]}")
         else:
             await check_reachable(bus, self._bus_credentials())  # here, so that who starts the system reads why it does not go on
         await self._start(GATEWAY, "--bus", servers, "--name", name, "--port", str(gateway_port))
         return bus
+
+    def _mqtt_url(self, ports: Ports) -> str | None:
+        """Where the bus is a broker for MQTT; None if it is none, as far as is known. Raises UsageError for a wrong address."""
+        own_address = f"{self.host}:{ports[Part.MQTT]}" if self._bus == OWN_BUS else None
+        address = self._mqtt or own_address
+        return mqtt_url(address, secure=self._certificates is not None) if self._bus is not None and address is not None else None
 
     async def _start_one_of(self, command: str, number: int, port: int, *arguments: str) -> Program:
         """Start the component with this number, of which a system may have several."""

@@ -47,7 +47,8 @@ class CertificateList:
             ui.label(holder.name).classes("somrs-access-name")
             own = "; a program of this system" if holder.is_own else ""
             spoken = f"; speaks for {', '.join(holder.speaks_for)}" if holder.speaks_for else ""
-            ui.label(f"{', '.join(holder.roles)}; until {format_time(holder.until)}{spoken}{own}").classes("somrs-soft")
+            topics = f"; at topics {', '.join(holder.topics)}" if holder.topics else ""
+            ui.label(f"{', '.join(holder.roles)}; until {format_time(holder.until)}{spoken}{topics}{own}").classes("somrs-soft")
             if may(Right.ADMINISTER) and not holder.is_own:
                 ui.button("Revoke", on_click=partial(self._revoke, holder.name)).props("flat dense no-caps")
 
@@ -62,13 +63,18 @@ class CertificateList:
         with ui.element("div").classes("somrs-access-form"):
             name = ui.input("Name of the device").props("dense outlined")
             spoken = ui.input("Also speaks for").props("dense outlined").tooltip("Devices in whose names it speaks, separated by commas")
+            topics = ui.input("Topics").props("dense outlined").tooltip("Of MQTT, such as uagv/v2/ACME/0001/#, separated by commas")
             hosts = ui.input("Reached at").props("dense outlined").tooltip("Names or IP addresses; by default, where it enrols from")
-            roles = [role.value for role in Role] if may(Right.ADMINISTER) else [Role.DEVICE.value]
+            roles = [role.value for role in (Role if may(Right.ADMINISTER) else (Role.DEVICE, Role.THING))]
             role = ui.select(roles, value=Role.DEVICE.value, label="Role").props("dense outlined").classes("somrs-access-role")
 
             async def invite() -> None:
                 invitation = NewInvitation(
-                    name=name.value.strip(), roles=(Role(role.value),), speaks_for=_names(spoken.value), hosts=_names(hosts.value)
+                    name=name.value.strip(),
+                    roles=(Role(role.value),),
+                    speaks_for=_names(spoken.value),
+                    topics=_names(topics.value),
+                    hosts=_names(hosts.value),
                 )
                 invited = await self._api.trust.invite(invitation)
                 service = f" --at {invited.service}" if invited.service else ""

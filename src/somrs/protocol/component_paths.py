@@ -8,7 +8,20 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 FIRST_PARTS = frozenset(
-    {"repository", "registry", "task-manager", "scheduler", "traffic", "simulator", "map-follower", "news", "devices", "passages", "maps"}
+    {
+        "repository",
+        "registry",
+        "task-manager",
+        "scheduler",
+        "traffic",
+        "simulator",
+        "map-follower",
+        "news",
+        "devices",
+        "robots",
+        "passages",
+        "maps",
+    }
 )
 """The first parts of paths at which programs of SO-MRS listen, without the numbers of those of which there are several."""
 

@@ -21,7 +21,7 @@ MOST_OF_A_KIND = 32
 """How many Task Managers, Registries and simulators a site with certificates has on a bus: NATS has no patterns within a token."""
 
 _NUMBERS = range(2, MOST_OF_A_KIND + 1)
-_SPOKEN = ("devices", "passages", "maps")
+_SPOKEN = ("devices", "robots", "passages", "maps")
 """The first parts of paths at which a device listens; the second is its name."""
 
 

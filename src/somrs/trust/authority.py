@@ -35,6 +35,7 @@ from somrs.trust.credentials import FOLDER
 from somrs.trust.files import install, write_private
 from somrs.trust.holders import HOLDERS_FILE, REVOKED_FILE, Holder, write_holders, write_revoked
 from somrs.trust.identity import Identity, Role, certificate_uri
+from somrs.trust.mqtt_topics import check_topics
 from somrs.trust.neighbours import NEIGHBOURS_FILE, Neighbours, TrustedNeighbour, write_trusted
 
 INVITATION_SECONDS = 3600.0
@@ -48,6 +49,7 @@ class IssuedCertificate(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     roles: tuple[Role, ...]
     speaks_for: tuple[str, ...] = ()
+    topics: tuple[str, ...] = ()
     hosts: tuple[str, ...] = ()
     begins: float
     ends: float
@@ -55,7 +57,7 @@ class IssuedCertificate(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def identity(self) -> Identity:
-        return Identity(name=self.name, roles=frozenset(self.roles), speaks_for=frozenset(self.speaks_for))
+        return _identity(self)
 
 
 class Invitation(msgspec.Struct, frozen=True, kw_only=True):
@@ -65,8 +67,13 @@ class Invitation(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     roles: tuple[Role, ...]
     speaks_for: tuple[str, ...] = ()
+    topics: tuple[str, ...] = ()
     hosts: tuple[str, ...] = ()
     ends: float
+
+    @property
+    def identity(self) -> Identity:
+        return _identity(self)
 
 
 class Register(msgspec.Struct, kw_only=True):
@@ -169,6 +176,7 @@ class Authority:
         """
         self._check_exists()
         certificates.check_hosts(hosts)
+        check_topics(identity)
         word = f"{secrets.token_hex(18)}.{fingerprint(self.certificate_file.read_text())}"
         with self._changing() as register:
             invitation = Invitation(
@@ -176,6 +184,7 @@ class Authority:
                 name=identity.name,
                 roles=tuple(sorted(identity.roles)),
                 speaks_for=tuple(sorted(identity.speaks_for)),
+                topics=tuple(sorted(identity.topics)),
                 hosts=hosts,
                 ends=now.timestamp() + seconds,
             )
@@ -198,8 +207,7 @@ class Authority:
                 raise UsageError(
                     f"the invitation of {invitation.name} has expired: get another one with `somrs trust invite {invitation.name}`"
                 )
-            identity = Identity(name=invitation.name, roles=frozenset(invitation.roles), speaks_for=frozenset(invitation.speaks_for))
-            certificate = self._issue(register, identity, request, invitation.hosts or hosts, now)
+            certificate = self._issue(register, invitation.identity, request, invitation.hosts or hosts, now)
             register.invitations.remove(invitation)
             return certificate
 
@@ -252,6 +260,7 @@ class Authority:
                 name=identity.name,
                 roles=tuple(sorted(identity.roles)),
                 speaks_for=tuple(sorted(identity.speaks_for)),
+                topics=tuple(sorted(identity.topics)),
                 hosts=hosts,
                 begins=issued.not_valid_before_utc.timestamp(),
                 ends=issued.not_valid_after_utc.timestamp(),
@@ -298,6 +307,7 @@ class Authority:
                 name=entry.name,
                 roles=entry.roles,
                 speaks_for=entry.speaks_for,
+                topics=entry.topics,
                 begins=entry.begins,
                 ends=entry.ends,
             )
@@ -309,6 +319,10 @@ class Authority:
     def _check_exists(self) -> None:
         if not self.exists:
             raise UsageError(f"{self.folder} has no certificate authority: make one with `somrs trust init`")
+
+
+def _identity(entry: IssuedCertificate | Invitation) -> Identity:
+    return Identity(name=entry.name, roles=frozenset(entry.roles), speaks_for=frozenset(entry.speaks_for), topics=frozenset(entry.topics))
 
 
 def _revoked(register: Register) -> frozenset[str]:

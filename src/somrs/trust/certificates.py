@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from somrs.errors import UsageError
-from somrs.trust.identity import Identity, certificate_uri, identity_of_uris
+from somrs.trust.identity import Identity, certificate_uri, identity_of_uris, mqtt_uri
 
 TOLERANCE = timedelta(minutes=5)
 """By how much clocks of hosts may differ: certificates begin that much earlier."""
@@ -72,7 +72,8 @@ def issue(
     key = _private_key(authority.key)
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, identity.name[:64])])
     number = x509.random_serial_number()
-    names = [x509.UniformResourceIdentifier(uri) for uri in (*identity.uris, certificate_uri(f"{number:x}"))]
+    serials = [certificate_uri(f"{number:x}"), *([mqtt_uri(f"{number:x}")] if identity.topics else [])]
+    names = [x509.UniformResourceIdentifier(uri) for uri in (*identity.uris, *serials)]
     builder = _builder(subject, issuer.subject, public_key, now, lifetime, number)
     builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
     builder = builder.add_extension(_usage(signs_certificates=False), critical=True)

@@ -25,12 +25,14 @@ class Holder(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     roles: tuple[Role, ...]
     speaks_for: tuple[str, ...] = ()
+    topics: tuple[str, ...] = ()
     begins: float
     ends: float
 
     @property
     def identity(self) -> Identity:
-        return Identity(name=self.name, roles=frozenset(self.roles), speaks_for=frozenset(self.speaks_for))
+        speaks_for, topics = frozenset(self.speaks_for), frozenset(self.topics)
+        return Identity(name=self.name, roles=frozenset(self.roles), speaks_for=speaks_for, topics=topics)
 
 
 def read_holders(file: Path) -> tuple[Holder, ...]:

@@ -2,7 +2,8 @@
 
 A certificate has these as URIs in its SubjectAltName (RFC 5280, 4.2.1.6): `somrs:identity:NAME`, `somrs:role:ROLE` for each role, and
 `somrs:speaks-for:NAME` for each name in which its owner may speak besides its own. `somrs:certificate:SERIAL` has its serial number, by
-which the servers of a bus know it.
+which the servers of a bus know it. `somrs:topics:FILTER` is each filter of the topics of MQTT that its owner may use there, and
+`somrs:mqtt:SERIAL` is by what the servers know it then.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from urllib.parse import quote, unquote
 
 from somrs.errors import UsageError
 
-_IDENTITY, _ROLE, _SPEAKS_FOR = "somrs:identity:", "somrs:role:", "somrs:speaks-for:"
-_CERTIFICATE = "somrs:certificate:"
+_IDENTITY, _ROLE, _SPEAKS_FOR, _TOPICS = "somrs:identity:", "somrs:role:", "somrs:speaks-for:", "somrs:topics:"
+_CERTIFICATE, _MQTT = "somrs:certificate:", "somrs:mqtt:"
 
 
 class Role(StrEnum):
@@ -39,11 +40,14 @@ class Role(StrEnum):
     """A program of a person, such as the command line."""
     VIEWER = "viewer"
     """A program that only reads."""
+    THING = "thing"
+    """A vehicle, a sensor or another thing that speaks MQTT at the bus, on its topics, and nothing else."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """A proven identity. `speaks_for`: the names besides its own in which it may speak, such as the devices of a gateway.
+    """A proven identity. `speaks_for`: the names besides its own in which it may speak, such as the devices of a gateway. `topics`: the
+    filters of the topics that it may use at the bus by MQTT (3.1.1, 4.7), such as `uagv/v2/ACME/0001/#`.
 
     `site`: the neighbour whose authority has issued its certificate; empty for those of the own site.
     """
@@ -51,6 +55,7 @@ class Identity:
     name: str
     roles: frozenset[Role]
     speaks_for: frozenset[str] = frozenset()
+    topics: frozenset[str] = frozenset()
     site: str = ""
 
     @property
@@ -68,12 +73,18 @@ class Identity:
             f"{_IDENTITY}{quote(self.name, safe='')}",
             *(f"{_ROLE}{role}" for role in sorted(self.roles)),
             *(f"{_SPEAKS_FOR}{quote(name, safe='')}" for name in sorted(self.speaks_for)),
+            *(f"{_TOPICS}{quote(topics, safe='')}" for topics in sorted(self.topics)),
         ]
 
 
 def certificate_uri(serial: str) -> str:
     """The URI of the certificate with this serial number, in hexadecimal digits."""
     return _CERTIFICATE + serial
+
+
+def mqtt_uri(serial: str) -> str:
+    """The URI by which the servers of a bus know who speaks MQTT with the certificate with this serial number."""
+    return _MQTT + serial
 
 
 def role_uri(role: Role) -> str:
@@ -83,7 +94,7 @@ def role_uri(role: Role) -> str:
 
 def identity_of_uris(uris: Iterable[str]) -> Identity:
     """The identity in a certificate with these URIs; others are skipped. Raises UsageError if they name none, or an unknown role."""
-    names, roles, speaks_for = [], [], []
+    names, roles, speaks_for, topics = [], [], [], []
     for uri in uris:
         if uri.startswith(_IDENTITY):
             names.append(unquote(uri.removeprefix(_IDENTITY)))
@@ -91,9 +102,11 @@ def identity_of_uris(uris: Iterable[str]) -> Identity:
             roles.append(role_named(uri.removeprefix(_ROLE)))
         elif uri.startswith(_SPEAKS_FOR):
             speaks_for.append(unquote(uri.removeprefix(_SPEAKS_FOR)))
+        elif uri.startswith(_TOPICS):
+            topics.append(unquote(uri.removeprefix(_TOPICS)))
     if len(names) != 1 or not roles:
         raise UsageError("this certificate has no identity of SO-MRS: its SubjectAltName needs one somrs:identity: and a somrs:role:")
-    return Identity(name=names[0], roles=frozenset(roles), speaks_for=frozenset(speaks_for))
+    return Identity(name=names[0], roles=frozenset(roles), speaks_for=frozenset(speaks_for), topics=frozenset(topics))
 
 
 def role_named(text: str) -> Role:

@@ -127,7 +127,7 @@ def test_a_lift_and_a_door_at_a_broker(tmp_path: Path) -> None:
     async def test() -> None:
         controllers = {"lifts/1": lift(), "doors/1": door()}
         with MqttBroker(tmp_path) as broker:
-            serving = asyncio.create_task(serve_mqtt("127.0.0.1", broker.mqtt_port, controllers, SPEED))
+            serving = asyncio.create_task(serve_mqtt(aiomqtt.Client("127.0.0.1", broker.mqtt_port), controllers, SPEED))
             async with (
                 background(serving, asyncio.create_task(move(controllers, SPEED))),
                 passages(tmp_path, BY_TOPICS, broker.url) as devices,
@@ -163,14 +163,14 @@ def test_a_lift_is_had_again_when_the_broker_and_the_controller_were_started_aga
     async def test() -> None:
         with MqttBroker(tmp_path) as broker:
             controllers = {"lifts/1": lift()}
-            serving = asyncio.create_task(serve_mqtt("127.0.0.1", broker.mqtt_port, controllers, SPEED))
+            serving = asyncio.create_task(serve_mqtt(aiomqtt.Client("127.0.0.1", broker.mqtt_port), controllers, SPEED))
             async with background(asyncio.create_task(move(controllers, SPEED))), passages(tmp_path, BY_TOPICS, broker.url) as devices:
                 async with background(serving):
                     await devices["Lift1"].follow(PassageCall(level=HEIGHT))
                 broker.kill()
                 broker.start()
                 controllers["lifts/1"].session = None  # it has forgotten
-                async with background(asyncio.create_task(serve_mqtt("127.0.0.1", broker.mqtt_port, controllers, SPEED))):
+                async with background(asyncio.create_task(serve_mqtt(aiomqtt.Client("127.0.0.1", broker.mqtt_port), controllers, SPEED))):
                     while controllers["lifts/1"].session != "somrs-Lift1":
                         await asyncio.sleep(0.02)
 

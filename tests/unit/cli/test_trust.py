@@ -57,7 +57,7 @@ def test_who_changed_whose_certificates_is_in_the_audit_log(site: Path, tmp_path
     entries = [*AuditLog(site).entries()]
     assert [entry.act for entry in entries] == ["trust.init", "trust.invite", "trust.enrol", "trust.renew", "trust.revoke"]
     assert {entry.actor.name for entry in entries if entry.actor is not None} == {user_of_process()}
-    assert entries[1].details == {"name": "Robot7", "roles": ["device"], "speaks_for": ["Arm7"], "hosts": []}
+    assert entries[1].details == {"name": "Robot7", "roles": ["device"], "speaks_for": ["Arm7"], "topics": [], "hosts": []}
     assert entries[2].details == {"name": "Robot7", "hosts": ["127.0.0.1"]}
     assert entries[-1].details["name"] == "Robot7"
     assert len(entries[-1].details["serials"]) == 2

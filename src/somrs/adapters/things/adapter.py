@@ -45,7 +45,8 @@ class ThingsAdapter:
         self.settings, self._folder = read_settings(settings), folder
         self._used_files = [folder / file for file in self.settings.uses]
         self.connections: dict[str, Connection] = {}
-        broker = {"broker": ConnectionEntry(url=self.settings.broker)} if self.settings.broker is not None else {}
+        url, certificates = self.settings.broker, self.settings.certificates
+        broker = {"broker": ConnectionEntry(url=url, certificates=certificates)} if url is not None else {}
         for name, entry in {**broker, **self.settings.connections}.items():
             try:
                 self.connections[name] = parse_connection(name, entry)
@@ -98,9 +99,8 @@ class ThingsAdapter:
         passages = []
         for name, heights in self.settings.simulated.items():
             session = self._sessions[name]
-            address = self.connections[session.connection]
-            passages.append(SimulatedPassage(name, address.kind, address.host, address.port, session.place, heights))
-        await serve_passages(passages, simulator)
+            passages.append(SimulatedPassage(name, self.connections[session.connection], session.place, heights))
+        await serve_passages(passages, simulator, self._folder)
 
     @property
     def _sessions(self) -> dict[str, Session]:

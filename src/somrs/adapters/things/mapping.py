@@ -12,12 +12,21 @@ class _Entry(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, populate_by_name=True)
 
 
+class Certificates(_Entry):
+    """Files in PEM, for TLS."""
+
+    authority: str | None = Field(default=None, description="Who signed the certificate of the other end; by default, those of the system")
+    certificate: str | None = Field(default=None, description="The own one, if the other end wants one")
+    key: str | None = Field(default=None, description="The key of the own one, if it is in another file")
+
+
 class ConnectionEntry(_Entry):
     """A broker, a server or a Modbus device."""
 
     url: str = Field(description="mqtt://HOST:1883, mqtts://, http://, https:// or modbus://HOST:502/UNIT")
     user: str | None = None
     password_file: str | None = Field(default=None, description="A file with the password, or the bearer token of a server")
+    certificates: Certificates = Certificates()
 
 
 class _Place(_Entry):

@@ -11,7 +11,8 @@ from somrs.ontology.types import Definition, Value
 
 
 class Connection(Struct, frozen=True, kw_only=True):
-    """A broker, a server or a Modbus device. `scheme`: mqtt, mqtts, http, https or modbus; `unit`: of a Modbus device."""
+    """A broker, a server or a Modbus device. `scheme`: mqtt, mqtts, http, https or modbus; `unit`: of a Modbus device. `authority`,
+    `certificate`, `key`: files in PEM, for TLS."""
 
     name: str
     scheme: str
@@ -20,6 +21,9 @@ class Connection(Struct, frozen=True, kw_only=True):
     path: str = ""
     user: str | None = None
     password_file: str | None = None
+    authority: str | None = None
+    certificate: str | None = None
+    key: str | None = None
     unit: int = 1
 
     @property

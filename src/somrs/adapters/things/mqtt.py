@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import ssl
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import aiomqtt
 
-from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE, ConnectionNotes, Listener, read_password
+from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE, ConnectionNotes, Listener, read_password, security
 from somrs.adapters.things.conversion import Raw
 from somrs.adapters.things.messages import payload_text
 from somrs.adapters.things.model import Command, Connection, Source
+from somrs.errors import InputError
 
 AT_MOST_ONCE, AT_LEAST_ONCE = 0, 1
 """Of messages to things, the broker says that it has them. Messages from things need no such word: a connection loses none, and after
@@ -22,12 +23,18 @@ SECOND_SUBSCRIPTION = 2.0
 subscription, and sends what it retains with each subscription."""
 
 
+def client_at(connection: Connection, password: str | None, folder: Path) -> aiomqtt.Client:
+    """A client of a broker, which is not connected yet. Raises InputError for certificates that cannot be used."""
+    host, port, context = connection.host, connection.port, security(connection, folder)
+    return aiomqtt.Client(host, port, username=connection.user, password=password, tls_context=context)
+
+
 class MqttConnector:
     """A broker. Messages to it wait until it is there."""
 
     def __init__(self, connection: Connection, listener: Listener, folder: Path = Path()) -> None:
         self._connection, self._listener = connection, listener
-        self._password = read_password(connection, folder)
+        self._connect = partial(client_at, connection, read_password(connection, folder), folder)
         self._notes = ConnectionNotes(connection)
         self._topics: dict[str, None] = {}
         self._subscribed: set[str] = set()
@@ -51,14 +58,14 @@ class MqttConnector:
         pause = FIRST_PAUSE
         while True:
             try:
-                async with self._new_client() as client:
+                async with self._connect() as client:
                     self._notes.note("is connected", is_bad=False)
                     pause = FIRST_PAUSE
                     self._client, self._subscribed = client, set()
                     self._connected.set()
                     self._listener.reached(self._connection.name, True)
                     await self._serve(client)
-            except (aiomqtt.MqttError, OSError) as error:
+            except (aiomqtt.MqttError, OSError, InputError) as error:
                 self._notes.note(f"is not there ({error}); it is tried again")
             finally:
                 self._connected.clear()
@@ -81,16 +88,6 @@ class MqttConnector:
                 await asyncio.sleep(FIRST_PAUSE)  # the connection is being lost; the message goes over the next one
             else:
                 return
-
-    def _new_client(self) -> aiomqtt.Client:
-        connection = self._connection
-        return aiomqtt.Client(
-            connection.host,
-            connection.port,
-            username=connection.user,
-            password=self._password,
-            tls_context=ssl.create_default_context() if connection.scheme == "mqtts" else None,
-        )
 
     async def _serve(self, client: aiomqtt.Client) -> None:
         """Receive messages until the connection ends."""

@@ -57,6 +57,7 @@ def parse_connection(name: str, settings: ConnectionEntry) -> Connection:
     unit = path.removeprefix("/") if parts.scheme == "modbus" else ""
     if unit and not (unit.isdigit() and int(unit) <= 255):
         raise InputError(f"{unit!r} is not the number of a Modbus unit: write modbus://{parts.hostname}:{port}/1")
+    certificates = settings.certificates
     return Connection(
         name=name,
         scheme=parts.scheme,
@@ -65,6 +66,9 @@ def parse_connection(name: str, settings: ConnectionEntry) -> Connection:
         path="" if parts.scheme == "modbus" else path,
         user=settings.user or parts.username,
         password_file=settings.password_file,
+        authority=certificates.authority,
+        certificate=certificates.certificate,
+        key=certificates.key,
         unit=int(unit or 1),
     )
 

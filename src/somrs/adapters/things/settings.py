@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from somrs.adapters.things.mapping import ConnectionEntry
+from somrs.adapters.things.mapping import Certificates, ConnectionEntry
 from somrs.errors import InputError
 from somrs.ontology.files.structure import model_problems
 
@@ -29,7 +29,10 @@ class Settings(_Entry):
     gateway: str = Field(default="Gateway", description="The name on the map of the device that reports what things say")
     mappings: list[str] = Field(default=[], description="Mapping files")
     uses: list[str] = Field(default=[], description="Files with definitions that are used besides")
-    broker: str | None = Field(default=None, description="The address of a broker, as the connection `broker`; own: one that is started")
+    broker: str | None = Field(
+        default=None, description="The address of a broker, as the connection `broker`; own: one that is started; bus: that of the bus"
+    )
+    certificates: Certificates = Field(default=Certificates(), description="With which TLS is used at that broker")
     connections: dict[str, ConnectionEntry] = {}
     simulated: dict[str, dict[str, float]] = Field(
         default={},

@@ -9,6 +9,7 @@ import socket
 import ssl
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -38,13 +39,13 @@ class Certificates(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class BrokerAddress(Struct, frozen=True, kw_only=True):
-    """Where a broker is. `security`: for TLS; None: without."""
+    """Where a broker is. `security`: the context for TLS, with the files as they are now; None: without TLS."""
 
     host: str
     port: int
     user: str | None = None
     password: str | None = None
-    security: ssl.SSLContext | None = None
+    security: Callable[[], ssl.SSLContext] | None = None
 
 
 def broker_address(url: str, certificates: Certificates, folder: Path) -> BrokerAddress:
@@ -58,7 +59,9 @@ def broker_address(url: str, certificates: Certificates, folder: Path) -> Broker
         raise UsageError(f"{url!r} is no address of a broker: write mqtt://HOST:PORT, or mqtts://USER@HOST:PORT with TLS")
     if parts.password is not None:
         raise UsageError(f"the address of the broker has a password: take it out, and set {PASSWORD} in the environment")
-    security = _security(certificates, folder) if parts.scheme == "mqtts" else None
+    security = partial(_security, certificates, folder) if parts.scheme == "mqtts" else None
+    if security is not None:
+        security()  # so that who starts the system reads what is wrong
     return BrokerAddress(
         host=parts.hostname,
         port=port,
@@ -145,7 +148,7 @@ class Connection:
                     async with asyncio.TaskGroup() as group:
                         group.create_task(self._send(client))
                         group.create_task(self._receive(client))
-            except* (aiomqtt.MqttError, OSError) as errors:
+            except* (aiomqtt.MqttError, OSError, UsageError) as errors:
                 if not is_told:
                     is_told = True
                     log.warning("%s:%d: the broker is waited for: %s", self._address.host, self._address.port, errors.exceptions[0])
@@ -164,7 +167,7 @@ class Connection:
             username=self._address.user,
             password=self._address.password,
             identifier=self._name,
-            tls_context=self._address.security,
+            tls_context=self._address.security() if self._address.security is not None else None,
             will=aiomqtt.Will(will.topic, will.payload, will.quality, will.is_retained) if will is not None else None,
             max_queued_outgoing_messages=0,
         )

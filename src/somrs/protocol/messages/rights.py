@@ -89,7 +89,7 @@ def _sent_by(*roles: Role) -> Right:
 
 
 _DEVICE, _TASK_MANAGER, _REPOSITORY, _REGISTRY = Role.DEVICE, Role.TASK_MANAGER, Role.REPOSITORY, Role.REGISTRY
-_ANYONE = _sent_by(*Role)
+_ANYONE = _sent_by(*(role for role in Role if role is not Role.THING))
 _PEOPLE = _sent_by(Role.API, Role.CLIENT)
 """Programs that act for people."""
 _OF_TASK_MANAGERS, _OF_REPOSITORIES, _OF_REGISTRIES = _sent_by(_TASK_MANAGER), _sent_by(_REPOSITORY), _sent_by(_REGISTRY)

@@ -9,6 +9,8 @@ import argparse
 import asyncio
 from urllib.parse import urlsplit
 
+import aiomqtt
+
 from somrs.adapters.things.simulated.body import KinematicPassage
 from somrs.adapters.things.simulated.controller import PassageController
 from somrs.adapters.things.simulated.servers import move, serve_mqtt
@@ -30,7 +32,7 @@ async def _run(broker: str, controllers: dict[str, PassageController]) -> None:
     address = urlsplit(broker)
     async with asyncio.TaskGroup() as group:
         group.create_task(move(controllers))
-        group.create_task(serve_mqtt(address.hostname or "localhost", address.port or 1883, controllers))
+        group.create_task(serve_mqtt(aiomqtt.Client(address.hostname or "localhost", address.port or 1883), controllers))
 
 
 def main() -> None:

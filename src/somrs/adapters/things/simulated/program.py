@@ -5,11 +5,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import aiomqtt
 from aiohttp import web
 from msgspec import Struct
 
+from somrs.adapters.things.connector import read_password
+from somrs.adapters.things.model import Connection
+from somrs.adapters.things.mqtt import client_at
 from somrs.adapters.things.simulated.controller import PassageController
 from somrs.adapters.things.simulated.link_body import link_body
 from somrs.adapters.things.simulated.servers import http_application, serve_mqtt
@@ -19,31 +23,31 @@ PAUSE = 1.0
 
 
 class SimulatedPassage(Struct, frozen=True):
-    """A door or a lift: where its session interface is (`kind`: mqtt or http), and the heights of its levels, m."""
+    """A door or a lift: where its session interface is, and the heights of its levels, m."""
 
     name: str
-    kind: str
-    host: str
-    port: int
+    connection: Connection
     place: str
     heights: Mapping[str, float]
 
 
-async def serve_passages(passages: Sequence[SimulatedPassage], simulator: str) -> None:
-    """Be the controllers of the passages of the simulator at an address, until it is cancelled."""
-    groups: dict[tuple[str, str, int], dict[str, PassageController]] = {}
+async def serve_passages(passages: Sequence[SimulatedPassage], simulator: str, folder: Path) -> None:
+    """Be the controllers of the passages of the simulator at an address, until it is cancelled. `folder`: of the files of connections."""
+    groups: dict[Connection, dict[str, PassageController]] = {}
     async with contextlib.AsyncExitStack() as stack, asyncio.TaskGroup() as tasks:
         for passage in passages:
             body = await stack.enter_async_context(link_body(passage.name, passage.heights, simulator))
-            groups.setdefault((passage.kind, passage.host, passage.port), {})[passage.place] = PassageController(body)
-        for (kind, host, port), controllers in groups.items():
-            tasks.create_task(_serve_broker(host, port, controllers) if kind == "mqtt" else _serve_http(host, port, controllers))
+            groups.setdefault(passage.connection, {})[passage.place] = PassageController(body)
+        for place, controllers in groups.items():
+            is_broker = place.kind == "mqtt"
+            serving = _serve_broker(place, folder, controllers) if is_broker else _serve_http(place.host, place.port, controllers)
+            tasks.create_task(serving)
 
 
-async def _serve_broker(host: str, port: int, controllers: Mapping[str, PassageController]) -> None:
+async def _serve_broker(broker: Connection, folder: Path, controllers: Mapping[str, PassageController]) -> None:
     while True:
         try:
-            await serve_mqtt(host, port, controllers)
+            await serve_mqtt(client_at(broker, read_password(broker, folder), folder), controllers)
         except* aiomqtt.MqttError:
             pass
         await asyncio.sleep(PAUSE)

@@ -24,9 +24,12 @@ async def move(controllers: Mapping[str, PassageController], speed: float = 1.0)
             controller.body.step(STEP)
 
 
-async def serve_mqtt(host: str, port: int, controllers: Mapping[str, PassageController], speed: float = 1.0) -> None:
-    """Be the passages at a broker, by the topics below which each is: TOPIC/request and TOPIC/state, which is retained."""
-    async with aiomqtt.Client(host, port) as client, asyncio.TaskGroup() as group:
+async def serve_mqtt(broker: aiomqtt.Client, controllers: Mapping[str, PassageController], speed: float = 1.0) -> None:
+    """Be the passages at a broker, by the topics below which each is: TOPIC/request and TOPIC/state, which is retained.
+
+    `broker`: is not connected yet.
+    """
+    async with broker as client, asyncio.TaskGroup() as group:
         group.create_task(_publish_states(client, controllers, speed))
         await client.subscribe([(f"{topic}/request", 0) for topic in controllers])
         async for message in client.messages:
