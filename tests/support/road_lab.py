@@ -7,6 +7,7 @@ import asyncio
 import math
 import selectors
 from collections.abc import Coroutine, Iterable
+from functools import lru_cache
 from pathlib import Path
 from random import Random
 from typing import Any, TypeVar
@@ -21,7 +22,7 @@ from somrs.repository.update import update_outcome
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import OpenBuilding, lay_out
 from somrs.traffic.planner import TrafficPlanner
-from somrs.traffic.roadmap import RobotKind
+from somrs.traffic.roadmap import Roadmap, RobotKind
 from somrs.traffic.robot_program import RobotProgram
 from somrs.traffic.state import PlanTraffic
 from tests.support.robot_lab import SITE, site
@@ -34,6 +35,12 @@ DELAY = 0.01
 """Seconds that a message takes."""
 LONGEST = 3600.0
 """Seconds of virtual time for a test."""
+
+
+@lru_cache
+def _roadmap(text: str) -> Roadmap:
+    loaded, map = site(text)
+    return lay_out(OpenBuilding(map, loaded.ontology, [0.0]), [RobotKind(0.3)])
 
 
 class _Selector(selectors.DefaultSelector):
@@ -69,30 +76,65 @@ def in_virtual_time(test: Coroutine[Any, Any, T]) -> T:
         return runner.run(limited())
 
 
+class Body:
+    """What a robot does by itself, whatever becomes of its program. `held_thing`: that in its gripper."""
+
+    speed, handling = 0.5, 2.0
+
+    def __init__(self, lab: RoadLab, x: float, y: float) -> None:
+        self.lab, self.x, self.y, self.held_thing = lab, x, y, None
+        self.base: dict[int, Waypoint] = {}
+        """The waypoints to which it was told to drive, by number: also those that it has passed."""
+        self.passed = 0
+        self.is_halting = False
+
+    held_thing: str | None
+
+    async def drive(self) -> None:
+        """Drive to the end of the base."""
+        while (goal := self.base.get(self.passed + 1)) is not None:
+            while (distance := math.dist((self.x, self.y), (goal.x, goal.y))) > 1e-6:
+                await asyncio.sleep(STEP)
+                if not self.is_halting:
+                    share = min(1.0, self.speed * STEP / distance)
+                    self.x, self.y = self.x + share * (goal.x - self.x), self.y + share * (goal.y - self.y)
+            self.passed = goal.number
+
+    async def take(self, thing: str) -> str | None:
+        """Take a thing. Returns why it failed."""
+        await asyncio.sleep(self.handling / 2)
+        if self.held_thing is not None or self.lab.places.get(thing) is None:
+            return "there is nothing to take"
+        self.held_thing = thing
+        self.lab.places[thing] = None
+        await asyncio.sleep(self.handling / 2)
+        return None
+
+    async def put(self, place: str) -> str | None:
+        """Put what it held_thing somewhere. Returns why it failed."""
+        await asyncio.sleep(self.handling / 2)
+        if self.held_thing is None or place in self.lab.full:
+            return "there is nothing to put, or no room for it"
+        self.lab.places[self.held_thing], self.held_thing = place, None
+        await asyncio.sleep(self.handling / 2)
+        return None
+
+
 class LabRobot(CarryingRobot):
-    """A robot that drives at a steady speed, and takes things. `holds`: the thing in its gripper, whatever its program knows.
+    """The program of a robot. `stopping`: the seconds that it takes to stand still. `floor`: whether it can put things down where it
+    stands. `senses`: whether it has a sensor in its gripper."""
 
-    `stopping`: the seconds that it takes to stand still. `floor`: whether it can put things down where it stands. `refused`: the supports
-    on which it can put nothing. `senses`: whether it has a sensor in its gripper.
-    """
-
-    speed, stopping, handling = 0.5, 0.0, 2.0
+    stopping = 0.0
     floor, senses = True, True
-    refused: frozenset[str] = frozenset()
 
-    def __init__(self, lab: RoadLab, name: str) -> None:
+    def __init__(self, lab: RoadLab, name: str, body: Body) -> None:
         super().__init__(name)
-        self.data = lab.folder
-        self.lab, self.holds, self._base, self._is_halting = lab, None, dict[int, Waypoint](), False
-        solid = lab.map.objects[name].values
-        self.x, self.y = (float(solid[f"Position{axis}"]) for axis in "XY")
+        self.data, self.lab, self.body = lab.folder, lab, body
         self.whole_map = lab.whole_map
-        self._drive_task: asyncio.Task[None] | None = None
-        self._number = 0
         self.ways_told: list[Way] = []
-        self.handled: list[str] = []
-
-    holds: str | None
+        self.is_unreachable = False
+        self._drive_task: asyncio.Task[None] | None = None
+        self._reported_number = 0
 
     @property
     def link(self) -> RoadLink:
@@ -102,79 +144,72 @@ class LabRobot(CarryingRobot):
         """No services are offered."""
 
     def say(self) -> None:
-        """Say where it is."""
-        if self.link.traveller.connected.is_set() or not self.link.traveller._says_whether_heard:
-            self.located(self.x, self.y, 0.0, 0.0)
-
-    def cut_off(self) -> None:
-        """Lose the connection: it drives on as it was told."""
-        self.heard(False)
-
-    def return_back(self) -> None:
-        """Be there again, and say where it is."""
-        self.heard(True)
-        self.say()
-        self.passed(self._number)
+        """Say where it is, and what it has passed."""
+        if not self.is_unreachable:
+            self.carries = self.body.held_thing is not None if self.senses else None
+            self.located(self.body.x, self.body.y, 0.0, 0.0)
+            if self.body.passed > self._reported_number:
+                self._reported_number = self.body.passed
+                self.passed(self._reported_number)
 
     async def stand_by(self) -> None:
         while True:
             self.say()
             await asyncio.sleep(STEP)
 
+    def go_away(self) -> None:
+        """Lose the connection: it does on what it was told."""
+        self.is_unreachable = True
+        self.heard(False)
+
+    def return_back(self) -> None:
+        """Be there again, and say how it is."""
+        self.is_unreachable = False
+        self.heard(True)
+        self.say()
+
     async def follow(self, way: Way) -> None:
         """What was released stays released, until it has halted."""
         self.ways_told.append(way)
-        self._number = max(self._number, way[0].number)
-        released = {waypoint.number: waypoint for waypoint in way if waypoint.released}
-        self._base = {number: point for number, point in {**released, **self._base}.items() if number > self._number}
+        body = self.body
+        if way[0].number > body.passed:
+            body.passed = self._reported_number = way[0].number
+        body.base.update({waypoint.number: waypoint for waypoint in way if waypoint.released})
         if self._drive_task is None or self._drive_task.done():
-            self._drive_task = asyncio.create_task(self._drive())
-
-    async def _drive(self) -> None:
-        while (goal := self._base.get(self._number + 1)) is not None:
-            while (distance := math.dist((self.x, self.y), (goal.x, goal.y))) > 1e-6:
-                await asyncio.sleep(STEP)
-                if self._is_halting:
-                    continue
-                share = min(1.0, self.speed * STEP / distance)
-                self.x, self.y = self.x + share * (goal.x - self.x), self.y + share * (goal.y - self.y)
-                self.say()
-            self._number = goal.number
-            if self.link.connected:
-                self.passed(goal.number)
+            self._drive_task = asyncio.create_task(body.drive())
 
     async def halt(self) -> None:
-        self._base, self._is_halting = {}, True
+        self.body.base, self.body.is_halting = {}, True
         if self._drive_task is not None:
             self._drive_task.cancel()
             await asyncio.wait({self._drive_task})
         await asyncio.sleep(self.stopping)
-        self._is_halting = False
+        self.body.is_halting = False
 
     async def interrupt(self) -> None:
-        await asyncio.sleep(self.stopping)
+        await asyncio.sleep(self.body.handling)
 
     async def pick(self, thing: str, support: str) -> None:
-        await asyncio.sleep(self.handling)
-        self.holds = thing
-        self.handled.append(f"pick {thing}")
+        await self._act(self.body.take(thing))
 
     async def drop(self, thing: str, support: str) -> None:
-        await asyncio.sleep(self.handling)
-        if support in self.refused:
-            raise RobotFailed(f"{support} is full")
-        self.holds = None
-        self.handled.append(f"drop {thing} on {support}")
+        await self._act(self.body.put(support))
 
     async def put_down(self, thing: str) -> tuple[float, float, float, str]:
         if not self.floor:
             return await super().put_down(thing)
-        self.holds = None
-        self.handled.append(f"put down {thing}")
-        return self.x + 0.4, self.y, 0.0, ""
+        await self._act(self.body.put("Floor1"))
+        return self.body.x, self.body.y, 0.0, ""
+
+    async def _act(self, action: Coroutine[Any, Any, str | None]) -> None:
+        """Have the body do something, which it ends also when nobody waits for it."""
+        failure = await asyncio.shield(asyncio.create_task(action))
+        self.say()
+        if failure is not None:
+            raise RobotFailed(failure)
 
     async def charge_at(self, charger: str) -> None:
-        await asyncio.sleep(self.handling)
+        await asyncio.sleep(self.body.handling)
 
 
 class RoadLab:
@@ -184,12 +219,20 @@ class RoadLab:
         loaded, self.map = site(text)
         self.ontology: Ontology = loaded.ontology
         self.folder = folder
-        roadmap = lay_out(OpenBuilding(self.map, self.ontology, [0.0]), [RobotKind(0.3)])
+        roadmap = _roadmap(text)
         self.traffic, self._planner = Traffic("traffic", roadmap), TrafficPlanner(roadmap, Random(0))
-        self.robots = {name: LabRobot(self, name) for name in robots}
+        self.places: dict[str, str | None] = {"Jar1": "Table1", "Anvil1": "Table1"}
+        """On what the things are; None: they are in a gripper."""
+        self.full: set[str] = set()
+        """The places at which nothing can be put any more."""
+        self.robots = {name: self._robot(name) for name in robots}
         self.programs: dict[str, RobotProgram] = {}
         self._timers: dict[tuple[str, object], asyncio.TimerHandle] = {}
         self._tasks: set[asyncio.Task[None]] = set()
+
+    def _robot(self, name: str) -> LabRobot:
+        values = self.map.objects[name].values
+        return LabRobot(self, name, Body(self, float(str(values["PositionX"])), float(str(values["PositionY"]))))
 
     async def whole_map(self, *, is_current: bool = True) -> tuple[Map, Ontology]:
         await asyncio.sleep(0)
@@ -206,17 +249,30 @@ class RoadLab:
         self.handle("traffic", Started("traffic"))
         for name in self.robots:
             await self.start_robot(name)
-        while not all(name in self.traffic.state.robots for name in self.robots):
-            await asyncio.sleep(STEP)
 
     async def start_robot(self, name: str) -> LabRobot:
+        """Start the program of a robot, and return when it takes part in traffic."""
         robot = self.robots[name]
         self.programs[name] = RobotProgram(name, name, "traffic", f"life-{robot.road.new_name()}")
         robot.road.tell = lambda notice: self.handle(name, Notified(notice))
         self._keep(robot.stand_by())
         self.handle(name, Started(name))
         await robot.link.__aenter__()
+        robot.link.gripper.load([])
+        while not robot.ways_told:
+            await asyncio.sleep(STEP)
         return robot
+
+    async def restart(self, name: str) -> LabRobot:
+        """Kill the program of a robot, and start another one."""
+        killed = self.robots[name]
+        killed.road.tell = lambda notice: None
+        killed.go_away()
+        await killed.halt()  # as the next program does with what it finds
+        killed.body.passed = 0
+        self.robots[name] = robot = LabRobot(self, name, killed.body)
+        robot.floor, robot.senses, robot.stopping = killed.floor, killed.senses, killed.stopping
+        return await self.start_robot(name)
 
     def handle(self, address: str, event: Input) -> None:
         component = self.traffic if address == "traffic" else self.programs[address]

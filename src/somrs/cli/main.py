@@ -45,6 +45,7 @@ from somrs.cli.options import (
     guarded,
 )
 from somrs.cli.orders import orders_app, templates_app
+from somrs.cli.ros2 import ros2_app
 from somrs.cli.run import addresses_of, run_app
 from somrs.cli.task_options import PolicyOption
 from somrs.cli.tasks import tasks_app
@@ -74,6 +75,7 @@ app.add_typer(user_app, name="user")
 app.add_typer(token_app, name="token")
 app.add_typer(audit_app, name="audit")
 app.add_typer(run_app, name="run")
+app.add_typer(ros2_app, name="ros2")
 app.add_typer(thing_app, name="thing")
 app.add_typer(trust_app, name="trust", help="Certificates of the site: who is who.")
 

@@ -48,6 +48,8 @@ class RoadRobot(MobileRobot):
     """The charge of its battery in percent; None if nobody knows. Set it before `located`."""
     holding: str | None = None
     """The thing that it carries, by its name on the map."""
+    carries: bool | None = None
+    """Whether it carries something, as it says itself; None: it cannot tell. Set it before `located`."""
     hindrance: str | None = None
     """What keeps it from going on, and will pass without it, for people. Set it before `located`."""
     remark: str | None = None
@@ -134,7 +136,7 @@ class RoadRobot(MobileRobot):
 
     async def put_down(self, thing: str) -> tuple[float, float, float, str]:
         """Put the thing that it carries down where it stands, because its task has ended. Returns the point in metres, and what the thing
-        stands on. Raises RobotFailed if it cannot."""
+        stands on; empty: the floor. Raises RobotFailed if it cannot: then the robot brings the thing back to where it was."""
         raise RobotFailed(f"{self.name} cannot put {thing} down where it stands")
 
     async def interrupt(self) -> None:
@@ -177,6 +179,14 @@ class CarryingRobot(RoadRobot, Manipulator):
     type = "MobileManipulator"
     can_carry: bool = True
     """Whether it can pick and drop things."""
+
+    async def open(self) -> None:
+        await super().open()
+        held_on_map = [str(row["Thing"]) for row in await self.map.query(f"?Thing isHeldBy {self.name}")]
+        self._road_link.gripper.load(held_on_map)
+        for thing in held_on_map:
+            if thing != self.holding:
+                self.observed(f"NOT {thing} isHeldBy {self.name}")
 
     @property
     def handling_time(self) -> float:

@@ -15,7 +15,7 @@ from somrs.adapters.arcos.settings import RobotSettings
 from somrs.adapters.arcos.simulated.body import Place, PlaneBody
 from somrs.adapters.arcos.simulated.firmware import Firmware
 from somrs.adapters.arcos.simulated.server import SimulatedRobot, serving_tcp
-from somrs.adapters.arcos.stored_reckoning import Stored, load_stored
+from somrs.adapters.arcos.stored_reckoning import load_reckoning
 from somrs.devices.road_robot import RobotFailed
 from somrs.service_manager.sdk.map_reader import MapReader
 from tests.integration.adapters.test_arcos_lines import run, wait_until
@@ -76,9 +76,7 @@ def test_a_robot_begins_where_the_map_has_it_and_follows_ways(tmp_path: Path) ->
             assert device.battery is not None
             await asyncio.sleep(1.0)
             assert device._line is not None
-            reckoning = device._line.driver.reckoning
-            assert reckoning is not None
-            assert load_stored(tmp_path / "arcos" / "Robot1.json") == Stored(reckoning=reckoning)
+            assert load_reckoning(tmp_path / "arcos" / "Robot1.json") == device._line.driver.reckoning
 
     run(test())
 
@@ -87,7 +85,7 @@ def test_a_robot_begins_where_the_map_has_it_and_follows_ways(tmp_path: Path) ->
 def test_a_damaged_file_is_no_pose(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "Robot1.json"
     file.write_bytes(content)
-    assert load_stored(file) is None
+    assert load_reckoning(file) is None
 
 
 @pytest.mark.long
@@ -118,8 +116,7 @@ def test_a_program_that_is_started_anew_knows_what_its_robot_holds(tmp_path: Pat
             assert device.holding is None, "nobody has told it"
             with pytest.raises(RobotFailed, match="between the paddles of Robot1 that nobody knows"):
                 await device.pick("Jar1", "Table1")
-            device.holding = "Jar1"
-            await asyncio.sleep(0.3)
+            device._road_link.gripper.hold("Jar1", "Table1")
         async with robot(tmp_path, body=body) as (device, _, _):
             assert device.holding == "Jar1"
             body.is_holding = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import os
 import signal
 import time
@@ -14,11 +15,12 @@ import yaml
 from msgspec import structs
 
 from somrs.adapters.ros2 import save_map
+from somrs.adapters.ros2.checking import check_bindings
 from somrs.adapters.ros2.frames import Pose
 from somrs.devices.road_robot import RobotFailed
 from somrs.sites.occupancy.reading import read_grid
 from tests.support import leftovers
-from tests.support.ros2.robots import DOMAIN, PYTHON, RobotProcess, connected, in_event_loop, needs_ros2, way
+from tests.support.ros2.robots import DOMAIN, PYTHON, ROS, RobotProcess, connected, in_event_loop, needs_ros2, started, way
 
 pytestmark = needs_ros2
 
@@ -83,6 +85,66 @@ async def test_a_robot_that_is_halted_stands() -> None:
         await asyncio.sleep(0.5)
         assert witness.pose == place
         assert (witness.passed_numbers, witness.reasons) == ([], [])
+
+
+@in_event_loop
+async def test_a_robot_that_does_not_cancel_is_followed_to_its_goal() -> None:
+    async with RobotProcess() as robot:
+        async with connected(robot, BINDING) as (connection, witness):
+            robot.tell("stubborn")
+            connection.follow(way((0, 0), (2, 0)))
+            await witness.until(lambda: witness.pose[0] > 0.2)
+            await connection.halt()
+            assert witness.passed_numbers == [1]
+            assert witness.hindrances == ["Robot1 does not stop: it does not cancel its goal P1, and is expected there", None]
+            connection.follow(way((2, 0), (4, 0), first=1))
+            await witness.until(lambda: witness.pose[0] > 2.2)
+        # Its goal is now that of an earlier client, of which nobody knows when it ends.
+        async with connected(robot, BINDING) as (_, witness):
+            await witness.until(lambda: witness.pose[0] == 4.0)
+            assert witness.x_when_present > 3.0
+
+
+@in_event_loop
+async def test_a_robot_is_not_there_before_its_node_is_active_nor_when_it_is_deactivated() -> None:
+    async with RobotProcess(managed=True) as robot, started(robot, BINDING) as (connection, witness):
+        await witness.until(lambda: not math.isnan(witness.pose[0]))
+        connection.follow(way((0, 0), (1, 0)))
+        await asyncio.sleep(1.5)
+        assert witness.presence == []
+        robot.tell("activate")
+        await witness.until(lambda: witness.passed_numbers == [1])
+        assert (witness.presence, witness.reasons) == ([True], [])
+        robot.tell("deactivate")
+        await witness.until(lambda: witness.presence == [True, False])
+
+
+@in_event_loop
+async def test_a_robot_drives_around_corners_by_goals_through_poses_and_along_paths() -> None:
+    for action, kind in (("navigate_through_poses", "NavigateThroughPoses"), ("follow_path", "FollowPath")):
+        binding = {**BINDING, "navigate": {"action": action, "type": f"nav2_msgs/action/{kind}"}}
+        async with RobotProcess(speed=2.0) as robot, connected(robot, binding) as (connection, witness):
+            connection.follow(way((0, 0), (1, 0), (1, 1)))
+            await witness.until(lambda: witness.passed_numbers == [1])
+            connection.follow(way((0, 0), (1, 0), (1, 1), (0, 1)))
+            await witness.until(lambda: witness.passed_numbers == [1, 2, 3])
+            await witness.until(lambda: witness.pose[:2] == (0, 1))
+            assert witness.reasons == []
+
+
+@in_event_loop
+async def test_a_robot_that_loses_its_way_is_stopped_until_it_has_found_it() -> None:
+    async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
+        connection.follow(way((0, 0), (50, 0)))
+        await witness.until(lambda: witness.pose[0] > 0.5)
+        robot.tell("lost")
+        await witness.until(lambda: len(witness.faults) == 1)
+        await connection.halt()
+        robot.tell("normal")
+        await witness.until(lambda: witness.faults[1:] == [None])
+        place = witness.pose
+        await asyncio.sleep(0.3)
+        assert witness.pose == place
 
 
 @in_event_loop
@@ -246,8 +308,39 @@ async def test_a_bridge_that_is_killed_is_started_again_and_the_robot_goes_on() 
     async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
         connection.follow(way((0, 0), (1, 0), (2, 0)))
         await witness.until(lambda: witness.passed_numbers == [1])
-        (bridge,) = [pid for pid, command in leftovers.processes().items() if "bridge.py" in command]
+        (bridge,) = [pid for pid, command in leftovers.processes().items() if "adapters/ros2/bridge" in command]
         os.kill(bridge, signal.SIGKILL)
         await witness.until(lambda: witness.presence == [True, False, True])
         await witness.until(lambda: witness.passed_numbers == [1, 2])
         assert witness.reasons == []
+
+
+WRONG = """
+pose: {topic: amcl_pose, type: geometry_msgs/msg/PoseStamped, field: pose}
+odometry: {topic: odometry}
+navigate: {action: navigate_to_pose, type: nav2_msgs/action/NavigateToPos}
+pick: [{action: gripper_cmd, type: control_msgs/action/GripperCommand, goal: {command: {width: 0}}}]
+drop: [{service: charge, type: std_srvs/srv/SetBool, request: {data: true}, succeeds: {done: true}}]
+attributes:
+  Charge: {topic: battery_state, type: sensor_msgs/msg/BatteryState, field: percentage}
+"""
+PROBLEMS = {
+    "pose": "is of the type geometry_msgs/msg/PoseWithCovarianceStamped, and not geometry_msgs/msg/PoseStamped",
+    "odometry": "odometry: is it /",
+    "navigate": "the type nav2_msgs/action/NavigateToPos is not installed",
+    "pick.0": "command.width: GripperCommand has no such field; it has position, max_effort",
+    "drop.0": "there is no field done: the message has the fields success, message",
+}
+
+
+def test_a_binding_is_checked_against_the_robot(tmp_path: Path) -> None:
+    async def problems() -> dict[str, str]:
+        async with RobotProcess() as robot:
+            settings = {**ROS, "robots": {"Robot1": {"binding": "robot.yaml", "namespace": robot.namespace}}}
+            return {row.place: row.problem for row in await check_bindings(settings, tmp_path, 3.0) if row.problem}
+
+    (tmp_path / "robot.yaml").write_text(WRONG)
+    problems_by_place = asyncio.run(problems())
+    assert problems_by_place.keys() == PROBLEMS.keys()
+    for place, problem in PROBLEMS.items():
+        assert problem in problems_by_place[place]

@@ -121,6 +121,8 @@ class Witness:
         self.reasons: list[str] = []
         self.faults: list[str | None] = []
         self.presence: list[bool] = []
+        self.x_when_present = math.nan
+        self.hindrances: list[str | None] = []
         self.values: dict[str, list[Value]] = {}
         self._change = asyncio.Event()
 
@@ -142,6 +144,11 @@ class Witness:
 
     def heard(self, is_connected: bool) -> None:
         self.presence.append(is_connected)
+        self.x_when_present = self.pose[0]
+        self._change.set()
+
+    def hindered(self, hindrance: str | None) -> None:
+        self.hindrances.append(hindrance)
         self._change.set()
 
     def measured(self, attribute: str, value: Value) -> None:
@@ -167,16 +174,25 @@ async def running_bridge() -> AsyncIterator[BridgeProcess]:
 
 
 @contextlib.asynccontextmanager
-async def connected(
+async def started(
     robot: RobotProcess | str, binding: dict[str, Any], settings: dict[str, Any] | None = None
 ) -> AsyncIterator[tuple[RobotConnection, Witness]]:
-    """The connection of the adapter to a robot, or to that of a namespace, when its navigation is there."""
+    """The connection of the adapter to a robot, or to that of a namespace."""
     namespace = robot.namespace if isinstance(robot, RobotProcess) else robot
     async with running_bridge() as bridge:
         witness = Witness()
         robot_settings = RobotSettings.model_validate({"binding": "none.yaml", "namespace": namespace, **(settings or {})})
         connection = RobotConnection("Robot1", robot_settings, Binding.model_validate(binding), bridge.session, witness)
         connection.open()
-        await witness.until(lambda: witness.presence == [True])
         yield connection, witness
         connection.close()
+
+
+@contextlib.asynccontextmanager
+async def connected(
+    robot: RobotProcess | str, binding: dict[str, Any], settings: dict[str, Any] | None = None
+) -> AsyncIterator[tuple[RobotConnection, Witness]]:
+    """The same, when the navigation of the robot is there."""
+    async with started(robot, binding, settings) as (connection, witness):
+        await witness.until(lambda: witness.presence == [True])
+        yield connection, witness

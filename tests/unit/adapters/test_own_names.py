@@ -12,7 +12,20 @@ import pytest
 from somrs.devices.road_robot import CarryingRobot, RoadRobot
 
 ADAPTERS = Path("src/somrs/adapters")
-FOR_AUTHORS = {"battery", "holding", "hindrance", "remark", "can_charge", "can_carry", "type", "types", "values", "situation", "attributes"}
+FOR_AUTHORS = {
+    "battery",
+    "holding",
+    "carries",
+    "hindrance",
+    "remark",
+    "can_charge",
+    "can_carry",
+    "type",
+    "types",
+    "values",
+    "situation",
+    "attributes",
+}
 """The attributes that authors set."""
 
 

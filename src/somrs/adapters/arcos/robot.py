@@ -31,11 +31,11 @@ from somrs.adapters.arcos.events import (
 )
 from somrs.adapters.arcos.line import RobotLine
 from somrs.adapters.arcos.messages import GripperCommand
-from somrs.adapters.arcos.odometry import Pose
+from somrs.adapters.arcos.odometry import Pose, Reckoning
 from somrs.adapters.arcos.parameters import Parameters
 from somrs.adapters.arcos.settings import RobotSettings
 from somrs.adapters.arcos.steering import motion_of
-from somrs.adapters.arcos.stored_reckoning import Stored, load_stored, store
+from somrs.adapters.arcos.stored_reckoning import load_reckoning, store_reckoning
 from somrs.devices.road_robot import CarryingRobot, Motion, RobotFailed, Way
 from somrs.devices.simulator.drivers.simulated import number_of
 from somrs.errors import UsageError
@@ -61,27 +61,18 @@ class ArcosRobot(CarryingRobot):
         self._running: asyncio.Task[None] | None = None
         self._action: asyncio.Future[ActionDone] | None = None
         self._halted: asyncio.Future[None] | None = None
-        self._stored: Stored | None = None
-        self._last_held: str | None = None
-        """The thing that the robot held when its last program ended."""
-        self._holds_something: bool | None = None
-        """Whether the paddles have closed around something; None until the robot has said so."""
+        self._stored_reckoning: Reckoning | None = None
         self._store_time = -STORE_PERIOD
 
     async def open(self) -> None:
-        pose, stored = self.settings.pose or await self._start_pose(), load_stored(self._file)
-        driver = Driver(
-            pose, self._parameters, self.settings.battery, self.settings.speed, stored.reckoning if stored is not None else None
-        )
-        held_on_map = [str(row["Thing"]) for row in await self.map.query(f"?Thing isHeldBy {self.name}")]
-        self._last_held = stored.holding if stored is not None and stored.holding is not None else next(iter(held_on_map), None)
+        pose = self.settings.pose or await self._start_pose()
+        driver = Driver(pose, self._parameters, self.settings.battery, self.settings.speed, load_reckoning(self._file))
         self._line = RobotLine(driver, self.settings.port, self.settings.baud, self._take_effect)
         self.heard(False)
         self._running = asyncio.create_task(self._line.run())
         await super().open()
-        for thing in held_on_map:
-            if thing != self.holding:
-                self.observed(f"NOT {thing} isHeldBy {self.name}")
+        if self.carries and self.holding is None:
+            log.warning("%s: there is something between its paddles, and nobody knows what", self.name)
 
     async def close(self) -> None:
         await super().close()
@@ -111,7 +102,7 @@ class ArcosRobot(CarryingRobot):
 
     async def pick(self, thing: str, support: str) -> None:
         self._need_gripper()
-        if self._holds_something:
+        if self.carries:
             raise RobotFailed(f"there is something between the paddles of {self.name} that nobody knows: take it out")
         distance = await self._face(thing)
         await self._act(MoveGripper(GripperCommand.DEPLOY))
@@ -148,7 +139,7 @@ class ArcosRobot(CarryingRobot):
     def _take_effect(self, effect: Effect) -> None:
         match effect:
             case Located(pose):
-                self._store()
+                self._store_reckoning()
                 self.located(pose.x, pose.y, pose.yaw)
             case Passed(number):
                 self.passed(number)
@@ -159,7 +150,7 @@ class ArcosRobot(CarryingRobot):
             case Heard(is_connected):
                 self.heard(is_connected)
             case Holds(something):
-                self._note_grip(something)
+                self.carries = something
             case BatteryLevel(charge):
                 self.battery = float(charge)
             case Halted() if self._halted is not None and not self._halted.done():
@@ -169,28 +160,19 @@ class ArcosRobot(CarryingRobot):
             case ActionFailed(description=description) if self._action is not None and not self._action.done():
                 self._action.set_exception(RobotFailed(f"{self.name} gave up: {description}"))
 
-    def _note_grip(self, something: bool) -> None:
-        """The paddles have closed around something, or around nothing. What an earlier program has left between them, they still hold."""
-        if something and self._holds_something is None:
-            self.holding = self._last_held
-            if self.holding is None:
-                log.warning("%s: there is something between its paddles, and nobody knows what", self.name)
-        self._holds_something = something
-
     @property
     def _file(self) -> Path:
         return self.data / "arcos" / f"{self.name}.json"
 
-    def _store(self) -> None:
-        """Store where the robot is and what it holds, so that a program that is started anew goes on from there."""
-        now, reckoning, earlier = asyncio.get_running_loop().time(), self._open_line().driver.reckoning, self._stored
-        has_new_thing = earlier is not None and earlier.holding != self.holding
-        if reckoning is None or (now - self._store_time < STORE_PERIOD and not has_new_thing):
+    def _store_reckoning(self) -> None:
+        """Store where the robot is, so that a program that is started anew while it drives goes on from there."""
+        now = asyncio.get_running_loop().time()
+        if now - self._store_time < STORE_PERIOD:
             return
-        stored = Stored(reckoning=reckoning, holding=self.holding)
-        if stored != earlier:
-            self._store_time, self._stored = now, stored
-            store(self._file, stored)
+        reckoning = self._open_line().driver.reckoning
+        if reckoning is not None and reckoning != self._stored_reckoning:
+            self._store_time, self._stored_reckoning = now, reckoning
+            store_reckoning(self._file, reckoning)
 
     # Parts of services
 

@@ -1,4 +1,4 @@
-"""Where a robot is, and what it holds, in a file: its program may die while it drives."""
+"""Where a robot is, in a file: its program may die while it drives."""
 
 from __future__ import annotations
 
@@ -6,25 +6,16 @@ import logging
 from pathlib import Path
 
 import msgspec
-from msgspec import Struct
 
 from somrs.adapters.arcos.odometry import Reckoning
 
 log = logging.getLogger(__name__)
 
 
-class Stored(Struct, frozen=True, kw_only=True):
-    """What a program leaves to the one that is started in its place."""
-
-    reckoning: Reckoning
-    holding: str | None = None
-    """The thing between the paddles, by its name on the map."""
-
-
-def load_stored(path: Path) -> Stored | None:
+def load_reckoning(path: Path) -> Reckoning | None:
     """What was stored last; None if nothing was, or if it cannot be read."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Stored)
+        return msgspec.json.decode(path.read_bytes(), type=Reckoning)
     except FileNotFoundError:
         return None
     except (OSError, msgspec.DecodeError) as error:
@@ -32,12 +23,12 @@ def load_stored(path: Path) -> Stored | None:
         return None
 
 
-def store(path: Path, stored: Stored) -> None:
+def store_reckoning(path: Path, reckoning: Reckoning) -> None:
     """Replace the file, so that it is whole at any time. A failure is logged: the robot can do without it."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(".part")
-        part.write_bytes(msgspec.json.encode(stored))
+        part.write_bytes(msgspec.json.encode(reckoning))
         part.replace(path)
     except OSError as error:
         log.warning("%s cannot be written: %s", path, error)

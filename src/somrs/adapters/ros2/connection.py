@@ -12,6 +12,9 @@ from typing import Protocol
 
 from somrs.adapters.ros2.driving import (
     CancelNavigation,
+    CancelRefused,
+    Disabled,
+    DoesNotStop,
     Driving,
     EnterLevel,
     HaltWanted,
@@ -28,10 +31,11 @@ from somrs.adapters.ros2.driving import (
     WayChanged,
 )
 from somrs.adapters.ros2.frames import Pose, TransformTree, pose_of
-from somrs.adapters.ros2.lines import Feedback, GoalEnded, GoalStatus, Replied, Values
+from somrs.adapters.ros2.lines import CancelRejected, Feedback, GoalEnded, GoalStatus, Replied, Values
+from somrs.adapters.ros2.poses import goal_values, pose_values
 from somrs.adapters.ros2.readings import AttributeReading, FaultReadings
 from somrs.adapters.ros2.session import MessageObserver, Session
-from somrs.adapters.ros2.settings import Binding, Level, RobotSettings, Step, Topic, full_name
+from somrs.adapters.ros2.settings import Binding, RobotSettings, Step, Topic, full_name
 from somrs.adapters.ros2.steps import Steps
 from somrs.adapters.ros2.templates import field_value, fill_in
 from somrs.devices.road_robot import RobotFailed, Way, Waypoint
@@ -43,6 +47,9 @@ POSES = 0.1
 """Seconds between two poses and speeds of a robot."""
 STANDS = 0.02
 """Speed below which a robot stands, m/s and rad/s."""
+COVARIANCES = 36
+"""How many numbers the covariance of a pose has: 6 rows; those of x and y come first."""
+LOST = "it does not know where it is; tell it, for example with 2D Pose Estimate of RViz"
 SAME_FLOOR = 0.1
 """Difference in height up to which two heights are those of the same floor, m."""
 
@@ -60,6 +67,9 @@ class Robot(Protocol):
 
     def heard(self, is_connected: bool) -> None: ...
 
+    def hindered(self, hindrance: str | None) -> None:
+        """The robot does not do what it is told, for this reason; None: it does again."""
+
     def measured(self, attribute: str, value: Value) -> None:
         """An attribute of the robot has this value."""
 
@@ -71,11 +81,12 @@ class RobotConnection:
         self.name, self._robot = name, robot
         self._settings, self._binding, self._session = settings, binding, session
         self._level = settings.levels[0]
-        self._driving = Driving(name, binding.navigate.corridor, self._level.level)
-        self._steps = Steps(session, settings.namespace)
+        self._driving = Driving(name, binding.navigate.corridor, self._level.level, turns=binding.navigate.turns)
+        self._steps = Steps(name, session, settings.namespace, robot.hindered)
         self._transforms = TransformTree()
         self._readings = {attribute: AttributeReading(topic) for attribute, topic in binding.attributes.items()}
         self._faults = FaultReadings(binding.faults)
+        self._is_lost = False
         self._reported_fault: str | None = None
         self._subscriptions: list[int] = []
         self._navigation = 0
@@ -98,12 +109,14 @@ class RobotConnection:
     def open(self) -> None:
         """Subscribe to the robot's topics, and connect to its actions."""
         binding, levels = self._binding, self._settings.levels
-        self._driving = Driving(self.name, binding.navigate.corridor, self._level.level)
+        self._driving = Driving(self.name, binding.navigate.corridor, self._level.level, turns=binding.navigate.turns)
         if binding.pose is not None:
             self._subscribe(binding.pose, self._take_pose, POSES)
         else:
             for topic, is_static in ((binding.transform.tf, False), (binding.transform.tf_static, True)):
                 self._subscribe(Topic(topic=topic, type=binding.transform.type, latched=is_static), self._take_transforms, 0.0)
+        if binding.localization is not None and not binding.has_covariance:
+            self._subscribe(binding.localization, self._take_covariance, POSES)
         if binding.odometry is not None:
             self._subscribe(binding.odometry, self._take_odometry, POSES)
         for attribute, bound in binding.attributes.items():
@@ -194,12 +207,7 @@ class RobotConnection:
 
     async def _carry_out(self, steps: Sequence[Step], pose: Pose, values: Mapping[str, float | str]) -> None:
         """Carry out steps at a pose on the map of the building, which templates have as `{x}`, `{y}` and so on. Raises RobotFailed."""
-        await self._steps.carry_out(steps, {"robot": self.name, **self._pose_values(pose, self._level), **values})
-
-    def _pose_values(self, pose: Pose, level: Level) -> dict[str, float | str]:
-        """A pose on the map of the building, as templates have it: in the robot's map of the floor."""
-        x, y, yaw = level.origin.inverse().apply(pose)
-        return {"x": x, "y": y, "yaw": yaw, "qz": math.sin(yaw / 2), "qw": math.cos(yaw / 2), "frame": level.frame}
+        await self._steps.carry_out(steps, {"robot": self.name, **pose_values(pose, self._level), **values})
 
     def _handle(self, input: Input) -> None:
         for effect in self._driving.handle(input):
@@ -216,6 +224,8 @@ class RobotConnection:
                     self._robot.gave_up(description)
                 case HasHalted():
                     self._halted.set()
+                case DoesNotStop(description=reason):
+                    self._robot.hindered(reason)
 
     def _navigate(self, effect: Navigate) -> None:
         replaced, self._unsent = self._unsent, effect
@@ -228,19 +238,22 @@ class RobotConnection:
         """Send the goal, after the speed limit of its way: messages on two wires do not arrive in the order in which they are sent."""
         if (effect := self._unsent) is None:
             return
-        waypoint, navigation = effect.waypoint, self._binding.navigate
-        limit, bound = waypoint.speed_limit or 0.0, self._binding.speed_limit
+        navigation = self._binding.navigate
+        limit, bound = effect.waypoint.speed_limit or 0.0, self._binding.speed_limit
         if bound is not None and limit != self._speed_limit:
             self._speed_limit, self._is_telling = limit, True
             name, message = full_name(bound.topic, self._settings.namespace), fill_in(bound.message, {"speed": limit})
             self._session.publish(name, bound.type, message, self._take_reply)
             return
         self._unsent = None
-        values = self._pose_values(Pose(waypoint.x, waypoint.y, effect.yaw), self._level)
-        goal = fill_in(navigation.goal, {"robot": self.name, **values})
+        points = [Pose(waypoint.x, waypoint.y, yaw) for waypoint, yaw in zip(effect.way, effect.yaws, strict=True)]
+        values = goal_values((effect.start.x, effect.start.y), points, self._level)
+        goal = fill_in(navigation.template, {"robot": self.name, **values})
 
-        def observe(report: Feedback | GoalEnded) -> None:
-            if isinstance(report, GoalEnded):
+        def observe(report: Feedback | CancelRejected | GoalEnded) -> None:
+            if isinstance(report, CancelRejected):
+                self._handle(CancelRefused(effect.goal))
+            elif isinstance(report, GoalEnded):
                 self._goals.pop(effect.goal, None)
                 problem = report.problem or field_value(report.value, navigation.problem)
                 self._handle(NavigationEnded(effect.goal, report.status, problem if isinstance(problem, str) else ""))
@@ -271,7 +284,7 @@ class RobotConnection:
             problem = f"{self.name} has no map of the floor at {waypoint.level:g} m: give it one under `levels`"
         else:
             pose = self._driving.pose
-            values = self._pose_values(Pose(waypoint.x, waypoint.y, pose.yaw if pose is not None else 0.0), level)
+            values = pose_values(Pose(waypoint.x, waypoint.y, pose.yaw if pose is not None else 0.0), level)
             try:
                 await self._steps.carry_out(level.enter, {"robot": self.name, **values})
                 self._level = level
@@ -297,10 +310,12 @@ class RobotConnection:
 
     def _take_pose(self, message: Values) -> None:
         assert self._binding.pose is not None, "poses come by the bound topic"
+        if self._binding.has_covariance:  # a pose is not to be believed before its covariance is seen
+            self._take_covariance(message)
         self._locate(pose_of(field_value(message, self._binding.pose.field)))
 
     def _locate(self, pose: Pose | None) -> None:
-        if pose is not None:
+        if pose is not None and not self._is_lost:
             on_map = self._level.origin.apply(pose)
             self._robot.located(on_map.x, on_map.y, on_map.yaw, self._level.level)
             self._handle(PoseKnown(on_map))
@@ -317,8 +332,25 @@ class RobotConnection:
             self._robot.measured(attribute, value)
         self._changed.set()
 
+    def _take_covariance(self, message: Values) -> None:
+        bound = self._binding.localization
+        assert bound is not None, "the covariance comes by the bound topic"
+        covariance = field_value(message, bound.field)
+        variances = [covariance[0], covariance[7]] if isinstance(covariance, list) and len(covariance) == COVARIANCES else []
+        if variances:  # NaN comes as None
+            self._is_lost = any(variance is None or variance > bound.limit**2 for variance in variances)
+            self._tell_fault()
+
     def _take_fault(self, index: int, message: Values) -> None:
         self._faults.take(index, message)
-        if self._faults.reason != self._reported_fault:
-            self._reported_fault = self._faults.reason
-            self._robot.broken(self._reported_fault)
+        self._tell_fault()
+
+    def _tell_fault(self) -> None:
+        lost = LOST if self._is_lost else None
+        reason = "; ".join(filter(None, (self._faults.reason, lost))) or None
+        if reason != self._reported_fault:
+            self._reported_fault = reason
+            if reason is not None:
+                log.warning("%s cannot drive: %s", self.name, reason)
+            self._robot.broken(reason)
+            self._handle(Disabled(reason is not None))

@@ -1,12 +1,14 @@
 """How a robot with Nav2 follows its way, without I/O and clock: `handle(input) -> effects`.
 
-Nav2 plans its own path to a goal, so that it only stays on the way if the way is straight: a goal is the last released waypoint that lies
-in a straight line ahead. When more of that line is released, a new goal takes the place of the one before, without a stop.
+Nav2 plans its own path to a pose, so that it only stays on the way if the way is straight: a goal is the last released waypoint that lies
+in a straight line ahead. A goal that has all waypoints leads around corners, too. When more is released, a new goal takes the place of the
+one before, without a stop.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 from msgspec import Struct
@@ -58,6 +60,18 @@ class NavigationEnded(Struct, frozen=True, tag=True):
     problem: str = ""
 
 
+class CancelRefused(Struct, frozen=True, tag=True):
+    """The robot does not cancel the goal of this number, and goes on with it."""
+
+    goal: int
+
+
+class Disabled(Struct, frozen=True, tag=True):
+    """Whether the robot is not to drive: it has a fault, or does not know where it is. Its way ends then."""
+
+    is_disabled: bool
+
+
 class LevelEntered(Struct, frozen=True, tag=True):
     """The robot uses the map of the floor on which it is now; or does not, for this reason."""
 
@@ -65,15 +79,22 @@ class LevelEntered(Struct, frozen=True, tag=True):
     problem: str | None = None
 
 
-Input = WayChanged | HaltWanted | PoseKnown | MotionKnown | NavigatorPresent | NavigationEnded | LevelEntered
+Input = WayChanged | HaltWanted | PoseKnown | MotionKnown | NavigatorPresent | NavigationEnded | CancelRefused | Disabled | LevelEntered
 
 
 class Navigate(Struct, frozen=True, tag=True):
-    """Send a goal, with a number of its own, which takes the place of an earlier one. `yaw`: in which the robot arrives."""
+    """Send a goal, with a number of its own, which takes the place of an earlier one. `start`: from where the lines lead through `way`,
+    which ends where the robot is to stop; `yaws`: its headings there."""
 
     goal: int
-    waypoint: Waypoint
-    yaw: float
+    start: Waypoint
+    way: Way
+    yaws: tuple[float, ...]
+
+    @property
+    def waypoint(self) -> Waypoint:
+        """Where the robot is to stop."""
+        return self.way[-1]
 
 
 class CancelNavigation(Struct, frozen=True, tag=True):
@@ -104,14 +125,21 @@ class HasHalted(Struct, frozen=True, tag=True):
     """The robot stands still, as it was to."""
 
 
-Effect = Navigate | CancelNavigation | EnterLevel | HasPassed | HasGivenUp | HasHalted
+class DoesNotStop(Struct, frozen=True, tag=True):
+    """The robot goes on although it is to stop, as this description says; None: no longer."""
+
+    description: str | None
+
+
+Effect = Navigate | CancelNavigation | EnterLevel | HasPassed | HasGivenUp | HasHalted | DoesNotStop
 
 
 class Driving:
-    """The state of a robot that follows ways. `corridor`: how far from its way it may be, m; `level`: of the floor on which it is, m."""
+    """The state of a robot that follows ways. `corridor`: how far from its way it may be, m; `level`: of the floor on which it is, m;
+    `turns`: whether a goal leads around corners."""
 
-    def __init__(self, name: str, corridor: float, level: float) -> None:
-        self.name, self.corridor, self.level = name, corridor, level
+    def __init__(self, name: str, corridor: float, level: float, *, turns: bool = False) -> None:
+        self.name, self.corridor, self.level, self.turns = name, corridor, level, turns
         self.pose: Pose | None = None
         self._way: Way = ()
         """The released waypoints from the one that was passed last."""
@@ -119,13 +147,15 @@ class Driving:
         self._goals = 0
         self._goal: Navigate | None = None
         """The goal of the robot, which it gets again if its navigation loses it."""
-        self._open: set[int] = set()
-        """The goals that have not ended: `_goal`, and those that it has replaced."""
+        self._open: dict[int, Waypoint] = {}
+        """The goals that have not ended, with where they end: `_goal`, and those that it has replaced."""
+        self._refused: set[int] = set()
+        """Those that the robot does not cancel."""
         self._start: Pose | None = None
         """Where the robot was when it got its goal."""
         self._entering: Waypoint | None = None
         self._is_present = self._moves = False
-        self._is_halting = False
+        self._is_halting = self._is_disabled = False
         self._reason: str | None = None
         """Why the robot is to give up its way, as soon as it stands."""
 
@@ -148,15 +178,31 @@ class Driving:
                 if present:
                     self._goal = None
                     self._open.clear()
+                    effects += self._no_longer_refused(*self._refused)
+            case CancelRefused(goal=goal) if goal in self._open and goal not in self._refused:
+                self._refused.add(goal)
+                place = self._open[goal].name
+                effects.append(DoesNotStop(f"{self.name} does not stop: it does not cancel its goal {place}, and is expected there"))
+            case Disabled(is_disabled=is_disabled):
+                self._is_disabled = is_disabled
+                if is_disabled:
+                    self._way, self._goal = (), None
+                    effects += self._cancel()
             case NavigationEnded(goal=goal):
-                self._open.discard(goal)
+                self._open.pop(goal, None)
+                effects += self._no_longer_refused(goal)
                 if self._goal is not None and goal == self._goal.goal:
                     effects += self._ended(self._goal, input)
             case LevelEntered(level=level, problem=problem) if self._entering is not None:
                 effects += self._entered(self._entering, level, problem)
-            case LevelEntered():
+            case _:
                 pass
         return effects + self._go_on()
+
+    def _no_longer_refused(self, *goals: int) -> list[Effect]:
+        was_refused = bool(self._refused)
+        self._refused.difference_update(goals)
+        return [DoesNotStop(None)] if was_refused and not self._refused else []
 
     def _take(self, way: Way) -> None:
         if not self._is_halting and self._reason is None:
@@ -170,57 +216,53 @@ class Driving:
             return []
         if self._is_halting or self._reason is not None:
             return self._stand() if self._goal is None and not self._open and not self._moves else []
-        if len(self._way) < 2:
+        if len(self._way) < 2 or self._is_disabled:
             return []
         if abs(self._way[1].level - self.level) > SAME_LEVEL:
             if self._goal is not None:
                 return []
             self._entering = self._way[1]
             return [EnterLevel(self._entering)]
-        return self._aim(self._straight_ahead())
+        return self._aim(self._ahead())
 
     def _stand(self) -> list[Effect]:
         effect: Effect = HasHalted() if self._is_halting else HasGivenUp(self._reason or "")
         self._way, self._is_halting, self._reason = (), False, None
         return [effect]
 
-    def _aim(self, waypoint: Waypoint) -> list[Effect]:
-        if self._goal is not None and self._goal.waypoint.number >= waypoint.number:
+    def _aim(self, ahead: Way) -> list[Effect]:
+        if self._goal is not None and self._goal.waypoint.number >= ahead[-1].number:
             return []
-        line_start = self._way[0]
-        yaw = math.atan2(waypoint.y - line_start.y, waypoint.x - line_start.x) + (math.pi if waypoint.travel == "Backward" else 0.0)
-        yaw = waypoint.yaw if waypoint.yaw is not None else yaw
+        yaws: list[float] = []
+        for start, end in pairwise((self._way[0], *ahead)) if self.turns else [(self._way[0], ahead[-1])]:
+            yaw = math.atan2(end.y - start.y, end.x - start.x) + (math.pi if end.travel == "Backward" else 0.0)
+            yaws.append(math.remainder(end.yaw if end.yaw is not None else yaw, math.tau))
         self._goals += 1
-        self._goal, self._start = Navigate(self._goals, waypoint, math.remainder(yaw, math.tau)), self.pose
-        self._open.add(self._goal.goal)
+        self._goal = Navigate(self._goals, self._way[0], ahead if self.turns else ahead[-1:], tuple(yaws))
+        self._start = self.pose
+        self._open[self._goal.goal] = self._goal.waypoint
         return [self._goal]
 
-    def _straight_ahead(self) -> Waypoint:
-        """The last waypoint that lies in a straight line ahead, on the same floor, with the same speed limit and direction of travel."""
+    def _ahead(self) -> Way:
+        """The waypoints ahead to which one goal leads: on the same floor, with the same speed limit and direction of travel, and in a
+        straight line unless a goal leads around corners."""
         start, nearest = self._way[0], self._way[1]
-        best = nearest
-        for index in range(2, len(self._way)):
-            waypoint = self._way[index]
-            between = [(point.x, point.y) for point in self._way[:index]]
-            line = (start.x, start.y), (waypoint.x, waypoint.y)
-            lengths = [math.dist(line[0], point) for point in [*between, line[1]]]
-            is_straight = all(point_distance(point, *line) <= STRAIGHT for point in between) and lengths == sorted(lengths)
-            if not is_straight or abs(waypoint.level - nearest.level) > SAME_LEVEL:
-                break
+        ahead = [nearest]
+        for waypoint in self._way[2:]:
             if (waypoint.speed_limit, waypoint.travel) != (nearest.speed_limit, nearest.travel):
                 break
-            best = waypoint
-        return best
+            if abs(waypoint.level - nearest.level) > SAME_LEVEL or not (self.turns or _is_straight(start, ahead, waypoint)):
+                break
+            ahead.append(waypoint)
+        return tuple(ahead)
 
     def _passing(self, pose: Pose) -> list[Effect]:
         """The waypoints before the goal that the robot has driven past."""
         effects: list[Effect] = []
         while self._goal is not None and len(self._way) > 2 and self._way[1].number < self._goal.waypoint.number:
-            start, end = self._way[0], self._way[1]
-            dx, dy = end.x - start.x, end.y - start.y
-            if (pose.x - end.x) * dx + (pose.y - end.y) * dy < 0 or not self._is_on_way(pose):
+            if not self._is_on_way(pose) or not _is_past(pose, *self._way[:3]):
                 break
-            effects += self._has_come_to(end)
+            effects += self._has_come_to(self._way[1])
         return effects
 
     def _straying(self, pose: Pose) -> list[Effect]:
@@ -232,10 +274,10 @@ class Driving:
 
     def _is_on_way(self, pose: Pose) -> bool:
         assert self._goal is not None, "a robot without a goal is on no way"
-        target = self._goal.waypoint
+        target, nearest = self._goal.waypoint, self._goal.way[0]
         lines = [((one.x, one.y), (two.x, two.y)) for one, two in pairwise(self._way) if two.number <= target.number]
         if self._start is not None:
-            lines.append(((self._start.x, self._start.y), (target.x, target.y)))
+            lines.append(((self._start.x, self._start.y), (nearest.x, nearest.y)))
         return not lines or any(point_distance((pose.x, pose.y), *line) <= self.corridor for line in lines)
 
     def _cancel(self) -> list[Effect]:
@@ -267,3 +309,20 @@ class Driving:
     def _has_come_to(self, waypoint: Waypoint) -> list[Effect]:
         self._passed, self._way = waypoint.number, self._way[1:]
         return [HasPassed(waypoint.number)]
+
+
+def _is_straight(start: Waypoint, between: Sequence[Waypoint], end: Waypoint) -> bool:
+    """Whether waypoints lie on the line from one to another, one after the other."""
+    line = (start.x, start.y), (end.x, end.y)
+    points = [(waypoint.x, waypoint.y) for waypoint in between]
+    lengths = [math.dist(line[0], point) for point in [*points, line[1]]]
+    return all(point_distance(point, *line) <= STRAIGHT for point in points) and lengths == sorted(lengths)
+
+
+def _is_past(pose: Pose, start: Waypoint, end: Waypoint, following: Waypoint) -> bool:
+    """Whether a robot has driven past the end of a line; at a corner that it cuts, whether it is nearer to the line that follows."""
+    point, corner = (pose.x, pose.y), (end.x, end.y)
+    if (pose.x - end.x) * (end.x - start.x) + (pose.y - end.y) * (end.y - start.y) >= 0:
+        return True
+    is_ahead = (pose.x - end.x) * (following.x - end.x) + (pose.y - end.y) * (following.y - end.y) > 0
+    return is_ahead and point_distance(point, corner, (following.x, following.y)) < point_distance(point, (start.x, start.y), corner)

@@ -1,4 +1,4 @@
-"""What the adapter and its bridge to ROS 2 (`bridge.py`) say to each other: one JSON object a line.
+"""What the adapter and its bridge to ROS 2 (`bridge/`) say to each other: one JSON object a line.
 
 The bridge runs in a process of its own, with the Python of the installed ROS; it knows these lines by their fields only. Names of topics,
 actions and services are absolute; types are written as in ROS: `nav2_msgs/action/NavigateToPose`. Values are ROS messages as JSON: bytes in
@@ -82,6 +82,29 @@ class Publish(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     message: Values
 
 
+class EndpointKind(StrEnum):
+    """What a robot and its adapter say to each other by."""
+
+    TOPIC = "topic"
+    """The robot publishes it."""
+    PUBLICATION = "publication"
+    """A topic to which the robot subscribes."""
+    SERVICE = "service"
+    ACTION = "action"
+
+
+class Examine(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Find out whether something is there, of this type. Nothing is sent to it. `template`: what would be sent; `fields`: the paths of
+    fields that are read of what comes. The answer is `Examined`."""
+
+    id: int
+    kind: EndpointKind
+    name: str
+    type: str
+    template: Values = {}
+    fields: tuple[str, ...] = ()
+
+
 class Ready(Struct, frozen=True, kw_only=True, tag=True, tag_field="say"):
     """The bridge runs. `distribution`: of ROS, such as jazzy; empty if it does not say."""
 
@@ -96,10 +119,11 @@ class Message(Struct, frozen=True, kw_only=True, tag=True, tag_field="say"):
 
 
 class ActionPresence(Struct, frozen=True, kw_only=True, tag=True, tag_field="say"):
-    """Whether the server of an action can be reached, as the middleware finds out."""
+    """Whether the server of an action can be used. `problem`: why not, although it is there."""
 
     id: int
     present: bool
+    problem: str = ""
 
 
 class Feedback(Struct, frozen=True, kw_only=True, tag=True, tag_field="say"):
@@ -107,6 +131,12 @@ class Feedback(Struct, frozen=True, kw_only=True, tag=True, tag_field="say"):
 
     id: int
     value: Values
+
+
+class CancelRejected(Struct, frozen=True, kw_only=True, tag=True, tag_field="say"):
+    """The server does not cancel a goal, which goes on. It is asked again now and then."""
+
+    id: int
 
 
 class GoalStatus(StrEnum):
@@ -139,6 +169,14 @@ class Replied(Struct, frozen=True, kw_only=True, tag=True, tag_field="say"):
     problem: str = ""
 
 
+class Examined(Struct, frozen=True, kw_only=True, tag=True, tag_field="say"):
+    """What is wrong with what was examined; empty if nothing is. `may_pass`: it may come right when more of the robot is there."""
+
+    id: int
+    problem: str = ""
+    may_pass: bool = False
+
+
 class Trouble(Struct, frozen=True, kw_only=True, tag=True, tag_field="say"):
     """What was asked for as `id` cannot be done: its type is not installed, for example."""
 
@@ -146,8 +184,8 @@ class Trouble(Struct, frozen=True, kw_only=True, tag=True, tag_field="say"):
     problem: str
 
 
-Request = Subscribe | Unsubscribe | OpenAction | CloseAction | SendGoal | CancelGoal | CallService | Publish
-Report = Ready | Message | ActionPresence | Feedback | GoalEnded | Replied | Trouble
+Request = Subscribe | Unsubscribe | OpenAction | CloseAction | SendGoal | CancelGoal | CallService | Publish | Examine
+Report = Ready | Message | ActionPresence | Feedback | CancelRejected | GoalEnded | Replied | Examined | Trouble
 
 _encoder = msgspec.json.Encoder()
 _decoder = msgspec.json.Decoder(Report)

@@ -1,4 +1,4 @@
-"""Runs the bridge to ROS 2 (`bridge.py`) in a process of its own, with the Python of the installed ROS."""
+"""Runs the bridge to ROS 2 (`bridge/`) in a process of its own, with the Python of the installed ROS."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from somrs.errors import WireError
 
 log = logging.getLogger(__name__)
 
-BRIDGE = Path(__file__).with_name("bridge.py")
+BRIDGE = Path(__file__).with_name("bridge")
 PAUSES = (1.0, 2.0, 5.0, 10.0)
 """Seconds before the bridge is started again: after its first end, its second, and so on, until it has run."""
 LONGEST_LINE = 256 * 2**20
@@ -32,6 +32,11 @@ class BridgeProcess:
         self._record = WireRecord("ros2")
         self.session = Session(self._send, log.warning)
 
+    @property
+    def python(self) -> str:
+        """The Python with which it runs."""
+        return python_of(self._settings, self._folder)
+
     def _send(self, request: Request) -> None:
         if self._input is not None and not self._input.is_closing():
             line = encode_request(request)
@@ -43,13 +48,13 @@ class BridgeProcess:
         attempt = 0
         while True:
             try:
-                attempt = 0 if await self._run_once() else attempt + 1
+                attempt = 0 if await self.run_once() else attempt + 1
             except OSError as error:
                 attempt += 1
                 log.error("the bridge to ROS 2 cannot be started with %s: %s", self._settings.python, error)
             await asyncio.sleep(PAUSES[min(attempt, len(PAUSES)) - 1 if attempt else 0])
 
-    async def _run_once(self) -> bool:
+    async def run_once(self) -> bool:
         """Run the bridge until it ends. Returns whether it was ready."""
         process = await asyncio.create_subprocess_exec(
             *ros_command(self._settings, self._folder, str(BRIDGE)),
@@ -88,9 +93,14 @@ class BridgeProcess:
         return isinstance(report, Ready)
 
 
+def python_of(settings: Settings, folder: Path) -> str:
+    """The Python of the installed ROS. `folder`: what paths of settings refer to."""
+    return str(folder / settings.python) if "/" in settings.python else settings.python
+
+
 def ros_command(settings: Settings, folder: Path, *arguments: str) -> list[str]:
     """The command that runs a program with the Python of the installed ROS. `folder`: what paths of settings refer to."""
-    python = str(folder / settings.python) if "/" in settings.python else settings.python
+    python = python_of(settings, folder)
     if settings.setup is None:
         return [python, *arguments]
     return ["bash", "-c", 'source "$0" && exec "$@"', str(folder / settings.setup), python, *arguments]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 from somrs.adapters.ros2.connection import RobotConnection
 from somrs.adapters.ros2.frames import Pose
 from somrs.adapters.ros2.session import Session
@@ -9,6 +11,8 @@ from somrs.adapters.ros2.settings import Binding, RobotSettings
 from somrs.devices.road_robot import CarryingRobot, Motion, RobotFailed, Way
 from somrs.ontology.types import Value
 from somrs.service_manager.sdk.values import as_term
+
+log = logging.getLogger(__name__)
 
 
 class Ros2Robot(CarryingRobot):
@@ -58,6 +62,14 @@ class Ros2Robot(CarryingRobot):
         await self._connection.interrupt()
 
     # What the robot says
+
+    def hindered(self, hindrance: str | None) -> None:
+        """What keeps the robot from doing what it is told."""
+        if hindrance != self.hindrance:
+            self.hindrance = hindrance
+            if hindrance is not None:
+                log.warning("%s", hindrance)
+            self.road.renew_state()
 
     def measured(self, attribute: str, value: Value) -> None:
         """An attribute of the robot has this value."""

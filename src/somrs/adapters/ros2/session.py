@@ -8,11 +8,16 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 
+from msgspec import structs
+
 from somrs.adapters.ros2.lines import (
     ActionPresence,
     CallService,
     CancelGoal,
+    CancelRejected,
     CloseAction,
+    Examine,
+    Examined,
     Feedback,
     GoalEnded,
     GoalStatus,
@@ -32,8 +37,9 @@ from somrs.adapters.ros2.lines import (
 
 MessageObserver = Callable[[Values], None]
 PresenceObserver = Callable[[bool], None]
-GoalObserver = Callable[[Feedback | GoalEnded], None]
+GoalObserver = Callable[[Feedback | CancelRejected | GoalEnded], None]
 ReplyObserver = Callable[[Replied], None]
+ExaminationObserver = Callable[[Examined], None]
 TroubleObserver = Callable[[str], None]
 
 
@@ -52,6 +58,7 @@ class Session:
         self._present: set[int] = set()
         self._goals: dict[int, GoalObserver] = {}
         self._calls: dict[int, ReplyObserver] = {}
+        self._examinations: dict[int, tuple[Examine, ExaminationObserver]] = {}
 
     def subscribe(self, topic: str, type: str, observer: MessageObserver, *, latched: bool = False, interval: float = 0.0) -> int:
         """Receive the messages of a topic. Returns the number of the subscription."""
@@ -77,7 +84,7 @@ class Session:
             self._tell(CloseAction(id=id))
 
     def send_goal(self, action: int, goal: Values, observer: GoalObserver) -> int:
-        """Send a goal. The observer gets its feedback, and in any case its end: at once, if there is no bridge."""
+        """Send a goal. The observer gets its feedback, that it is not cancelled, and in any case its end: at once without a bridge."""
         id = next(self._numbers)
         if self.is_connected:
             self._goals[id] = observer
@@ -99,6 +106,12 @@ class Session:
         """Publish a message. The observer learns that it is published, or why not: at once, if there is no bridge."""
         self._ask(Publish(id=next(self._numbers), topic=topic, type=type, message=message), observer)
 
+    def examine(self, request: Examine, observer: ExaminationObserver) -> None:
+        """Have something examined, now or as soon as there is a bridge. Its number is given here."""
+        request = structs.replace(request, id=next(self._numbers))
+        self._examinations[request.id] = request, observer
+        self._tell(request)
+
     def handle(self, report: Report) -> None:
         """Take what the bridge says. What nobody waits for any more is ignored."""
         match report:
@@ -108,17 +121,26 @@ class Session:
                     self._send(subscribe)
                 for open_action, _ in self._actions.values():
                     self._send(open_action)
+                for examination, _ in self._examinations.values():
+                    self._send(examination)
             case Message(id=id, value=value) if id in self._subscriptions:
                 self._subscriptions[id][1](value)
-            case ActionPresence(id=id, present=present) if id in self._actions and present != (id in self._present):
-                (self._present.add if present else self._present.discard)(id)
-                self._actions[id][1](present)
-            case Feedback(id=id) if id in self._goals:
+            case ActionPresence(id=id, present=present, problem=problem) if id in self._actions:
+                if problem:
+                    self._on_trouble(f"{self._actions[id][0].action}: {problem}")
+                if present != (id in self._present):
+                    (self._present.add if present else self._present.discard)(id)
+                    self._actions[id][1](present)
+            case Feedback(id=id) | CancelRejected(id=id) if id in self._goals:
                 self._goals[id](report)
             case GoalEnded(id=id) if id in self._goals:
                 self._goals.pop(id)(report)
             case Replied(id=id) if id in self._calls:
                 self._calls.pop(id)(report)
+            case Examined(id=id) if id in self._examinations:
+                self._examinations.pop(id)[1](report)
+            case Trouble(id=int() as id, problem=problem) if id in self._examinations:
+                self._examinations.pop(id)[1](Examined(id=id, problem=problem))
             case Trouble(id=int() as id, problem=problem) if id in self._goals:
                 self._goals.pop(id)(GoalEnded(id=id, status=GoalStatus.REJECTED, problem=problem))
             case Trouble(id=int() as id, problem=problem) if id in self._calls:

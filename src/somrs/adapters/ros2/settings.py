@@ -27,6 +27,13 @@ NAVIGATION_GOAL = {
     }
 }
 """The goal of nav2_msgs/action/NavigateToPose."""
+GOALS: dict[str, dict[str, Any]] = {
+    "NavigateThroughPoses": {"poses": "{poses}"},
+    "FollowPath": {"path": {"header": {"frame_id": "{frame}"}, "poses": "{path}"}},
+}
+"""Those of the actions of Nav2 that lead around corners, by the names of their types."""
+AROUND_CORNERS = frozenset({"poses", "path"})
+"""What templates of such goals have."""
 
 
 def _checked_path(path: str) -> str:
@@ -70,6 +77,17 @@ class PoseTransform(Model):
     type: str = "tf2_msgs/msg/TFMessage"
 
 
+class Localization(Topic):
+    """How sure the robot is of where it is: the covariance in a geometry_msgs/PoseWithCovariance. A robot that may be farther than `limit`
+    from there, by the standard deviation in m, is not sent anywhere."""
+
+    topic: str = "amcl_pose"
+    type: str = "geometry_msgs/msg/PoseWithCovarianceStamped"
+    field: FieldPath = "pose.covariance"
+    latched: bool = True
+    limit: float = Field(default=1.0, gt=0)
+
+
 class OdometryTopic(Topic):
     """How fast the robot is: a geometry_msgs/Twist in a topic. Without it, a robot is taken to stand when its navigation has ended."""
 
@@ -96,13 +114,26 @@ class FaultTopic(Topic):
 
 
 class Navigation(Model):
-    """The action that drives the robot to a pose. `corridor`: how far from its way the robot may be, m; it is stopped there."""
+    """The action that drives the robot to a pose; or around corners, if its goal has `{poses}` or `{path}`.
+
+    `corridor`: how far from its way the robot may be, m; it is stopped there.
+    """
 
     action: str = "navigate_to_pose"
     type: str = "nav2_msgs/action/NavigateToPose"
-    goal: dict[str, Any] = NAVIGATION_GOAL
+    goal: dict[str, Any] = {}
     problem: FieldPath = "error_msg"
     corridor: float = Field(default=0.5, gt=0)
+
+    @property
+    def template(self) -> Mapping[str, Any]:
+        """The goal."""
+        return self.goal or GOALS.get(self.type.rpartition("/")[2], NAVIGATION_GOAL)
+
+    @property
+    def turns(self) -> bool:
+        """Whether a goal leads around corners."""
+        return not AROUND_CORNERS.isdisjoint(placeholders(self.template))
 
 
 class SpeedLimit(Model):
@@ -176,6 +207,7 @@ class Binding(Model):
 
     pose: PoseTopic | None = None
     transform: PoseTransform = PoseTransform()
+    localization: Localization | None = Localization()
     odometry: OdometryTopic | None = None
     navigate: Navigation = Navigation()
     speed_limit: SpeedLimit | None = None
@@ -187,13 +219,19 @@ class Binding(Model):
     attributes: dict[str, Attribute] = {}
     faults: tuple[FaultTopic, ...] = ()
 
+    @property
+    def has_covariance(self) -> bool:
+        """Whether the messages with the pose say how sure the robot is of it."""
+        pose, localization = self.pose, self.localization
+        return pose is not None and localization is not None and (pose.topic, pose.type) == (localization.topic, localization.type)
+
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
         if bool(self.pick) != bool(self.drop):
             raise ValueError("a robot that carries things has `pick` and `drop`")
         if self.charge is not None and "Charge" not in self.attributes:
             raise ValueError("`charge` ends by the attribute Charge: bind it under `attributes`")
-        _check_names(self.navigate.goal, POSE_NAMES | {"robot"}, "navigate.goal")
+        _check_names(self.navigate.goal, POSE_NAMES | AROUND_CORNERS | {"robot"}, "navigate.goal")
         if self.speed_limit is not None:
             _check_names(self.speed_limit.message, frozenset({"speed"}), "speed_limit.message")
         put_down = self.put_down.steps if self.put_down is not None else ()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from somrs.adapters.ros2.lines import Feedback, GoalEnded, GoalStatus, Replied
+from somrs.adapters.ros2.lines import CancelRejected, Feedback, GoalEnded, GoalStatus, Replied
 from somrs.adapters.ros2.session import Session
 from somrs.adapters.ros2.settings import Step, full_name
 from somrs.adapters.ros2.templates import differences, fill_in
@@ -17,10 +17,10 @@ FOUND = 5.0
 
 
 class Steps:
-    """Carries out the steps of one robot, one after the other."""
+    """Carries out the steps of one robot, one after the other. `hindered` is told why a goal goes on that is to be cancelled."""
 
-    def __init__(self, session: Session, namespace: str) -> None:
-        self._session, self._namespace = session, namespace
+    def __init__(self, name: str, session: Session, namespace: str, hindered: Callable[[str | None], None]) -> None:
+        self._name, self._session, self._namespace, self._hindered = name, session, namespace, hindered
         self._actions: dict[tuple[str, str], int] = {}
         self._present: dict[tuple[str, str], asyncio.Event] = {}
         self._goals: dict[int, asyncio.Future[GoalEnded]] = {}
@@ -80,9 +80,12 @@ class Steps:
             raise RobotFailed(f"the action {step.action} has no server")
         ended: asyncio.Future[GoalEnded] = asyncio.get_running_loop().create_future()
 
-        def observe(report: Feedback | GoalEnded) -> None:
-            if isinstance(report, GoalEnded):
+        def observe(report: Feedback | CancelRejected | GoalEnded) -> None:
+            if isinstance(report, CancelRejected):
+                self._hindered(f"{self._name} goes on with {step.action}: it does not cancel it")
+            elif isinstance(report, GoalEnded):
                 self._goals.pop(report.id, None)
+                self._hindered(None)
                 ended.set_result(report)
 
         id = self._session.send_goal(self._actions[key], goal, observe)

@@ -55,12 +55,12 @@ def placeholders(template: object) -> Iterator[str]:
                 yield from placeholders(value)
 
 
-def fill_in(template: Mapping[str, Any], values: Mapping[str, float | str]) -> Values:
+def fill_in(template: Mapping[str, Any], values: Mapping[str, Any]) -> Values:
     """The message of a template. A text that is a placeholder alone becomes the value itself; others keep what is around it."""
     return {name: _filled(value, values) for name, value in template.items()}
 
 
-def _filled(template: Any, values: Mapping[str, float | str]) -> Any:
+def _filled(template: Any, values: Mapping[str, Any]) -> Any:
     match template:
         case str():
             alone = _PLACEHOLDER.fullmatch(template)

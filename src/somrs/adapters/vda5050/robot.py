@@ -31,6 +31,9 @@ from somrs.adapters.vda5050.settings import Settings
 from somrs.devices.road_robot import CarryingRobot, Motion, RobotFailed, Way
 from somrs.ontology.types import Value
 
+FLOOR = "floor"
+"""The type of the stations of vehicles that drop loads on any floor (2.1, table 5: "floor location")."""
+
 
 class Vda5050Vehicle(CarryingRobot):
     """A vehicle that carries loads. `actions`: what it can do, of `pick`, `drop` and `startCharging`."""
@@ -46,12 +49,12 @@ class Vda5050Vehicle(CarryingRobot):
         self.battery = state.power_supply.state_of_charge if state is not None else None
         self.values = described(session)
         self._ended: asyncio.Future[str | None] | None = None
-        self._picked: str | None = None
-        """The thing that it is picking; None: none."""
         self._halts: list[asyncio.Future[None]] = []
 
     async def open(self) -> None:
         self.session.on_effect = self._take_effect
+        state = self.session.control.vehicle.state
+        self.carries = bool(state.loads) if state is not None and state.loads is not None else None
         self.heard(self.session.control.vehicle.is_connected)
         asyncio.get_running_loop().call_soon(self._say_how_it_is)  # after `open` has begun, which waits for it
         await super().open()
@@ -89,18 +92,14 @@ class Vda5050Vehicle(CarryingRobot):
         await self.halt()
 
     async def pick(self, thing: str, support: str) -> None:
-        self._picked = thing
-        try:
-            await self._perform(Perform(action_type="pick", parameters=self._parameters("pick", thing, support)))
-            self.holding = thing
-        finally:
-            self._picked = None
+        await self._perform(Perform(action_type="pick", parameters=self._parameters("pick", thing, support)))
 
     async def drop(self, thing: str, support: str) -> None:
         await self._perform(Perform(action_type="drop", parameters=self._parameters("drop", thing, support)))
-        self.holding = None
 
     async def put_down(self, thing: str) -> tuple[float, float, float, str]:
+        if self.settings.station_type != FLOOR:
+            raise RobotFailed(f"{self.name} drops loads at stations of the type {self.settings.station_type} only")
         await self.drop(thing, "")
         pose = self.session.control.vehicle.pose
         assert pose is not None, "a vehicle in traffic has said where it is"
@@ -151,10 +150,8 @@ class Vda5050Vehicle(CarryingRobot):
                 self.heard(is_connected)
             case Charged(level=level):
                 self.battery = level
-            case Loaded(count=0):
-                self.holding = None
-            case Loaded() if self._picked is not None:
-                self.holding = self._picked
+            case Loaded(count=count):
+                self.carries = count > 0
             case Delayed(reason=reason):
                 self.hindrance = f"{self.name} {reason}" if reason is not None else None
             case Remarked(text=text):

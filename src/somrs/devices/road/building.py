@@ -201,10 +201,27 @@ class Building:
         facts = (fact for relation in ("isOn", "isIn") for fact in self._map.facts(relation))
         return next((fact.arguments[1] for fact in facts if fact.arguments[0] == thing), None)
 
+    def supports_near(self, driver: RoadDriver) -> list[str]:
+        """The objects on which robots can put things, the nearest to a robot first; those on other floors come last."""
+        (x, y, _), level = driver.position, self.level_of(driver.level)
+        supports = (solid for solid in self.solids.values() if solid.role is Role.SUPPORT)
+        return [solid.name for solid in sorted(supports, key=lambda solid: (self.level_of(solid.z) != level, solid.distance(x, y)))]
+
     def floor_at(self, x: float, y: float, level: float) -> str | None:
         """The floor at a point; None if the map has none there."""
         floors = (solid for solid in self.solids.values() if solid.role is Role.FLOOR and abs(solid.top - level) < FLOOR_HEIGHT)
         return next((solid.name for solid in floors if solid.distance(x, y) <= 0.0), None)
+
+    def top_of(self, support: str) -> float:
+        """The height at which things stand on an object, m."""
+        solid = self.solids[support]
+        return solid.z if solid.role is Role.MARK else solid.top
+
+    def spot_on(self, support: str, point: Point) -> Point:
+        """The point on a support that is nearest to another one, m."""
+        solid = self.solids[support]
+        spots = [spot for spot, _ in edge_targets(solid, EDGE)] if solid.role is Role.SUPPORT else []
+        return min(spots or [(solid.x, solid.y)], key=lambda spot: math.dist(spot, point))
 
     def level_of(self, height: float) -> float:
         """The floor that is nearest to a height, m."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Protocol
 
 from somrs.devices.road.building import Building
@@ -27,6 +28,8 @@ class Vehicle(Protocol):
     hindrance: str | None
     remark: str | None
     holding: str | None
+    carries: bool | None
+    data: Path
     whole_map: WholeMap
     building: Building
     experience: Experience

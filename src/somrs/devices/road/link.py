@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
 from somrs.devices.road.building import Building, RoadDriver, Stand
-from somrs.devices.road.hardware import RobotFailed, Vehicle
+from somrs.devices.road.gripper import Gripper
+from somrs.devices.road.handling import Handling
+from somrs.devices.road.hardware import Vehicle
 from somrs.devices.road.traveller import Traveller
 from somrs.devices.simulator.link.command_link import CommandLink
 from somrs.devices.simulator.link.commands import (
@@ -57,13 +59,15 @@ class RoadLink(CommandLink):
 
     def __init__(self, robot: Vehicle, on_state: Callable[[RobotState], None]) -> None:
         self.robot, self.silent = robot, False
-        self.traveller = Traveller(robot, on_state, self._end_at_once)
+        self.gripper = Gripper(robot)
+        self.traveller = Traveller(robot, self.gripper, on_state, self._end_at_once)
+        self._handling = Handling(robot, self.gripper, self.traveller, self._reach)
         self._current: asyncio.Task[CommandDone] | None = None
         self._reason_of_end = "stopped", "the command was ended"
-        self._is_lost = False
-        """Whether the thing that the robot was to take may be somewhere else now."""
         self._stand: Stand | None = None
         """Where the robot stands to work, if it does."""
+        self._reached = ""
+        """What is within reach from there."""
 
     def _end_at_once(self, reason: str, description: str) -> None:
         if self._current is not None and not self._current.done():
@@ -106,7 +110,7 @@ class RoadLink(CommandLink):
         await self._end_current("stopped", f"{self.robot.name} received another command")
         if isinstance(command, Stop):
             return self._done()
-        self.traveller.activity, self._is_lost = type(command).__name__, False
+        self.traveller.activity, self._handling.is_lost = type(command).__name__, False
         self._current = task = asyncio.create_task(self._carry_out(command))
         await asyncio.wait({task})
         try:
@@ -121,7 +125,7 @@ class RoadLink(CommandLink):
     def _untouched(self, command: Command) -> tuple[ObjectState, ...]:
         """The thing that the robot was to take and has not touched: it is where the map has it. Empty if the command was for none."""
         solids, name = self.robot.building.solids, command.object if isinstance(command, Approach | Grip) else ""
-        if name not in solids or solids[name].role is not Role.THING or self.robot.holding is not None or self._is_lost:
+        if name not in solids or solids[name].role is not Role.THING or self.robot.holding is not None or self._handling.is_lost:
             return ()
         x, y, z, yaw = self.robot.building.pose(name)
         return (ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self.robot.building.support_of(name)),)
@@ -143,11 +147,11 @@ class RoadLink(CommandLink):
                     await self._approach(name)
                     return self._done()
                 case Grip(object=name):
-                    return await self._grip(name)
+                    return self._done(await self._handling.grip(name))
                 case Place(support=name):
-                    return await self._place(name)
+                    return self._done(await self._handling.place(name))
                 case PutDown():
-                    return await self._put_down()
+                    return self._done(await self._handling.put_down())
                 case Charge():
                     return await self._charge()
             raise RobotGaveUp("not-possible", f"{self.robot.name} cannot do {type(command).__name__}", self.state)
@@ -181,7 +185,7 @@ class RoadLink(CommandLink):
     async def _approach(self, name: str) -> None:
         """Drive to where a thing or a support is within reach: to another stand if others stand in the way to one. Robots that move may go
         away: they are waited for a while."""
-        self._stand = None
+        self._stand, self.traveller.activity = None, Approach.__name__
         loop = asyncio.get_running_loop()
         start_time = loop.time()
         while True:
@@ -211,7 +215,7 @@ class RoadLink(CommandLink):
                     raise
                 problem = failure
             else:
-                self._stand = stand
+                self._stand, self._reached = stand, name
                 return None
         return problem
 
@@ -232,73 +236,16 @@ class RoadLink(CommandLink):
 
     # Things
 
-    async def _working(self, work: Coroutine[object, object, None]) -> None:
-        """Let the robot work where it stands: nobody asks it to make room."""
-        self.traveller.tell_mobility()
-        try:
-            await work
-        except RobotFailed as failure:
-            self._is_lost = failure.is_lost
-            raise RobotGaveUp("not-possible", failure.description, self.state) from None
-        except asyncio.CancelledError:
-            if self.connected:
-                await asyncio.shield(self.robot.interrupt())
-                self._is_lost = False
-            raise
-        finally:
-            self.traveller.activity = None
-            self.traveller.tell_mobility()
-            self.traveller.renew_state()
-
-    async def _grip(self, thing: str) -> CommandDone:
-        robot, building = self.robot, await self.traveller.building()
-        if self._stand is None or not self._stands_there():
-            await self._approach(thing)
-            self.traveller.activity = "Grip"
-        support, (x, y, z, yaw) = building.support_of(thing), building.pose(thing)
-        self._is_lost = True  # for who cannot be asked any more
-        await self._working(robot.pick(thing, support or ""))
-        self._is_lost = False
-        robot.holding = thing
-        self.traveller.renew_state()
-        return self._done(ObjectState(object=thing, x=x, y=y, z=z, yaw=yaw, held_by=robot.name))
+    async def _reach(self, name: str) -> Stand:
+        """Stand where an object is within reach. Raises RobotGaveUp."""
+        if self._stand is None or self._reached != name or not self._stands_there():
+            await self._approach(name)
+        assert self._stand is not None, "who has not come there has given up"
+        return self._stand
 
     def _stands_there(self) -> bool:
         state, stand = self.state, self._stand
         return state is not None and stand is not None and max(abs(state.x - stand.base[0]), abs(state.y - stand.base[1])) < REACHED
-
-    async def _place(self, support: str) -> CommandDone:
-        robot, building = self.robot, await self.traveller.building()
-        thing = robot.holding
-        if thing is None:
-            raise RobotGaveUp("not-holding", f"{robot.name} holds nothing that it could put on {support}", self.state)
-        if self._stand is None or not self._stands_there():
-            await self._approach(support)
-            self.traveller.activity = "Place"
-        await self._working(robot.drop(thing, support))
-        robot.holding = None
-        self.traveller.renew_state()
-        stand, solid = self._stand, building.solids[support]
-        (x, y), z = (stand.spot if stand is not None else (solid.x, solid.y)), solid.top
-        z = solid.z if solid.role is Role.MARK else z
-        return self._done(ObjectState(object=thing, x=x, y=y, z=z, yaw=0.0, support=support))
-
-    async def _put_down(self) -> CommandDone:
-        robot = self.robot
-        thing = robot.holding
-        if thing is None:
-            raise RobotGaveUp("not-holding", f"{robot.name} holds nothing that it could put down", self.state)
-        building, spots = await self.traveller.building(), list[tuple[float, float, float, str]]()
-
-        async def put_down() -> None:
-            spots.append(await robot.put_down(thing))
-
-        await self._working(put_down())
-        robot.holding = None
-        self.traveller.renew_state()
-        x, y, z, support = spots[0]
-        on = support if support in building.solids else building.floor_at(x, y, z)
-        return self._done(ObjectState(object=thing, x=x, y=y, z=z, yaw=0.0, support=on))
 
     async def _charge(self) -> CommandDone:
         building, state = await self.traveller.building(), self.state
@@ -307,5 +254,5 @@ class RoadLink(CommandLink):
         charger = next((solid.name for solid in chargers if solid.distance(state.x, state.y) <= REACHED), None)
         if charger is None:
             raise RobotGaveUp("not-possible", f"{self.robot.name} does not stand at a charger", state)
-        await self._working(self.robot.charge_at(charger))
+        await self._handling.work(Charge.__name__, self.robot.charge_at(charger))
         return self._done()

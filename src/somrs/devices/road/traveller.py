@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from somrs.devices.road.building import Building, RoadDriver, standing
+from somrs.devices.road.gripper import Gripper
 from somrs.devices.road.hardware import Vehicle
 from somrs.devices.road.vain_trips import VainTrips
 from somrs.devices.road.waypoints import Waypoint
@@ -57,8 +58,8 @@ class Traveller:
     """One robot on its ways. `on_state`: is told every state; `end_command`: ends the command in progress, because the robot cannot go
     on."""
 
-    def __init__(self, robot: Vehicle, on_state: Callable[[RobotState], None], end_command: EndCommand) -> None:
-        self.robot, self._on_state, self._end_command = robot, on_state, end_command
+    def __init__(self, robot: Vehicle, gripper: Gripper, on_state: Callable[[RobotState], None], end_command: EndCommand) -> None:
+        self.robot, self._gripper, self._on_state, self._end_command = robot, gripper, on_state, end_command
         self.tell: Callable[[object], None] = _tell_nobody
         self.state: RobotState | None = None
         """The last one that the robot reported."""
@@ -100,6 +101,7 @@ class Traveller:
         if self._vain_trips.is_over((x, y)):
             self._end_rest()
         self.level = self.level if level is None else level
+        self._gripper.settle()
         self.state = RobotState(
             time=now,
             x=x,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import math
 from collections.abc import Callable, Coroutine
 from typing import Any
@@ -16,6 +17,7 @@ from somrs.adapters.ros2.lines import (
     ActionPresence,
     CallService,
     CancelGoal,
+    CancelRejected,
     GoalEnded,
     GoalStatus,
     Message,
@@ -65,9 +67,11 @@ class Conversation:
     def subscription(self, topic: str) -> int:
         return next(request.id for request in self.requests if isinstance(request, Subscribe) and request.topic == topic)
 
-    def be_at(self, x: float, y: float) -> None:
+    def be_at(self, x: float, y: float, variance: float | None = 0.01, seconds: int = 0) -> None:
         pose = {"position": {"x": x, "y": y}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
-        self.session.handle(Message(id=self.subscription("/r1/amcl_pose"), value={"pose": {"pose": pose}}))
+        header = {"stamp": {"sec": seconds, "nanosec": 0}, "frame_id": "map"}
+        value = {"header": header, "pose": {"pose": pose, "covariance": [variance, *[0.0] * 6, variance, *[0.0] * 28]}}
+        self.session.handle(Message(id=self.subscription("/r1/amcl_pose"), value=value))
 
     async def request(self) -> Request:
         """The next request."""
@@ -262,3 +266,68 @@ async def test_a_bridge_that_ends_is_a_robot_that_cannot_be_reached() -> None:
     assert isinstance(again, SendGoal)
     assert (again.goal, again.id != goal.id) == (goal.goal, True)
     assert conversation.witness.reasons == []
+
+
+@in_event_loop
+async def test_a_robot_that_does_not_cancel_is_said_not_to_stop_and_is_waited_for() -> None:
+    conversation = Conversation({})
+    conversation.connection.follow(way((0, 0), (1, 0)))
+    goal = await conversation.goal()
+    halting = asyncio.create_task(conversation.connection.halt())
+    assert isinstance(await conversation.request(), CancelGoal)
+    conversation.session.handle(CancelRejected(id=goal.id))
+    await asyncio.sleep(0)
+    assert not halting.done()
+    assert conversation.witness.hindrances == ["Robot1 does not stop: it does not cancel its goal P1, and is expected there"]
+    conversation.end(goal)
+    await halting
+    assert conversation.witness.hindrances[-1] is None
+    assert conversation.witness.passed_numbers == [1]
+
+
+@in_event_loop
+async def test_a_robot_that_does_not_know_where_it_is_is_stopped_and_not_located() -> None:
+    conversation = Conversation({})
+    conversation.be_at(0, 0)
+    conversation.connection.follow(way((0, 0), (5, 0)))
+    goal = await conversation.goal()
+    conversation.be_at(3, 3, variance=1.1)
+    assert await conversation.request() == CancelGoal(id=goal.id)
+    assert conversation.witness.pose[:2] == (0, 0)
+    conversation.be_at(3, 3, variance=None)
+    conversation.be_at(2, 0)
+    (reason, mended) = conversation.witness.faults
+    assert reason is not None
+    assert reason.startswith("it does not know where it is")
+    assert mended is None
+    conversation.end(goal, GoalStatus.CANCELED)
+    assert conversation.witness.reasons == []
+
+
+@in_event_loop
+async def test_the_clock_of_a_robot_does_not_count() -> None:
+    conversation = Conversation({})
+    for x, seconds in ((1.0, 4_000_000_000), (2.0, 0), (3.0, 17)):
+        conversation.be_at(x, 0, seconds=seconds)
+        assert conversation.witness.pose[0] == x
+
+
+@in_event_loop
+async def test_goals_through_poses_and_along_paths_lead_around_corners() -> None:
+    corner = way((10, 5), (10, 7), (9, 7))
+    for type, field in (("NavigateThroughPoses", "poses"), ("FollowPath", "path")):
+        binding = {"navigate": {"action": "drive", "type": f"nav2_msgs/action/{type}"}}
+        conversation = Conversation(binding, [{"x": 10.0, "y": 5.0, "yaw": math.pi / 2, "frame": "hall"}])
+        conversation.connection.follow(corner)
+        value = (await conversation.goal()).goal[field]
+        poses = value if isinstance(value, list) else value["poses"]
+        points = [(pose["pose"]["position"]["x"], pose["pose"]["position"]["y"]) for pose in poses]
+        assert points[-1] == pytest.approx((2.0, 1.0))
+        assert poses[-1]["header"] == {"frame_id": "hall"}
+        assert poses[-1]["pose"]["orientation"] == pytest.approx({"z": math.sin(math.pi / 4), "w": math.cos(math.pi / 4)})
+        assert any(point == pytest.approx((2.0, 0.0)) for point in points)
+        if field == "path":
+            assert points[0] == pytest.approx((0.0, 0.0))
+            assert max(math.dist(one, two) for one, two in itertools.pairwise(points)) <= 0.05 + 1e-9
+        else:
+            assert len(points) == 2

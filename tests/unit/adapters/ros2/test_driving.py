@@ -9,6 +9,9 @@ from hypothesis import strategies as st
 
 from somrs.adapters.ros2.driving import (
     CancelNavigation,
+    CancelRefused,
+    Disabled,
+    DoesNotStop,
     Driving,
     EnterLevel,
     HaltWanted,
@@ -36,8 +39,8 @@ def _way(*points: tuple[float, float], released: int | None = None, first: int =
     )
 
 
-def _driving(*inputs: Input) -> Driving:
-    driving = Driving("Robot1", corridor=0.5, level=0.0)
+def _driving(*inputs: Input, turns: bool = False) -> Driving:
+    driving = Driving("Robot1", corridor=0.5, level=0.0, turns=turns)
     driving.handle(NavigatorPresent(True))
     driving.handle(PoseKnown(Pose(0.0, 0.0, 0.0)))
     for input in inputs:
@@ -51,7 +54,7 @@ CORNER = _way((0, 0), (1, 0), (2, 0), (2, 1))
 def test_a_goal_is_the_end_of_the_straight_line_ahead() -> None:
     (effect,) = _driving().handle(WayChanged(CORNER))
     assert isinstance(effect, Navigate)
-    assert (effect.waypoint.name, effect.yaw) == ("P2", 0.0)
+    assert (effect.waypoint.name, effect.yaws) == ("P2", (0.0,))
 
 
 def test_the_corner_is_driven_when_the_robot_has_come_to_it() -> None:
@@ -59,7 +62,7 @@ def test_the_corner_is_driven_when_the_robot_has_come_to_it() -> None:
     passed_first, passed_second, effect = driving.handle(NavigationEnded(1, GoalStatus.SUCCEEDED))
     assert (passed_first, passed_second) == (HasPassed(1), HasPassed(2))
     assert isinstance(effect, Navigate)
-    assert (effect.waypoint.name, effect.yaw) == ("P3", math.pi / 2)
+    assert (effect.waypoint.name, effect.yaws) == ("P3", (math.pi / 2,))
 
 
 def test_a_robot_has_passed_the_waypoints_that_it_has_driven_past() -> None:
@@ -129,6 +132,50 @@ def test_a_robot_that_leaves_its_way_is_stopped() -> None:
     assert "left its way to P2 by more than 0.5 m" in effect.description
 
 
+def test_a_robot_that_refuses_to_cancel_is_followed_to_its_goal_and_has_not_halted_before() -> None:
+    driving = _driving(WayChanged(_way((0, 0), (1, 0), (2, 0))), MotionKnown(True))
+    assert driving.handle(HaltWanted()) == [CancelNavigation(1)]
+    (effect,) = driving.handle(CancelRefused(1))
+    assert isinstance(effect, DoesNotStop)
+    assert effect.description == "Robot1 does not stop: it does not cancel its goal P2, and is expected there"
+    assert driving.handle(CancelRefused(1)) == []  # asked again, it refuses again
+    assert driving.handle(PoseKnown(Pose(1.2, 0.0, 0.0))) == [HasPassed(1)]
+    assert driving.handle(NavigationEnded(1, GoalStatus.SUCCEEDED)) == [DoesNotStop(None), HasPassed(2)]
+    assert driving.handle(MotionKnown(False)) == [HasHalted()]
+
+
+def test_a_robot_with_a_fault_does_not_drive_on_when_it_is_mended() -> None:
+    driving = _driving(WayChanged(CORNER))
+    assert driving.handle(Disabled(True)) == [CancelNavigation(1)]
+    assert driving.handle(Disabled(False)) == []
+    assert driving.handle(NavigationEnded(1, GoalStatus.CANCELED)) == []
+    assert [type(effect) for effect in driving.handle(WayChanged(CORNER))] == [Navigate]
+
+
+def test_a_robot_with_a_fault_is_not_sent_anywhere() -> None:
+    driving = _driving(Disabled(True))
+    assert driving.handle(WayChanged(CORNER)) == []
+    assert [type(effect) for effect in driving.handle(Disabled(False))] == [Navigate]
+
+
+def test_a_goal_with_poses_leads_around_corners() -> None:
+    (effect,) = _driving(turns=True).handle(WayChanged(CORNER))
+    assert isinstance(effect, Navigate)
+    assert [waypoint.name for waypoint in effect.way] == ["P1", "P2", "P3"]
+    assert effect.yaws == (0.0, 0.0, math.pi / 2)
+
+
+def test_a_robot_that_cuts_a_corner_has_passed_it_when_it_is_nearer_to_the_next_line() -> None:
+    driving = _driving(WayChanged(CORNER), PoseKnown(Pose(1.5, 0.0, 0.0)), turns=True)
+    assert driving.handle(PoseKnown(Pose(1.7, 0.2, 0.0))) == []
+    assert driving.handle(PoseKnown(Pose(1.85, 0.3, 0.0))) == [HasPassed(2)]
+
+
+def test_a_robot_that_cuts_a_corner_by_more_than_its_corridor_is_stopped() -> None:
+    driving = _driving(WayChanged(_way((0, 0), (4, 0), (4, 4))), turns=True)
+    assert driving.handle(PoseKnown(Pose(2.0, 1.0, 0.0))) == [CancelNavigation(1)]
+
+
 def test_another_floor_has_another_map() -> None:
     ride = (*_way((0, 0), (1, 0)), *_way((1, 0), (2, 0), first=2, level=3.0))
     driving = _driving(WayChanged(ride))
@@ -150,11 +197,11 @@ POINTS = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=2, m
 )
 
 
-@given(points=POINTS, choices=st.lists(st.sampled_from(["release", "drive", "lose", "halt"]), max_size=40))
+@given(points=POINTS, choices=st.lists(st.sampled_from(["release", "drive", "lose", "halt"]), max_size=40), turns=st.booleans())
 def test_whatever_happens_a_robot_is_sent_to_released_waypoints_only_and_passes_each_once(
-    points: list[tuple[float, float]], choices: list[str]
+    points: list[tuple[float, float]], choices: list[str], turns: bool
 ) -> None:
-    driving = Driving("Robot1", corridor=0.5, level=0.0)
+    driving = Driving("Robot1", corridor=0.5, level=0.0, turns=turns)
     released, passed, goals, halted = 1, [0], list[Navigate](), 0
     inputs: list[Input] = [NavigatorPresent(True), PoseKnown(Pose(*points[0], 0.0)), WayChanged(_way(*points, released=1))]
     for choice in [*choices, "drive"]:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from somrs.adapters.ros2.lines import (
     CancelGoal,
+    CancelRejected,
     Feedback,
     GoalEnded,
     GoalStatus,
@@ -40,7 +41,7 @@ class _Conversation:
         self.troubles: list[str] = []
         self.messages: list[Values] = []
         self.presence: list[bool] = []
-        self.reports: list[Feedback | GoalEnded] = []
+        self.reports: list[Feedback | CancelRejected | GoalEnded] = []
         self.replies: list[Replied] = []
         self.session = Session(self.requests.append, self.troubles.append)
         self.topic = self.session.subscribe("/battery_state", "sensor_msgs/msg/BatteryState", self.messages.append)

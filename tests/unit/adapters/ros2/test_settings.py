@@ -35,7 +35,10 @@ def test_an_empty_binding_is_a_robot_with_nav2_that_only_drives(tmp_path: Path) 
     [
         ("navigate:\n  acton: go\n", "robot.yaml:2: navigate.acton: there is no such key"),
         ("attributes:\n  Charge:\n    topic: battery\n", "robot.yaml:2: attributes.Charge.type: Field required"),
-        ("navigate:\n  goal: {pose: '{z}'}\n", "navigate.goal has {z}; what it can have is {frame}, {qw}, {qz}, {robot}, {x}, {y}, {yaw}"),
+        (
+            "navigate:\n  goal: {pose: '{z}'}\n",
+            "navigate.goal has {z}; what it can have is {frame}, {path}, {poses}, {qw}, {qz}, {robot}, {x}, {y}, {yaw}",
+        ),
         ("pick:\n  - {action: a, type: p/action/A}\n", "a robot that carries things has `pick` and `drop`"),
         ("charge: {}\n", "`charge` ends by the attribute Charge: bind it under `attributes`"),
         ("drop:\n  - {action: a, topic: b, type: p/action/A}\n", "robot.yaml:2: drop.0: a step has one of `action`, `service` and `topic`"),

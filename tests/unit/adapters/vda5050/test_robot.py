@@ -80,7 +80,7 @@ def test_a_pick_names_the_load_and_the_station() -> None:
         assert not picking.done()
         bench.answer("FINISHED", loads=[{"loadId": "Jar7"}])
         await picking
-        assert bench.device.holding == "Jar7"
+        assert bench.device.carries
 
     asyncio.run(test())
 
@@ -91,11 +91,11 @@ def test_a_pick_that_fails_says_why_and_what_the_vehicle_holds() -> None:
         picking = asyncio.create_task(bench.device.pick("Jar7", "Shelf1"))
         await asyncio.sleep(0)
         bench.answer("RUNNING", loads=[{}])
-        assert bench.device.holding == "Jar7"
+        assert bench.device.carries
         bench.answer("FAILED", loads=[], errors=[{"errorType": "slipped", "errorLevel": "WARNING", "errorReferences": []}])
         with pytest.raises(RobotFailed, match="Robot1 gave up: the vehicle does not say why"):
             await picking
-        assert bench.device.holding is None
+        assert bench.device.carries is False
 
     asyncio.run(test())
 

@@ -19,16 +19,16 @@ def test_a_robot_that_is_being_stopped_drives_no_further_than_it_keeps(tmp_path:
         robot = lab.robots["Robot1"]
         robot.stopping = 3.0
         await lab.start()
-        going = asyncio.create_task(robot.link.approach("Platform1"))
+        approaching = asyncio.create_task(robot.link.approach("Platform1"))
         await asyncio.sleep(2.0)
-        robot.cut_off()
+        robot.go_away()
         with pytest.raises(RobotGaveUp, match="cannot be reached"):
-            await going
+            await approaching
         await asyncio.sleep(8.0)
         robot.return_back()
         await asyncio.sleep(30.0)
         building = await robot.road.building()
         (place,) = lab.held("Robot1")
-        assert (robot.x, robot.y) == pytest.approx(building.point(place), abs=0.05)
+        assert (robot.body.x, robot.body.y) == pytest.approx(building.point(place), abs=0.05)
 
     in_virtual_time(test())

@@ -1,8 +1,8 @@
 """Runs a simulated robot: `python -m somrs.adapters.ros2.simulated '{"namespace": "robot1", "pose": [0, 0, 0]}'`.
 
 Settings, in JSON: `namespace`; `pose`, `things`, `speed` and `battery` of a body that only moves; or `link`, the address of a simulator,
-`robot`, and `origin`: where the robot's own map is on that of the building; `grid`, width and height in cells, for a map. It ends when its
-input ends.
+`robot`, and `origin`: where the robot's own map is on that of the building; `grid`, width and height in cells, for a map; `managed`: its
+node is inactive at first. It ends when its input ends.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ class RobotDescription(Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     speed: float = 1.0
     battery: float = 1.0
     grid: tuple[int, int] | None = None
+    managed: bool = False
 
 
 async def run(description: RobotDescription, node: Any) -> None:
@@ -52,6 +53,8 @@ async def run(description: RobotDescription, node: Any) -> None:
     else:
         body = KinematicBody(description.pose, description.things, description.speed, description.battery)
     robot = SimulatedRobot(node, description.namespace, body, loop, description.grid)
+    if description.managed:
+        robot.manage()
     lines = asyncio.StreamReader()
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(lines), sys.stdin)
     publishing = asyncio.create_task(robot.publish())

@@ -6,12 +6,14 @@ import asyncio
 import contextlib
 import json
 import math
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
 from control_msgs.action import GripperCommand
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
-from nav2_msgs.action import NavigateToPose
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
+from nav2_msgs.action import FollowPath, NavigateThroughPoses, NavigateToPose
 from nav2_msgs.msg import SpeedLimit
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -41,12 +43,13 @@ class SimulatedRobot:
     """Has the node of a robot do what its body can. Callbacks of ROS run in threads; the body lives in the event loop.
 
     `behaviour`: `normal`; `reject`: goals are not accepted; `abort`: they are accepted, and given up at once; `stubborn`: nothing is
-    cancelled.
+    cancelled; `lost`: it does not know where it is.
     """
 
     def __init__(self, node: Any, namespace: str, body: Body, loop: asyncio.AbstractEventLoop, grid: tuple[int, int] | None = None) -> None:
         self.node, self.body, self.loop = node, body, loop
         self.behaviour = "normal"
+        self.is_active = True
         self._prefix = namespace.strip("/")
         self._group = ReentrantCallbackGroup()
         self._speed: float | None = None
@@ -60,13 +63,25 @@ class SimulatedRobot:
         self._map = node.create_publisher(OccupancyGrid, self._name("map"), LATCHED)
         node.create_subscription(SpeedLimit, self._name("speed_limit"), self._limit, 10, callback_group=self._group)
         node.create_service(SetBool, self._name("charge"), self._charge, callback_group=self._group)
-        self._serve(NavigateToPose, "navigate_to_pose", self._navigate)
+        self._serve(NavigateToPose, "navigate_to_pose", lambda goal: self._navigate(goal, NavigateToPose, [goal.request.pose]))
+        through = NavigateThroughPoses
+        self._serve(through, "navigate_through_poses", lambda goal: self._navigate(goal, through, goal.request.poses.goals))
+        self._serve(FollowPath, "follow_path", lambda goal: self._navigate(goal, FollowPath, goal.request.path.poses))
         self._serve(GripperCommand, "gripper_cmd", self._grip)
         if MoveObject is not None:
             self._serve(MoveObject, "move_object", self._move_object)
         self.press(False)
         if grid is not None:
             self._map.publish(_room(*grid))
+
+    def manage(self) -> None:
+        """Have a life cycle, as the nodes of Nav2 do: goals are rejected until the node is active."""
+        self.is_active = False
+        self.node.create_service(GetState, "~/get_state", self._get_state, callback_group=self._group)
+
+    def _get_state(self, _: Any, response: Any) -> Any:
+        response.current_state.id = State.PRIMARY_STATE_ACTIVE if self.is_active else State.PRIMARY_STATE_INACTIVE
+        return response
 
     def close(self) -> None:
         """Take the robot's actions away."""
@@ -91,6 +106,7 @@ class SimulatedRobot:
             for place in (odometry.pose.pose, pose.pose.pose):
                 place.position.x, place.position.y = x, y
                 place.orientation.z, place.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+            pose.pose.covariance[0] = pose.pose.covariance[7] = 4.0 if self.behaviour == "lost" else 0.01
             odometry.twist.twist.linear.x = 0.5 if self.body.moves else 0.0
             transform.child_frame_id = "base_link"
             transform.transform.translation.x, transform.transform.translation.y = x, y
@@ -111,7 +127,7 @@ class SimulatedRobot:
 
     def _serve(self, kind: Any, name: str, work: Callable[[Any], Coroutine[Any, Any, Any]]) -> None:
         def goal(_: Any) -> Any:
-            return GoalResponse.REJECT if self.behaviour == "reject" else GoalResponse.ACCEPT
+            return GoalResponse.ACCEPT if self.is_active and self.behaviour != "reject" else GoalResponse.REJECT
 
         def cancel(_: Any) -> Any:
             return CancelResponse.REJECT if self.behaviour == "stubborn" else CancelResponse.ACCEPT
@@ -124,25 +140,17 @@ class SimulatedRobot:
         )
         self._servers.append(server)
 
-    async def _navigate(self, handle: Any) -> Any:
-        """Drive to the pose. As with Nav2, a new goal takes the place of the one in progress, which is then aborted, and a speed limit
+    async def _navigate(self, handle: Any, kind: Any, poses: Sequence[Any]) -> Any:
+        """Drive through poses. As with Nav2, a new goal takes the place of the one in progress, which is then aborted, and a speed limit
         holds at once."""
-        self._current, result = handle, NavigateToPose.Result()
-        place = handle.request.pose.pose
-        yaw = 2 * math.atan2(place.orientation.z, place.orientation.w)
-
-        def start() -> asyncio.Task[None]:
-            return asyncio.create_task(self.body.drive(place.position.x, place.position.y, yaw, self._speed))
-
-        drive, speed = start(), self._speed
+        self._current, result, ahead = handle, kind.Result(), [*poses]
+        drive, speed = asyncio.create_task(self._drive(ahead)), self._speed
         while not drive.done():
             await asyncio.wait([drive], timeout=PUBLISHED)
             if self._speed != speed and not drive.done():
                 drive.cancel()
-                drive, speed = start(), self._speed
-            feedback = NavigateToPose.Feedback()
-            feedback.distance_remaining = math.dist(self.body.pose[:2], (place.position.x, place.position.y))
-            handle.publish_feedback(feedback)
+                drive, speed = asyncio.create_task(self._drive(ahead)), self._speed
+            handle.publish_feedback(kind.Feedback())
             if self._current is not handle:
                 drive.cancel()
                 return self._aborted(handle, result, UNKNOWN, "preempted")
@@ -157,6 +165,13 @@ class SimulatedRobot:
             return self._aborted(handle, result, FAILED, str(error))
         handle.succeed()
         return result
+
+    async def _drive(self, ahead: list[Any]) -> None:
+        """Drive through poses, and remove each when the robot has come to it."""
+        while ahead:
+            place, turn = ahead[0].pose.position, ahead[0].pose.orientation
+            await self.body.drive(place.x, place.y, 2 * math.atan2(turn.z, turn.w), self._speed)
+            del ahead[0]
 
     def _aborted(self, handle: Any, result: Any, code: int, message: str) -> Any:
         result.error_code, result.error_msg = code, message
@@ -210,5 +225,7 @@ async def obey(robot: SimulatedRobot, lines: asyncio.StreamReader) -> None:
                 robot.press(True)
             case "release":
                 robot.press(False)
+            case "activate" | "deactivate" as transition:
+                robot.is_active = transition == "activate"
             case behaviour:
                 robot.behaviour = behaviour

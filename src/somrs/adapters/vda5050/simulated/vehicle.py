@@ -32,6 +32,7 @@ from somrs.adapters.vda5050.messages.states import (
 )
 from somrs.adapters.vda5050.simulated.acceptance import CLEARING, ORDERS_ALLOWED, TOLERANCE, Situation, is_repetition, objection
 from somrs.adapters.vda5050.simulated.body import Charge, Command, Drive, Drop, Pick, Rest, Sensed
+from somrs.adapters.vda5050.simulated.corners import has_come
 from somrs.adapters.vda5050.simulated.exchange import (
     Act,
     Connected,
@@ -73,6 +74,8 @@ class SimulatedVehicle:
         self._complaints: list[VehicleError] = []
         self._instant: dict[str, ActionState] = {}
         self._sensed: Sensed | None = None
+        self._place: tuple[float, float] | None = None
+        """Where it was sensed last."""
         self._load: str | None = None
         self._number = 0
         self._busy: Command | None = None
@@ -262,10 +265,9 @@ class SimulatedVehicle:
     def _see_nodes(self, sensed: Sensed) -> None:
         """Traverse the nodes that are passed on the way; where the vehicle has to stop, it comes to the end of its leg at first."""
         nodes, _ = self.progress.leg(self.map_id)
-        while isinstance(self._busy, Drive) and len(nodes) > 1:
-            position = nodes[0].node_position
-            if position is None or math.hypot(position.x - sensed.x, position.y - sensed.y) > TOLERANCE:
-                return
+        place, earlier = (sensed.x, sensed.y), self._place
+        self._place = place
+        while isinstance(self._busy, Drive) and len(nodes) > 1 and has_come(nodes, place, earlier or place):
             self.progress.traverse()
             del nodes[0]
 

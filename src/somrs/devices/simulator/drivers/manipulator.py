@@ -6,6 +6,7 @@ and radians, rounded to three digits.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Coroutine, Iterable
 from dataclasses import dataclass
 
@@ -22,6 +23,8 @@ HANDLING_TIME = 20.0
 """Time to grip a thing and to put it down, s."""
 WEIGHING_TIME = 15.0
 """Time to grip a thing, to lift it a little and to release it, s."""
+KEPT_TIME = 30.0
+"""Time after which an idle robot tries again to put down what it could not put down where it stands, s."""
 KNOWN_WEIGHT = 0.1
 """Difference between the measured weight of a thing and that on the map up to which it is not reported, kg."""
 GRIPPED, PLACED = 0.4, 0.95
@@ -112,8 +115,8 @@ class Manipulator(OpeningRobot):
         """The thing that it drives to, and has not touched yet."""
         self._weights: dict[str, float] = {}
         """What the arm has measured of the things that it lifted last, kg."""
-        self._kept: tuple[str, Pose] | None = None
-        """What the idle robot could not put down, and where."""
+        self._kept: tuple[str, Pose, float] | None = None
+        """What the idle robot could not put down, where, and when."""
         await super().open()
         self._weighs = await self.map.service_type("WeighObject") is not None
 
@@ -208,15 +211,21 @@ class Manipulator(OpeningRobot):
 
     async def _notice_idle(self, state: RobotState, pose: Pose) -> None:
         await super()._notice_idle(state, pose)
-        if state.holding is not None and not state.faults and (state.holding, pose) != self._kept:
+        if state.holding is not None and not state.faults and not self._has_kept(state.holding, pose):
             await self._free_gripper(state.holding, pose)
+
+    def _has_kept(self, object: str, pose: Pose) -> bool:
+        """Whether the robot could not put down a thing here, just now."""
+        if self._kept is None or self._kept[:2] != (object, pose):
+            return False
+        return asyncio.get_running_loop().time() < self._kept[2] + KEPT_TIME
 
     async def _free_gripper(self, object: str, pose: Pose) -> None:
         """Put down what the idle robot holds, such as after a gripper that was stuck: no plan takes a thing out of a hand."""
         try:
             result = await self.retry_when_link_lost(lambda: self._run_and_record(self._link.put_down_object()))
         except RobotGaveUp as failure:
-            self._kept = object, pose  # there is no room here
+            self._kept = object, pose, asyncio.get_running_loop().time()  # there is no room
             if failure.state is not None:
                 self.observed(self._situation(failure.state, object, failure.object_states))
         else:

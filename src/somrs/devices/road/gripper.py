@@ -1,0 +1,120 @@
+"""What a robot of any make holds, as far as it is known. It is in a file, too: the robot's program may die while the robot picks, carries
+or drops something."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from somrs.devices.road.hardware import Vehicle
+
+log = logging.getLogger(__name__)
+
+THIS_SPOT = ""
+"""The `target` of a thing that is put down where the robot stands."""
+
+
+class Held(Struct, frozen=True, kw_only=True):
+    """A thing that a robot picked. `origin`: from what it was taken; None: not known. `target`: on what it is being put; None: it is not.
+    `is_sure`: it is in the gripper; otherwise it is there or on its target, without one on its origin: picking or dropping has not ended,
+    as far as anybody knows."""
+
+    thing: str
+    origin: str | None = None
+    target: str | None = None
+    is_sure: bool = True
+
+
+class Gripper:
+    """The gripper of one robot. It has the robot's `holding` say what is known."""
+
+    def __init__(self, robot: Vehicle) -> None:
+        self._robot = robot
+        self.held: Held | None = None
+        self.is_working = False
+        """Whether something is being picked or dropped: until it ends, what the robot says is of a moment in between."""
+
+    @property
+    def _file(self) -> Path:
+        return self._robot.data / "grippers" / f"{self._robot.name}.json"
+
+    @property
+    def has_dropped(self) -> bool:
+        """Whether the thing is on its target, and nobody has said so yet."""
+        return self.held is not None and self.held.target is not None and not self.held.is_sure and self._robot.carries is False
+
+    @property
+    def is_unsure(self) -> bool:
+        """Whether the thing may be in the gripper or not, and the robot cannot say."""
+        return self.held is not None and not self.held.is_sure and self._robot.carries is None
+
+    def load(self, held_on_map: Sequence[str]) -> None:
+        """Read what an earlier program of the robot knew. `held_on_map`: what the map has in the gripper, in case nothing was stored."""
+        self.held = Held(thing=held_on_map[0]) if held_on_map else None
+        try:
+            self.held = msgspec.json.decode(self._file.read_bytes(), type=Held | None)
+        except FileNotFoundError:
+            pass
+        except (OSError, msgspec.DecodeError) as error:
+            log.warning("%s cannot be read, so that what the map says of the gripper is believed: %s", self._file, error)
+        self.settle()
+
+    def settle(self) -> None:
+        """Take in what the robot says, while it picks and drops nothing."""
+        held, carries = self.held, self._robot.carries
+        if held is None or self.is_working:
+            return
+        if carries and not held.is_sure:
+            self.hold(held.thing, held.origin)
+        elif carries is False and (held.is_sure or held.target is None):
+            if held.is_sure:
+                log.warning("%s does not hold %s any more", self._robot.name, held.thing)
+            self.release()
+        else:
+            self._robot.holding = held.thing
+
+    def begin_pick(self, thing: str, origin: str | None) -> None:
+        self._begin(Held(thing=thing, origin=origin, is_sure=False))
+
+    def begin_drop(self, thing: str, target: str) -> None:
+        origin = self.held.origin if self.held is not None and self.held.thing == thing else None
+        self._begin(Held(thing=thing, origin=origin, target=target, is_sure=False))
+
+    def _begin(self, held: Held) -> None:
+        self.is_working = True
+        self._store(held)
+
+    def end(self) -> None:
+        """What was begun has ended without success, and the robot says what it holds."""
+        held, carries = self.held, self._robot.carries
+        if held is not None and (carries or (carries is None and self._robot.holding == held.thing)):
+            self.hold(held.thing, held.origin)
+        else:
+            self.release()
+
+    def hold(self, thing: str, origin: str | None) -> None:
+        """The thing is in the gripper."""
+        self._robot.holding, self.is_working = thing, False
+        self._store(Held(thing=thing, origin=origin))
+
+    def release(self) -> None:
+        """Nothing is in the gripper."""
+        self._robot.holding, self.is_working = None, False
+        self._store(None)
+
+    def _store(self, held: Held | None) -> None:
+        """Replace the file, so that it is whole at any time."""
+        if held == self.held:
+            return
+        self.held, file = held, self._file
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            part = file.with_suffix(".part")
+            part.write_bytes(msgspec.json.encode(held))
+            part.replace(file)
+        except OSError as error:
+            log.warning("%s cannot be written: %s", file, error)

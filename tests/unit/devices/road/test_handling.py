@@ -1,0 +1,121 @@
+"""Robots of any make get rid of what they must not keep, and know what they hold, whenever their program or their connection ends."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from tests.support.road_lab import LabRobot, RoadLab, in_virtual_time
+
+
+async def carrying(lab: RoadLab, robot: LabRobot) -> None:
+    """Have a robot take the jar from the table."""
+    await robot.link.approach("Jar1")
+    (state,) = (await robot.link.grip("Jar1")).object_states
+    assert state.held_by == robot.name
+    lab.report("Jar1 isHeldBy Robot1")
+
+
+async def put_down_place(robot: LabRobot) -> str | None:
+    """Have a robot put down what it holds. Returns where that is, as it reports."""
+    (state,) = (await robot.link.put_down_object()).object_states
+    assert robot.holding is None
+    return state.support
+
+
+def test_a_thing_is_put_down_on_the_floor_where_the_robot_stands(tmp_path: Path) -> None:
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        await lab.start()
+        await carrying(lab, robot)
+        assert await put_down_place(robot) == "Floor1" == lab.places["Jar1"]
+
+    in_virtual_time(test())
+
+
+def test_a_robot_that_puts_nothing_down_where_it_stands_brings_it_back(tmp_path: Path) -> None:
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        robot.floor = False
+        await lab.start()
+        await carrying(lab, robot)
+        await robot.link.approach("Platform1")
+        assert await put_down_place(robot) == "Table1" == lab.places["Jar1"]
+
+    in_virtual_time(test())
+
+
+def test_where_there_is_no_room_any_more_it_goes_to_the_nearest_support_that_has_some(tmp_path: Path) -> None:
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        robot.floor = False
+        await lab.start()
+        await carrying(lab, robot)
+        lab.full.add("Table1")
+        assert await put_down_place(robot) == "Platform1" == lab.places["Jar1"]
+
+    in_virtual_time(test())
+
+
+def test_a_robot_that_can_put_it_nowhere_keeps_it_and_says_why(tmp_path: Path) -> None:
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        robot.floor = False
+        await lab.start()
+        await carrying(lab, robot)
+        lab.full |= {"Table1", "Platform1"}
+        with pytest.raises(RobotGaveUp, match=r"Robot1 can put Jar1 down nowhere: there is .* no room for it"):
+            await robot.link.put_down_object()
+        assert robot.holding == "Jar1"
+        lab.full.clear()
+        assert await put_down_place(robot) == "Table1"
+
+    in_virtual_time(test())
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(moment=st.floats(0.1, 40.0), senses=st.booleans(), floor=st.booleans(), is_killed=st.booleans(), outage=st.floats(0.0, 20.0))
+def test_it_is_known_where_a_thing_is_whenever_a_program_or_a_connection_ends(
+    tmp_path_factory: pytest.TempPathFactory, moment: float, senses: bool, floor: bool, is_killed: bool, outage: float
+) -> None:
+    """A program that is killed, or a robot that cannot be reached, at any moment of a transfer: what was begun goes on meanwhile."""
+
+    async def transfer(robot: LabRobot) -> None:
+        await robot.link.approach("Jar1")
+        await robot.link.grip("Jar1")
+        await robot.link.approach("Platform1")
+        await robot.link.place("Platform1")
+
+    async def test() -> None:
+        lab = RoadLab(tmp_path_factory.mktemp("data"))
+        robot = lab.robots["Robot1"]
+        robot.senses, robot.floor = senses, floor
+        await lab.start()
+        work = asyncio.create_task(transfer(robot))
+        await asyncio.sleep(moment)
+        robot.go_away()
+        with contextlib.suppress(RobotGaveUp):
+            await work
+        await asyncio.sleep(outage)
+        if is_killed:
+            robot = await lab.restart("Robot1")
+        else:
+            robot.return_back()
+        await robot.link.status()
+        if robot.holding is not None:
+            assert await put_down_place(robot) == lab.places["Jar1"]
+        else:
+            assert lab.places["Jar1"] == ("Platform1" if work.exception() is None else "Table1")
+        assert robot.body.held_thing is None
+
+    in_virtual_time(test())
