@@ -1,4 +1,4 @@
-"""The free_spaces of one state of the map: one for each storey."""
+"""The free space on each storey, for one state of the map."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from somrs.space.free_space import FreeSpace
 
 
 class FreeSpaces:
-    """Makes free_spaces when they are asked for. `positions`: those of leaves, by their names."""
+    """Computes the free space of a storey when it is first asked for. `positions`: those of leaves, by their names."""
 
     def __init__(self, map: Map, ontology: Ontology, positions: Mapping[str, float]) -> None:
         self._map, self._ontology, self._positions = map, ontology, positions
         self._free_spaces: dict[float, FreeSpace] = {}
 
     def free_space(self, level: float) -> FreeSpace:
-        """The free_space at a height, m."""
+        """The free space at a height, m."""
         key = round(level, 1)
         if key not in self._free_spaces:
             self._free_spaces[key] = FreeSpace(self._map, self._ontology, level=level, leaf_positions=self._positions)

@@ -226,7 +226,7 @@ class TrafficOffice:
         forbidden: Sequence[Solid] = (),
         occupied_lifts: Collection[str] = (),
     ) -> None:
-        """Close the places and lanes where something stands: by level, what the free_space knows, and things on the floor; those in doors
+        """Close the places and lanes where something stands: by level, what the free space knows, and things on the floor; those in doors
         and lifts that are out of order; the ways into no-go zones; and those into lifts in which robots may be that take no part."""
         closing = self._obstructions.closing(free_spaces, things, out_of_order, forbidden, occupied_lifts)
         if closing != self._closed:
