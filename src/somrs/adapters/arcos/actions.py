@@ -16,7 +16,7 @@ from somrs.adapters.arcos.events import (
     MoveGripper,
     TurnTo,
 )
-from somrs.adapters.arcos.gripper import GripperFailed, GripperMove, is_occupied
+from somrs.adapters.arcos.gripper import GripperFailed, GripperMove, holds, is_occupied
 from somrs.adapters.arcos.messages import Command, Flag, Status
 from somrs.adapters.arcos.odometry import Pose, wrap
 from somrs.adapters.arcos.parameters import Parameters
@@ -78,7 +78,7 @@ class _Gripping:
 
     def update(self, status: Status, pose: Pose, send: Send) -> Speeds | ActionDone | ActionFailed:
         if self._move.is_over(status):
-            return ActionDone(is_occupied=is_occupied(status))
+            return ActionDone(is_occupied=holds(status))
         try:
             move = self._move.update(status)
         except GripperFailed as failure:

@@ -293,6 +293,18 @@ def test_a_driver_says_whether_its_robot_holds_something() -> None:
     assert pioneer.body.has_thing
 
 
+def test_what_slips_out_while_the_paddles_close_is_not_held() -> None:
+    """Seen in the simulator: the thing was beside its place, and was carried away by a robot that held nothing."""
+    pioneer = Pioneer()
+    pioneer.body.thing = (0.35, 0.0)
+    pioneer.body.is_slippery = True
+    pioneer.ready().run(1)
+    pioneer.act(MoveGripper(GripperCommand.OPEN))
+    end = pioneer.act(MoveGripper(GripperCommand.CLOSE))
+    assert not isinstance(end, ActionFailed)
+    assert not end.is_occupied
+
+
 def test_an_empty_gripper_says_so() -> None:
     pioneer = Pioneer().ready()
     pioneer.act(MoveGripper(GripperCommand.OPEN))

@@ -103,6 +103,8 @@ class PlaneBody:
         """The wheels do not turn, whatever the motors do."""
         self._velocities = (0.0, 0.0)
         self.is_holding = False
+        self.is_slippery = False
+        """What it closes its paddles around slips out."""
         self._is_charging = False
 
     @property
@@ -122,7 +124,7 @@ class PlaneBody:
         return min((echo_range(start, self.place.yaw + heading, obstacle) for obstacle in self.obstacles), default=math.inf)
 
     def grip(self) -> None:
-        self.is_holding = self.has_thing
+        self.is_holding = self.has_thing and not self.is_slippery
 
     def release(self) -> None:
         if self.is_holding:

@@ -18,6 +18,8 @@ class Gripper:
         self._paddles, self._lift = GRASP if body.is_holding else 1.0, 1.0
         self._paddle_goal: float | None = None
         self._lift_goal: float | None = None
+        self._has_slipped = False
+        """Whether what is between the paddles did not stay there when they closed."""
         self.is_stuck = False
         """A fault: it does not move."""
 
@@ -27,7 +29,7 @@ class Gripper:
                 self._paddle_goal = 0.0
                 self._body.release()
             case 2:
-                self._paddle_goal = 1.0
+                self._paddle_goal, self._has_slipped = 1.0, False
             case 4:
                 self._lift_goal = 1.0
             case 5:
@@ -44,11 +46,14 @@ class Gripper:
         if self.is_stuck:
             return
         if self._paddle_goal is not None and not self._body.is_handling:
-            stop = GRASP if self._paddle_goal == 1.0 and self._body.has_thing else self._paddle_goal
+            has_thing = self._body.is_holding or (self._body.has_thing and not self._has_slipped)
+            stop = GRASP if self._paddle_goal == 1.0 and has_thing else self._paddle_goal
             was_stopped = self._paddles == stop
             self._paddles = _towards(self._paddles, stop, duration / PADDLE_TIME)
             if stop == GRASP and self._paddles == stop and not was_stopped:
                 self._body.grip()
+            elif stop == GRASP and self._paddles == stop and not self._body.is_holding:
+                self._has_slipped = True
             elif self._paddles == stop:
                 self._paddle_goal = None
         if self._lift_goal is not None:
