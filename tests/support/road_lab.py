@@ -121,10 +121,10 @@ class Body:
 
 
 class LabRobot(CarryingRobot):
-    """The program of a robot. `stopping`: the seconds that it takes to stand still. `floor`: whether it can put things down where it
-    stands. `senses`: whether it has a sensor in its gripper."""
+    """The program of a robot. `stopping`: the seconds that it takes to stand still. `reach`: how far along the x axis it puts things
+    down, in metres; `floor`: whether it can. `senses`: whether it has a sensor in its gripper."""
 
-    stopping = 0.0
+    stopping, reach = 0.0, 0.0
     floor, senses = True, True
 
     def __init__(self, lab: RoadLab, name: str, body: Body) -> None:
@@ -199,7 +199,7 @@ class LabRobot(CarryingRobot):
         if not self.floor:
             return await super().put_down(thing)
         await self._act(self.body.put("Floor1"))
-        return self.body.x, self.body.y, 0.0, ""
+        return self.body.x + self.reach, self.body.y, 0.0, ""
 
     async def _act(self, action: Coroutine[Any, Any, str | None]) -> None:
         """Have the body do something, which it ends also when nobody waits for it."""

@@ -212,6 +212,11 @@ class Building:
         floors = (solid for solid in self.solids.values() if solid.role is Role.FLOOR and abs(solid.top - level) < FLOOR_HEIGHT)
         return next((solid.name for solid in floors if solid.distance(x, y) <= 0.0), None)
 
+    def support_at(self, point: Point, level: float) -> str | None:
+        """The piece of furniture at a point of a floor, or up to `EDGE` beside it; None: there is none."""
+        supports = (solid for solid in self.solids.values() if solid.role is Role.SUPPORT and abs(solid.z - level) < FLOOR_HEIGHT)
+        return next((solid.name for solid in supports if solid.distance(*point) <= EDGE), None)
+
     def top_of(self, support: str) -> float:
         """The height at which things stand on an object, m."""
         solid = self.solids[support]

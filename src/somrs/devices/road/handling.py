@@ -126,8 +126,9 @@ class Handling:
         await self.work("PutDown", put_down())
         self._release()
         ((x, y, z, place),) = spots
-        support = place if place in building.solids else building.floor_at(x, y, z)
-        return ObjectState(object=thing, x=x, y=y, z=z, yaw=0.0, support=support)
+        if place in building.solids:
+            return ObjectState(object=thing, x=x, y=y, z=z, yaw=0.0, support=place)
+        return _laid(building, thing, (x, y), z)
 
     async def _make_sure(self) -> ObjectState:
         """Put the thing of which nobody knows whether the robot holds it where it is otherwise: then it is there in either case."""
@@ -168,8 +169,7 @@ class Handling:
         self._release()
         if target != THIS_SPOT:
             return _put(building, thing, target, building.spot_on(target, (state.x, state.y)))
-        floor = building.floor_at(state.x, state.y, level)
-        return ObjectState(object=thing, x=state.x, y=state.y, z=level, yaw=0.0, support=floor)
+        return _laid(building, thing, (state.x, state.y), level)
 
     def _release(self) -> None:
         self._gripper.release()
@@ -182,3 +182,10 @@ class Handling:
 def _put(building: Building, thing: str, support: str, spot: Point) -> ObjectState:
     """A thing that is on a support, at a point."""
     return ObjectState(object=thing, x=spot[0], y=spot[1], z=building.top_of(support), yaw=0.0, support=support)
+
+
+def _laid(building: Building, thing: str, point: Point, level: float) -> ObjectState:
+    """A thing that was laid down at a point of a floor: on the piece of furniture that stands there, if one does."""
+    support = building.support_at(point, level)
+    z = building.top_of(support) if support is not None else level
+    return ObjectState(object=thing, x=point[0], y=point[1], z=z, yaw=0.0, support=support or building.floor_at(*point, level))

@@ -40,6 +40,21 @@ def test_a_thing_is_put_down_on_the_floor_where_the_robot_stands(tmp_path: Path)
     in_virtual_time(test())
 
 
+def test_what_is_laid_down_over_a_piece_of_furniture_is_on_it(tmp_path: Path) -> None:
+    """Seen with a Pioneer that stood before a cupboard: the map had the jar under it, where no robot could reach it."""
+
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        robot.reach = -0.7  # to where the table is
+        await lab.start()
+        await carrying(lab, robot)
+        (state,) = (await robot.link.put_down_object()).object_states
+        assert (state.support, state.z) == ("Table1", 0.7)
+
+    in_virtual_time(test())
+
+
 def test_a_robot_that_puts_nothing_down_where_it_stands_brings_it_back(tmp_path: Path) -> None:
     async def test() -> None:
         lab = RoadLab(tmp_path)
