@@ -99,6 +99,19 @@ def test_it_grips_what_is_within_reach_and_drives_nowhere_by_itself() -> None:
         assert isinstance(end_of(run, command), CommandGivenUp)
 
 
+@pytest.mark.parametrize("y", [3.7, 4.0, 4.2])
+def test_it_puts_things_where_it_looks(y: float) -> None:
+    """Its program does not hear where they are."""
+    run = outside()
+    assert isinstance(end_of(run, DriveAlong(points=((1.0, 3.0), (1.0, 3.9)))), CommandDone)
+    assert isinstance(end_of(run, Grip(object="Jar002")), CommandDone)
+    assert isinstance(end_of(run, DriveAlong(points=((1.0, y),), yaw=math.pi)), CommandDone)
+    end = end_of(run, Place(support="Cupboard001"))
+    assert isinstance(end, CommandDone)
+    (jar,) = (state for state in end.object_states if state.object == "Jar002")
+    assert math.dist((jar.x, jar.y), (0.55 - 0.1, y)) < 0.06
+
+
 def test_a_simulated_robot_does_not_drive_so() -> None:
     run = Run(room())
     end = end_of(run, Velocity(forward=0.3))

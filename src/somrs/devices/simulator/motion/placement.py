@@ -29,10 +29,11 @@ DOORWAY = 0.6
 """Distance of things on a floor from a door, so that robots can pass, m."""
 COMFORTABLE = 0.5
 """Distance from the middle of the base at which a spot is easiest to reach, m."""
-
-
 WAY = 0.3
 """What a metre of the way to a stand costs."""
+ASIDE, INSIDE = 3.0, 0.1
+"""A robot that its own program drives puts things before it, near the edge: its program does not hear where they are, and takes them to be
+there. What a metre aside costs, and the distance from the edge, m."""
 
 
 class Clearances(Protocol):
@@ -201,7 +202,18 @@ def free_spots(robot: Robot, support: Solid, radius: float, position: Point | No
         & (bases >= 0.03 if support.role is not Role.SUPPORT else True)
     )
     penalty = 1.5 * np.maximum(0.0, 0.15 - room) + np.maximum(0.0, 0.06 - edge) + 1.5 * np.maximum(0.0, 0.15 - walls)
+    if robot.is_outside:
+        penalty += ASIDE * _asides(robot, spots) + np.abs(edge + radius - INSIDE)
     return spots[mask], penalty[mask]
+
+
+def _asides(robot: Robot, spots: Array) -> Array:
+    """How far each spot is aside of where the robot looks, m; of one behind it, how far away."""
+    x, y, yaw = robot.pose()
+    dx, dy = spots[:, 0] - x, spots[:, 1] - y
+    is_ahead = dx * math.cos(yaw) + dy * math.sin(yaw) > 0
+    asides: Array = np.where(is_ahead, np.abs(dy * math.cos(yaw) - dx * math.sin(yaw)), np.hypot(dx, dy))
+    return asides
 
 
 def _off_marks(robot: Robot, spots: Array) -> Array:
