@@ -48,6 +48,12 @@ def listen_at(host: str, port: int) -> socket.socket:
         raise UsageError(f"cannot listen at {host}:{port}: {error.strerror}; another --port may be free") from None
 
 
+def check_free(host: str, port: int) -> None:
+    """Raises UsageError when the port is taken, for a server that binds it by itself: whoever waits until somebody listens there would take
+    another one for it."""
+    listen_at(host, port).close()
+
+
 def check_address(host: str) -> None:
     """Raises UsageError for `0.0.0.0` and `::`. A server can listen there, at all addresses, but others need one at which they reach it."""
     with contextlib.suppress(ValueError):

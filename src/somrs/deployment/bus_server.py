@@ -20,7 +20,7 @@ from somrs.deployment.bus_stores import BusStores
 from somrs.deployment.programs import until_stopped
 from somrs.errors import RemoteError, UsageError
 from somrs.limits import limits
-from somrs.ports import host_and_port
+from somrs.ports import check_free, host_and_port
 from somrs.runtime.bus import Bus
 from somrs.runtime.bus_accounts import MQTT, accounts, users_of, without_certificates
 from somrs.runtime.bus_address import BusAddress
@@ -63,8 +63,10 @@ async def run_bus(
     `credentials`: with them, it speaks TLS only, with who has a certificate of the site, and permits each what its role may; by default,
     those of the environment. `mqtt`: the HOST:PORT at which it is a broker for MQTT 3.1.1, too; None: it is none.
 
-    Raises UsageError when there is no NATS server on this machine, or when it ends at once.
+    Raises UsageError when there is no NATS server on this machine, when a port is taken, or when it ends at once.
     """
+    for address in ((host, port), *((host_and_port(mqtt),) if mqtt is not None else ())):
+        check_free(*address)
     folder = data / "bus"
     folder.mkdir(parents=True, exist_ok=True)
     credentials = credentials if credentials is not None else Credentials.of_environment()

@@ -10,14 +10,15 @@ from somrs.deployment.bus_server import end_text, end_with_parent, nats_server
 from somrs.deployment.programs import until_stopped
 from somrs.errors import RemoteError
 from somrs.limits import limits
-from somrs.ports import until_listening
+from somrs.ports import check_free, until_listening
 
 
 async def run_broker(data: Path, host: str, port: int) -> None:
     """Run the broker until this process is asked to stop. What is retained is in the folder `broker` of the data folder.
 
-    Raises UsageError when there is no NATS server on this machine, and RemoteError when it ends.
+    Raises UsageError when there is no NATS server on this machine, or when the port is taken, and RemoteError when it ends.
     """
+    check_free(host, port)
     folder = (data / "broker").resolve()
     folder.mkdir(parents=True, exist_ok=True)
     settings = {

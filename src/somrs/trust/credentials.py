@@ -55,7 +55,7 @@ class Credentials:
         self._neighbours = Neighbours()
         self._revoked_of_neighbours = _WatchedFile(self.folder / REVOKED_NEIGHBOURS_FILE)
         self._serials_of_neighbours: dict[str, tuple[str, ...]] = {}
-        self._own_site = {fingerprint(own_authority): OWN_SITE}
+        self._own_site = {_fingerprint_of(self.authority, own_authority): OWN_SITE}
         self._sites = self._own_site
         """The sites, by the fingerprints of their authorities."""
         self.server = self._context(ssl.PROTOCOL_TLS_SERVER, own_authority)
@@ -256,6 +256,13 @@ def _text_of(authority: Path) -> str:
         return authority.read_text()
     except OSError as error:
         raise UsageError(f"{authority} cannot be read: {error.strerror}; `somrs trust enrol` makes it") from None
+
+
+def _fingerprint_of(file: Path, authority: str) -> str:
+    try:
+        return fingerprint(authority)
+    except ValueError:
+        raise UsageError(f"{file} is no certificate in PEM; `somrs trust enrol` makes it") from None
 
 
 def _beside(certificate: Path, name: str) -> Path:
