@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import aiomqtt
 
@@ -18,9 +20,10 @@ from somrs.errors import InputError
 AT_MOST_ONCE, AT_LEAST_ONCE = 0, 1
 """Of messages to things, the broker says that it has them. Messages from things need no such word: a connection loses none, and after
 each new connection the broker sends what it retains again."""
-SECOND_SUBSCRIPTION = 2.0
-"""Seconds after which topics are subscribed again, once: NATS as the broker can lose a retained message that comes at the same time as a
-subscription, and sends what it retains with each subscription."""
+RENEWALS = (2.0, 8.0, 30.0)
+"""Pauses in seconds after which topics are subscribed again, each once. A broker may retain a message later than it passes it on: NATS does
+so by a stream of its own. Who subscribes in between gets it neither way. With each subscription, a broker has to send again what it
+retains (3.1.1, 3.8.4)."""
 
 
 def client_at(connection: Connection, password: str | None, folder: Path) -> aiomqtt.Client:
@@ -102,7 +105,7 @@ class MqttConnector:
             await asyncio.wait([subscriber])
 
     async def _subscribe_all(self, client: aiomqtt.Client) -> None:
-        recent_topics: dict[str, None] = {}
+        renewals: list[_Renewal] = []
         while True:
             self._topics_changed.clear()
             fresh_topics = [topic for topic in self._topics if topic not in self._subscribed]
@@ -111,13 +114,22 @@ class MqttConnector:
             if stale_topics:
                 await client.unsubscribe(stale_topics)
             self._subscribed = {*self._subscribed, *fresh_topics} - {*stale_topics}
-            recent_topics |= dict.fromkeys(fresh_topics)
-            try:
-                async with asyncio.timeout(SECOND_SUBSCRIPTION if recent_topics else None):
+            now = asyncio.get_running_loop().time()
+            renewals += [_Renewal(now + sum(RENEWALS[: number + 1]), fresh_topics) for number in range(len(RENEWALS)) if fresh_topics]
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout_at(min((renewal.due for renewal in renewals), default=None)):
                     await self._topics_changed.wait()
-            except TimeoutError:
-                await _subscribe(client, [topic for topic in recent_topics if topic in self._subscribed])
-                recent_topics = {}
+            now = asyncio.get_running_loop().time()
+            due_topics = {topic for renewal in renewals if renewal.due <= now for topic in renewal.topics}
+            renewals = [renewal for renewal in renewals if renewal.due > now]
+            await _subscribe(client, sorted(due_topics & self._subscribed))
+
+
+class _Renewal(NamedTuple):
+    """When topics are subscribed again."""
+
+    due: float
+    topics: list[str]
 
 
 async def _subscribe(client: aiomqtt.Client, topics: Sequence[str]) -> None:
