@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
 from msgspec import Struct
 
 from somrs.adapters.vda5050.control.exchange import Arrived, Effect, Follow, Halt, Input, Passed, Send, Tick
+from somrs.adapters.vda5050.control.provision import MapPackage
 from somrs.adapters.vda5050.control.vehicle import VehicleControl
 from somrs.adapters.vda5050.frames import Frames
 from somrs.adapters.vda5050.messages.decoding import decode
 from somrs.adapters.vda5050.messages.encoding import encode
+from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.header import Header, Topic, Version, timestamp_of
-from somrs.adapters.vda5050.messages.orders import InstantActions, Order
+from somrs.adapters.vda5050.messages.orders import InstantActions, Order, Responses, ZoneSet
 from somrs.adapters.vda5050.simulated.body import StandInBody
-from somrs.adapters.vda5050.simulated.exchange import Act, Connected, Felt, Instructed, Ordered, Publish
+from somrs.adapters.vda5050.simulated.exchange import Act, Connected, Felt, Instructed, Ordered, Publish, Responded, Zoned
 from somrs.adapters.vda5050.simulated.exchange import Effect as VehicleEffect
 from somrs.adapters.vda5050.simulated.exchange import Input as VehicleInput
 from somrs.adapters.vda5050.simulated.factsheet import factsheet
@@ -50,7 +52,8 @@ def way(*names: str, released: int | None = None, first: int = 0, spacing: float
 
 
 class Pair:
-    """`fate`: how many times a message that is sent arrives, by its topic; 1 unless it says otherwise."""
+    """`fate`: how many times a message that is sent arrives, by its topic; 1 unless it says otherwise. `clock_lead`: by how many seconds
+    the vehicle's clock is ahead."""
 
     def __init__(
         self,
@@ -58,13 +61,15 @@ class Pair:
         fate: Callable[[Topic], int] = lambda topic: 1,
         *,
         x: float = 0.0,
-        takes_trajectories: bool = False,
+        sheet: Factsheet | None = None,
+        packages: Sequence[MapPackage] = (),
+        clock_lead: float = 0.0,
     ) -> None:
         identifiers = itertools.count(1)
-        self.version, self.fate, self.now = version, fate, START
+        self.version, self.fate, self.now, self.clock_lead = version, fate, START, clock_lead
         self.body = StandInBody(x)
-        self.vehicle = SimulatedVehicle(version, factsheet(takes_trajectories=takes_trajectories), map_id="hall")
-        self.control = VehicleControl(Frames(), version, lambda: f"id-{next(identifiers)}")
+        self.vehicle = SimulatedVehicle(version, sheet or factsheet(), map_id="hall")
+        self.control = VehicleControl(Frames(), version, lambda: f"id-{next(identifiers)}", packages)
         self.effects: list[Effect] = []
         self.commands: list[tuple[Topic, Struct]] = []
         """What fleet control has sent."""
@@ -142,9 +147,13 @@ class Pair:
                 self._tell(Ordered(order=order, deviations=received.deviations))
             case InstantActions() as actions:
                 self._tell(Instructed(actions=actions, deviations=received.deviations))
+            case ZoneSet(zone_set=content):
+                self._tell(Zoned(content=content))
+            case Responses() as responses:
+                self._tell(Responded(responses=responses))
 
     def _tell(self, input: VehicleInput) -> None:
-        self._carry_out(self.vehicle.handle(input, self.now))
+        self._carry_out(self.vehicle.handle(input, self.now + self.clock_lead))
 
     def _carry_out(self, effects: Iterable[VehicleEffect]) -> None:
         for effect in effects:
@@ -153,7 +162,7 @@ class Pair:
                     self.body.begin(number, command)
                 case Publish(topic=topic, message=message):
                     self.reported.append(message)
-                    payload = encode(message, self._header(self.now), self.version)
+                    payload = encode(message, self._header(self.now + self.clock_lead), self.version)
                     check_schema(topic, payload, self.version)
                     received = decode(topic, payload, self.version)
                     assert received.deviations == ()

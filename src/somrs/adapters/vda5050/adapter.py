@@ -17,6 +17,7 @@ from somrs.adapters.vda5050.session import VehicleSession
 from somrs.adapters.vda5050.settings import read_settings
 from somrs.adapters.vda5050.simulated.link_body import serve_simulated
 from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
+from somrs.adapters.vda5050.zoning.site import ZoneCatalogue
 
 log = logging.getLogger(__name__)
 
@@ -39,7 +40,7 @@ class Vda5050Adapter:
     def __init__(self, settings: Mapping[str, Any], folder: Path) -> None:
         self._settings = read_settings(settings)
         self._address = broker_address(self._settings.broker, self._settings.certificates, folder)
-        self._frames = self._settings.frames
+        self._frames, self._catalogue = self._settings.frames, ZoneCatalogue()
         self.sessions: dict[VehicleAddress, VehicleSession] = {}
         """All vehicles that were heard, and the addresses at which those may be that the settings name."""
         self._waited: dict[VehicleAddress, int] = {}
@@ -91,7 +92,7 @@ class Vda5050Adapter:
     def _session(self, address: VehicleAddress) -> VehicleSession:
         session = self.sessions.get(address)
         if session is None:
-            session = self.sessions[address] = VehicleSession(address, self._frames, self._send)
+            session = self.sessions[address] = VehicleSession(address, self._frames, self._send, self._settings.packages)
             self._waited[address] = 0
         return session
 
@@ -133,4 +134,4 @@ class Vda5050Adapter:
         del self._waited[session.address]
         kind = Vda5050Vehicle if {"pick", "drop"} <= set(actions) else DrivenVda5050Vehicle
         log.info("%s is %s", session.address, name)
-        fleet.add(kind(name, session, self._settings, frozenset(actions)))
+        fleet.add(kind(name, session, self._settings, frozenset(actions), self._catalogue))

@@ -44,6 +44,11 @@ class Frames:
     def __init__(self, frames: Sequence[Frame] = ()) -> None:
         self._frames: Mapping[str, Frame] = {frame.map_id: frame for frame in frames}
 
+    @property
+    def all(self) -> tuple[Frame, ...]:
+        """Those that the settings name."""
+        return tuple(self._frames.values())
+
     def frame(self, map_id: str) -> Frame:
         return self._frames.get(map_id) or Frame(map_id=map_id)
 

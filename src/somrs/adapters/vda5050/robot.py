@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 
 from somrs.adapters.vda5050.control.exchange import (
     ActionEnded,
     Broken,
+    BuildingChanged,
     Charge,
     Charged,
     Delayed,
@@ -28,21 +30,28 @@ from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.orders import ActionParameter
 from somrs.adapters.vda5050.session import VehicleSession
 from somrs.adapters.vda5050.settings import Settings
+from somrs.adapters.vda5050.zoning.site import SiteZone, ZoneCatalogue
 from somrs.devices.road_robot import CarryingRobot, Motion, RobotFailed, Way
+from somrs.errors import RemoteError
 from somrs.ontology.types import Value
 
 FLOOR = "floor"
 """The type of the stations of vehicles that drop loads on any floor (2.1, table 5: "floor location")."""
+LOOK = 2.0
+"""Seconds between two looks at whether the zones of the site have changed."""
 
 
 class Vda5050Vehicle(CarryingRobot):
-    """A vehicle that carries loads. `actions`: what it can do, of `pick`, `drop` and `startCharging`."""
+    """A vehicle that carries loads. `actions`: what it can do, of `pick`, `drop` and `startCharging`. `catalogue`: makes the zones of the
+    site."""
 
     type = "MobileManipulator"
 
-    def __init__(self, name: str, session: VehicleSession, settings: Settings, actions: frozenset[str]) -> None:
+    def __init__(
+        self, name: str, session: VehicleSession, settings: Settings, actions: frozenset[str], catalogue: ZoneCatalogue | None = None
+    ) -> None:
         super().__init__(name)
-        self.session, self.settings = session, settings
+        self.session, self.settings, self._catalogue = session, settings, catalogue or ZoneCatalogue()
         self.can_carry = {"pick", "drop"} <= actions
         self.can_charge = "startCharging" in actions
         state = session.control.vehicle.state
@@ -58,6 +67,18 @@ class Vda5050Vehicle(CarryingRobot):
         self.heard(self.session.control.vehicle.is_connected)
         asyncio.get_running_loop().call_soon(self._say_how_it_is)  # after `open` has begun, which waits for it
         await super().open()
+        self.keep_doing(self._follow_zones())
+
+    async def _follow_zones(self) -> None:
+        """Tell the vehicle the zones of the site, as they are on the map."""
+        zones: tuple[SiteZone, ...] | None = None
+        while True:
+            with contextlib.suppress(RemoteError):
+                map, ontology = await self.whole_map(is_current=False)
+                if (current_zones := self._catalogue.zones(map, ontology)) is not zones:
+                    zones = current_zones
+                    self.session.give(BuildingChanged(zones=zones))
+            await asyncio.sleep(LOOK)
 
     def _say_how_it_is(self) -> None:
         vehicle = self.session.control.vehicle

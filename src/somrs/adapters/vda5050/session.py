@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from somrs.adapters.vda5050.control.exchange import Arrived, Disconnected, Effect, Input, Send, Subscribed, Tolerated, Warned
+from somrs.adapters.vda5050.control.exchange import Arrived, Disconnected, Effect, Input, Refused, Send, Subscribed, Tolerated, Warned
+from somrs.adapters.vda5050.control.provision import MapPackage
 from somrs.adapters.vda5050.control.vehicle import VehicleControl
 from somrs.adapters.vda5050.frames import Frames
 from somrs.adapters.vda5050.messages.decoding import decode
@@ -24,11 +25,14 @@ def _ignore(effect: Effect) -> None:
 
 
 class VehicleSession:
-    """`send`: publishes a message at a topic. `on_effect`: gets what the state machine has found; set by the device."""
+    """`send`: publishes a message at a topic. `on_effect`: gets what the state machine has found; set by the device. `packages`: the maps
+    that the vehicle is to have."""
 
-    def __init__(self, address: VehicleAddress, frames: Frames, send: Callable[[str, bytes], None]) -> None:
+    def __init__(
+        self, address: VehicleAddress, frames: Frames, send: Callable[[str, bytes], None], packages: Sequence[MapPackage] = ()
+    ) -> None:
         self.address = address
-        self.control = VehicleControl(frames, Version.closest("", address.major), lambda: uuid.uuid4().hex)
+        self.control = VehicleControl(frames, Version.closest("", address.major), lambda: uuid.uuid4().hex, packages)
         self.on_effect: Callable[[Effect], None] = _ignore
         self._send = send
         self._headers = HeaderWriter(address)
@@ -60,6 +64,8 @@ class VehicleSession:
                     self._send(self.address.topic(topic), payload)
                 case Tolerated(deviation=deviation):
                     log.warning("%s: is not as VDA 5050 has it: %s", self.address, deviation)
+                case Refused(description=description):
+                    log.warning("%s: %s", self.address, description)
                 case Warned(description=description, is_urgent=is_urgent):
                     log.log(logging.WARNING if is_urgent else logging.INFO, "%s: %s", self.address, description)
             try:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import msgspec
 from msgspec import Struct
 
+from somrs.adapters.vda5050.control.provision import MapPackage
 from somrs.adapters.vda5050.frames import Frame, Frames
 from somrs.adapters.vda5050.mqtt import Certificates
 from somrs.adapters.vda5050.topics import VehicleAddress
@@ -30,11 +31,15 @@ class VehicleSettings(Struct, frozen=True, kw_only=True, rename="camel", forbid_
 
 class MapSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A map of the vehicles. `level`: the height of its floor in metres. `at`: where its origin lies on the map of the site, in metres.
-    `turned`: how it is turned there, in degrees, counterclockwise."""
+    `turned`: how it is turned there, in degrees, counterclockwise. `version`: the one that vehicles are to have; None: any. `link`: from
+    where they download it. `hash`: of the file."""
 
     level: float | None = None
     at: tuple[float, float] = (0.0, 0.0)
     turned: float = 0.0
+    version: str | None = None
+    link: str | None = None
+    hash: str | None = None
 
 
 class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown_fields=True):
@@ -63,6 +68,15 @@ class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown
                 for map_id, frame in self.maps.items()
             ]
         )
+
+    @property
+    def packages(self) -> list[MapPackage]:
+        """The maps whose versions the settings name."""
+        return [
+            MapPackage(map_id=map_id, version=frame.version, link=frame.link, hash=frame.hash)
+            for map_id, frame in self.maps.items()
+            if frame.version is not None
+        ]
 
     def address(self, vehicle: VehicleSettings) -> VehicleAddress:
         """The address of a simulated vehicle: below the first interface."""
@@ -113,6 +127,9 @@ def read_settings(settings: Mapping[str, Any]) -> Settings:
     for interface in read.interfaces:
         if not interface or any(character in interface for character in "+#$") or interface.strip("/") != interface:
             raise UsageError(f"adapters: vda5050: interface: {interface!r} cannot begin a topic: write it as the vehicles do, such as uagv")
+    for map_id, frame in read.maps.items():
+        if frame.version is None and (frame.link is not None or frame.hash is not None):
+            raise UsageError(f"adapters: vda5050: maps: {map_id}: give the `version` of what is to be downloaded")
     read = msgspec.structs.replace(read, vehicles={name: _named(name, vehicle) for name, vehicle in read.vehicles.items()})
     serials: dict[tuple[str, str], str] = {}
     for name, vehicle in read.vehicles.items():

@@ -15,6 +15,7 @@ from somrs.adapters.vda5050.messages.header import Topic, Version
 from somrs.adapters.vda5050.messages.states import ErrorLevel, OperatingMode, State, VehicleError
 from somrs.adapters.vda5050.simulated.body import Rest
 from somrs.adapters.vda5050.simulated.exchange import Faulted, Misbehaves, Repaired, Restarted, Switched
+from somrs.adapters.vda5050.simulated.factsheet import factsheet
 from tests.support.vda5050_pair import Pair, way
 
 VERSIONS = pytest.mark.parametrize("version", [Version.V2_1, Version.V3_0])
@@ -366,7 +367,7 @@ def test_a_heading_matters_where_the_way_ends(version: Version) -> None:
 
 @VERSIONS
 def test_edges_are_drawn_for_vehicles_that_take_trajectories(version: Version) -> None:
-    pair = Pair(version, takes_trajectories=True)
+    pair = Pair(version, sheet=factsheet(takes_trajectories=True))
     pair.follow("A", "B", "C", released=2)
     pair.run(1)
     pair.follow("A", "B", "C", released=3)

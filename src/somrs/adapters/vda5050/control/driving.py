@@ -35,6 +35,11 @@ class Driving:
         if way:
             self._place = way[0]
 
+    def map_ids(self) -> set[str]:
+        """The maps of the vehicle on which the way lies."""
+        vehicle = self._vehicle
+        return {vehicle.frames.frame_at(waypoint.level, vehicle.map_id).map_id for waypoint in self.way}
+
     def see(self, order: SentOrder, state: State) -> str | None:
         """Take in what a state says about the order. Returns why the vehicle does not carry it out, if it does not."""
         message = order.message

@@ -8,7 +8,8 @@ from somrs.adapters.vda5050.frames import Pose
 from somrs.adapters.vda5050.messages.decoding import Received
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.header import Topic
-from somrs.adapters.vda5050.messages.orders import ActionParameter, InstantActions, Order, Responses
+from somrs.adapters.vda5050.messages.orders import ActionParameter, InstantActions, Order, Responses, ZoneSet
+from somrs.adapters.vda5050.zoning.site import SiteZone
 from somrs.devices.road_robot import Way
 
 
@@ -56,18 +57,24 @@ class Charge(Struct, frozen=True):
     """Charge until the battery is full. Answered by ActionEnded."""
 
 
+class BuildingChanged(Struct, frozen=True, kw_only=True):
+    """The zones of the site are these."""
+
+    zones: tuple[SiteZone, ...]
+
+
 class Tick(Struct, frozen=True):
     """Time has passed."""
 
 
-Input = Arrived | Subscribed | Disconnected | Follow | Halt | Pause | Resume | Perform | Charge | Tick
+Input = Arrived | Subscribed | Disconnected | Follow | Halt | Pause | Resume | Perform | Charge | BuildingChanged | Tick
 
 
 class Send(Struct, frozen=True, kw_only=True):
     """Send a message to the vehicle."""
 
     topic: Topic
-    message: Order | InstantActions | Responses
+    message: Order | InstantActions | Responses | ZoneSet
 
 
 class Located(Struct, frozen=True, kw_only=True):
@@ -141,6 +148,12 @@ class Tolerated(Struct, frozen=True, kw_only=True):
     deviation: str
 
 
+class Refused(Struct, frozen=True, kw_only=True):
+    """The vehicle asks for what it does not get, or does not take what it is to have. Told once."""
+
+    description: str
+
+
 class Charged(Struct, frozen=True, kw_only=True):
     """The state of charge, 0 to 100."""
 
@@ -167,6 +180,7 @@ Effect = (
     | Delayed
     | Described
     | Tolerated
+    | Refused
     | Charged
     | Loaded
 )

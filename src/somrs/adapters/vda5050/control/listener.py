@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from somrs.adapters.vda5050.control.condition import IN_CONTROL, delay, hindrance, remark, warnings
 from somrs.adapters.vda5050.control.exchange import (
     Arrived,
@@ -21,7 +23,7 @@ from somrs.adapters.vda5050.control.orders import OrderWriter
 from somrs.adapters.vda5050.control.outbox import Outbox
 from somrs.adapters.vda5050.frames import Frames, Pose
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
-from somrs.adapters.vda5050.messages.header import Version
+from somrs.adapters.vda5050.messages.header import Version, seconds_of
 from somrs.adapters.vda5050.messages.states import (
     Connection,
     ConnectionState,
@@ -34,6 +36,9 @@ from somrs.adapters.vda5050.messages.states import (
     State,
     Visualization,
 )
+
+REACH = 0.5
+"""How far a vehicle extends around its middle whose factsheet does not say it, m."""
 
 
 class Listener:
@@ -51,12 +56,14 @@ class Listener:
         """Why the vehicle cannot drive; None if it can."""
         self.delay: str | None = None
         """What keeps the vehicle from going on, and will pass; None: nothing."""
+        self.clock_lead = 0.0
+        """By how many seconds its clock is ahead of that of this program."""
         self.was_heard = False
         """Whether it has said anything since the broker is there."""
         self._tolerated: set[str] = set()
         self._remark: str | None = None
 
-    def hear(self, arrived: Arrived) -> State | None:
+    def hear(self, arrived: Arrived, now: float) -> State | None:
         """Take in a message. Returns the state, if it is a new one."""
         received = arrived.received
         self.was_heard = True
@@ -75,6 +82,8 @@ class Listener:
             case Visualization(mobile_robot_position=Position() as position):
                 self._locate(position)
             case State() as state:
+                moment = seconds_of(received.header.timestamp)
+                self.clock_lead = moment - now if moment is not None else 0.0
                 self._reach()
                 self._hear_state(state)
                 return state
@@ -114,6 +123,14 @@ class Listener:
         """Writes orders for the vehicle as it is now."""
         draws_lines = self.factsheet is not None and self.factsheet.takes("edges.trajectory")
         return OrderWriter(frames=self.frames, map_id=self.map_id, pose=self.pose, draws_lines=draws_lines)
+
+    @property
+    def reach(self) -> float:
+        """How far it extends around its middle, m; with its load, as far as the factsheet says it."""
+        if self.factsheet is None:
+            return REACH
+        physical = self.factsheet.physical_parameters
+        return math.hypot(physical.length, physical.width) / 2 or REACH
 
     def order_interval(self) -> float:
         """Seconds that have to pass between two orders."""

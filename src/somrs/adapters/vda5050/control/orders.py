@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import msgspec
 
 from somrs.adapters.vda5050.frames import Frames, Pose
-from somrs.adapters.vda5050.messages.orders import Action, ControlPoint, Deviation, Edge, Node, NodePosition, Order, Trajectory
+from somrs.adapters.vda5050.messages.orders import (
+    Action,
+    ControlPoint,
+    Deviation,
+    Edge,
+    Node,
+    NodePosition,
+    Order,
+    Trajectory,
+    plain_id,
+)
 from somrs.adapters.vda5050.messages.states import VehicleError
 from somrs.devices.road_robot import Way, Waypoint
 
 NEAR = 0.1
 """Distance in metres within which a vehicle stands at a waypoint."""
-
-NOT_IN_IDS = re.compile(r"[^A-Za-z0-9_.:-]")
-"""Characters that identifiers should not have (3.0, 7.1.2)."""
 
 
 @dataclass(kw_only=True)
@@ -54,7 +60,7 @@ class SentOrder:
 
 
 def node_id(waypoint: Waypoint) -> str:
-    return NOT_IN_IDS.sub("_", waypoint.name) or "_"
+    return plain_id(waypoint.name)
 
 
 def base_end(way: Way) -> Waypoint:

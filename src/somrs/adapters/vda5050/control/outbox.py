@@ -1,4 +1,4 @@
-"""What a vehicle is told besides orders: instant actions, and responses to its requests."""
+"""What follows from an input: messages to the vehicle, and news of it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from somrs.adapters.vda5050.control.exchange import Effect, Send
 from somrs.adapters.vda5050.messages.header import Topic
-from somrs.adapters.vda5050.messages.orders import Action, ActionParameter, BlockingType, GrantType, InstantActions, Response, Responses
-from somrs.adapters.vda5050.messages.states import RequestStatus, State
+from somrs.adapters.vda5050.messages.orders import Action, ActionParameter, BlockingType, InstantActions
+from somrs.adapters.vda5050.messages.states import State
 
 RESEND = 3.0
 """Seconds after which a message is sent again that the vehicle does not show to have received."""
@@ -22,7 +22,6 @@ class Outbox:
     def __init__(self, new_id: Callable[[], str]) -> None:
         self.new_id = new_id
         self.effects: list[Effect] = []
-        self._answered: frozenset[str] = frozenset()
         self._clearing: str | None = None
 
     def add(self, *effects: Effect) -> None:
@@ -49,17 +48,3 @@ class Outbox:
             self._clearing = None
         elif not is_pending:
             self._clearing = self.instant("clearInstantActions")
-
-    def answer_requests(self, state: State) -> None:
-        """Refuse zones and corridors, once each: this fleet control gives none away, so a vehicle that asks has them from somebody else."""
-        zones = [(request.request_id, request.request_status) for request in state.zone_requests or ()]
-        corridors = [(request.request_id, request.request_status) for request in state.edge_requests or ()]
-        open_requests = [request_id for request_id, status in (*zones, *corridors) if status is RequestStatus.REQUESTED]
-        responses = tuple(
-            Response(request_id=request_id, grant_type=GrantType.REJECTED)
-            for request_id in open_requests
-            if request_id not in self._answered
-        )
-        self._answered = frozenset(open_requests)
-        if responses:
-            self.add(Send(topic=Topic.RESPONSES, message=Responses(responses=responses)))

@@ -6,13 +6,14 @@ sent. So a message that is lost, a vehicle that restarts, and one that was drive
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from somrs.adapters.vda5050.control.condition import CLEARING, is_idle, stands, words_about
 from somrs.adapters.vda5050.control.driving import Driving
 from somrs.adapters.vda5050.control.exchange import (
     ActionEnded,
     Arrived,
+    BuildingChanged,
     Charge,
     Disconnected,
     Effect,
@@ -33,16 +34,21 @@ from somrs.adapters.vda5050.control.listener import Listener
 from somrs.adapters.vda5050.control.orders import SentOrder
 from somrs.adapters.vda5050.control.outbox import RESEND, Outbox
 from somrs.adapters.vda5050.control.pausing import Pausing
+from somrs.adapters.vda5050.control.provision import MapPackage, Provision
+from somrs.adapters.vda5050.control.requests import Requests
 from somrs.adapters.vda5050.frames import Frames
 from somrs.adapters.vda5050.messages.header import Version
 from somrs.adapters.vda5050.messages.orders import ActionParameter, BlockingType
 from somrs.adapters.vda5050.messages.states import ActionStatus, State
+from somrs.adapters.vda5050.zoning.sets import zone_set
+from somrs.adapters.vda5050.zoning.site import SiteZone
 
 
 class VehicleControl:
-    """`version`: in which the vehicle speaks, as far as it has said so. `new_id`: makes identifiers that are never used again."""
+    """`version`: in which the vehicle speaks, as far as it has said so. `new_id`: makes identifiers that are never used again.
+    `packages`: the maps that it is to have."""
 
-    def __init__(self, frames: Frames, version: Version, new_id: Callable[[], str]) -> None:
+    def __init__(self, frames: Frames, version: Version, new_id: Callable[[], str], packages: Sequence[MapPackage] = ()) -> None:
         self._outbox = Outbox(new_id)
         self.vehicle = Listener(frames, version, self._outbox)
         self._driving = Driving(self.vehicle, self._outbox)
@@ -51,13 +57,17 @@ class VehicleControl:
         self._charging: Charging | None = None
         self._pausing = Pausing(self._outbox)
         self._inquiry = Inquiry(self.vehicle, self._outbox)
+        self._provision, self._requests = Provision(self.vehicle, self._outbox), Requests(self.vehicle, self._outbox)
+        self._provision.packages = tuple(packages)
+        self._zones: tuple[SiteZone, ...] | None = None
+        self._zones_key: object = None
 
     def handle(self, input: Input, now: float) -> list[Effect]:
         """Take in what happened. Returns what to do, in this order."""
         self._outbox.effects = []
         match input:
             case Arrived():
-                state = self.vehicle.hear(input)
+                state = self.vehicle.hear(input, now)
                 if state is not None:
                     self._see(state, now)
             case Subscribed():
@@ -78,6 +88,8 @@ class VehicleControl:
             case Charge():
                 self._driving.way = ()
                 self._job = Job(action=self._outbox.action("startCharging", BlockingType.HARD), charges=True)
+            case BuildingChanged(zones=zones):
+                self._zones = zones
             case Tick():
                 self._repeat(now)
         self._reconcile(now)
@@ -96,10 +108,8 @@ class VehicleControl:
             self._cancel(now)
         if self._charging is not None:
             self._see_charging(self._charging, state, now)
-        if self.vehicle.hindrance is None:
-            self._outbox.answer_requests(state)
-            if not state.paused:  # those of a pause say who has begun it
-                self._outbox.clear_instant_actions(state)
+        if self.vehicle.hindrance is None and not state.paused:  # those of a pause say who has begun it
+            self._outbox.clear_instant_actions(state)
 
     def _give_up(self, hindrance: str, state: State, now: float) -> None:
         """Drop what is wanted from a vehicle that cannot drive: it would go on by itself, when somebody has mended it."""
@@ -228,12 +238,42 @@ class VehicleControl:
             return
         if self.vehicle.state is not None:
             self._pausing.reconcile(self.vehicle.state, now)
+            self._renew_zone_sets()
+            self._provision.reconcile(self.vehicle.state, now)
+            self._requests.answer(self.vehicle.state, self._driving.way, now)
         if self._cancellation is not None or self._charging is not None or self._pausing.is_wanted:
             return
         if self._job is None:
-            self._driving.reconcile(now)
+            if not self._lacks_map(now):
+                self._driving.reconcile(now)
         elif self._driving.order is None or self._driving.order.action_id != self._job.action.action_id:
             self._driving.perform(self._job.action, now)
+
+    def _lacks_map(self, now: float) -> bool:
+        """Give the trip up if it leads to a map that the vehicle does not have: it would reject the order (3.0, 6.1.4.10)."""
+        state, order = self.vehicle.state, self._driving.order
+        map_id = self._provision.missing_map(self._driving.map_ids(), state) if state is not None else None
+        if state is None or map_id is None:
+            return False
+        reason = f"it has no map {map_id} that is enabled"
+        if order is not None:
+            self._fail(order, reason, state, now)
+        else:
+            self._driving.way = ()
+            self._outbox.add(GaveUp(description=reason))
+        return True
+
+    def _renew_zone_sets(self) -> None:
+        """The zone sets that the vehicle is to have, if it supports zones: one for each of its maps."""
+        vehicle = self.vehicle
+        key = self._zones, vehicle.factsheet, vehicle.map_id
+        if key == self._zones_key or self._zones is None or vehicle.factsheet is None or not vehicle.map_id:
+            return
+        self._zones_key = key
+        if vehicle.version is Version.V3_0 and vehicle.factsheet.type_specification.supported_zones:
+            frames = vehicle.frames.all or (vehicle.frames.frame(vehicle.map_id),)
+            self._provision.zone_sets = tuple(zone_set(frame, self._zones, vehicle.factsheet) for frame in frames)
+            self._requests.zone_sets |= {zones.zone_set_id: zones for zones in self._provision.zone_sets}
 
     def _repeat(self, now: float) -> None:
         """Send again what the vehicle does not show to have received."""

@@ -275,7 +275,6 @@ OF_NO_USE: Mapping[str, frozenset[str]] = {
             "edge": ["actions"],
             "actions": ["actionsParameters"],
             "trajectory": ["knotVector", "controlPoints"],
-            "zoneSet": ["zones"],
             "state": ["nodeStates", "edgeStates", "loads", "actionStates", "instantActionStates", "zoneActionStates", "errors"],
             "error": ["errorReferences"],
             "information": ["infoReferences"],

@@ -8,6 +8,7 @@ from enum import StrEnum
 from msgspec import Struct
 
 from somrs.adapters.vda5050.messages.factsheets import (
+    ArrayLengths,
     Configuration,
     Envelope,
     Factsheet,
@@ -98,6 +99,7 @@ FIELDS_OF_3: Mapping[type[Struct], frozenset[str]] = {
     PhysicalParameters: frozenset({"minimumAngularSpeed", "maximumAngularSpeed"}),
     SupportedAction: frozenset({"pauseAllowed", "cancelAllowed"}),
     Configuration: frozenset({"batteryCharging"}),
+    ArrayLengths: frozenset({"zoneSet.zones"}),
 }
 
 FIELDS_OF_2: Mapping[type[Struct], frozenset[str]] = {

@@ -48,6 +48,7 @@ class ArrayLengths(Struct, frozen=True, kw_only=True, omit_defaults=True):
     order_edges: int | None = field(default=None, name="order.edges")
     node_actions: int | None = field(default=None, name="node.actions")
     instant_actions: int | None = field(default=None, name="instantActions")
+    zone_set_zones: int | None = field(default=None, name="zoneSet.zones")
 
 
 class Timing(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True):

@@ -5,11 +5,20 @@ Lengths are in metres, angles in radians, speeds in metres per second.
 
 from __future__ import annotations
 
+import re
 from enum import StrEnum
 from itertools import chain
 from typing import Any
 
 from msgspec import Struct, field
+
+NOT_IN_IDS = re.compile(r"[^A-Za-z0-9_.:-]")
+"""Characters that identifiers should not have (3.0, 7.1.2)."""
+
+
+def plain_id(name: str) -> str:
+    """A name as an identifier."""
+    return NOT_IN_IDS.sub("_", name) or "_"
 
 
 class BlockingType(StrEnum):
@@ -156,13 +165,29 @@ class Responses(Struct, frozen=True, kw_only=True):
     responses: tuple[Response, ...]
 
 
+class ZoneType(StrEnum):
+    """What vehicles have to heed in a zone (3.0, 6.4.1)."""
+
+    BLOCKED = "BLOCKED"
+    LINE_GUIDED = "LINE_GUIDED"
+    RELEASE = "RELEASE"
+    COORDINATED_REPLANNING = "COORDINATED_REPLANNING"
+    SPEED_LIMIT = "SPEED_LIMIT"
+    ACTION = "ACTION"
+    PRIORITY = "PRIORITY"
+    PENALTY = "PENALTY"
+    DIRECTED = "DIRECTED"
+    BIDIRECTED = "BIDIRECTED"
+
+
 class Vertex(Struct, frozen=True, kw_only=True):
     x: float
     y: float
 
 
 class Zone(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True):
-    """`vertices`: counterclockwise. `maximum_speed`: of a SPEED_LIMIT zone; `release_loss_behavior`: of a RELEASE zone."""
+    """`zone_type`: one of ZoneType. `vertices`: counterclockwise. `maximum_speed`: of a SPEED_LIMIT zone. `release_loss_behavior`: of a
+    RELEASE zone."""
 
     zone_id: str
     zone_type: str

@@ -6,7 +6,7 @@ from msgspec import Struct
 
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.header import Topic
-from somrs.adapters.vda5050.messages.orders import InstantActions, Order
+from somrs.adapters.vda5050.messages.orders import InstantActions, Order, Responses, ZoneSetContent
 from somrs.adapters.vda5050.messages.states import Connection, OperatingMode, State, VehicleError
 from somrs.adapters.vda5050.simulated.body import Command, Sensed
 
@@ -23,6 +23,18 @@ class Instructed(Struct, frozen=True, kw_only=True):
 
     actions: InstantActions
     deviations: tuple[str, ...] = ()
+
+
+class Zoned(Struct, frozen=True, kw_only=True):
+    """A zone set has come."""
+
+    content: ZoneSetContent
+
+
+class Responded(Struct, frozen=True, kw_only=True):
+    """Fleet control has answered requests."""
+
+    responses: Responses
 
 
 class Garbled(Struct, frozen=True, kw_only=True):
@@ -70,13 +82,16 @@ class Restarted(Struct, frozen=True):
 
 class Misbehaves(Struct, frozen=True, kw_only=True):
     """The vehicle is not as the standard has it. `ignores_cancel`: nothing happens at cancelOrder. `rolls_on`: it says that the order is
-    cancelled, and drives on to the end of its leg."""
+    cancelled, and drives on to the end of its leg. `cannot_download`: it does not reach the server of the maps."""
 
     ignores_cancel: bool = False
     rolls_on: bool = False
+    cannot_download: bool = False
 
 
-Input = Ordered | Instructed | Garbled | Felt | Connected | Switched | Pressed | Faulted | Repaired | Restarted | Misbehaves
+Input = (
+    Ordered | Instructed | Zoned | Responded | Garbled | Felt | Connected | Switched | Pressed | Faulted | Repaired | Restarted | Misbehaves
+)
 
 
 class Publish(Struct, frozen=True, kw_only=True):

@@ -19,12 +19,13 @@ from somrs.adapters.vda5050.messages.factsheets import (
     Timing,
     TypeSpecification,
 )
+from somrs.adapters.vda5050.simulated.zones import SUPPORTED
 
 NODE_ACTIONS = ("pick", "drop", "startCharging", "stopCharging", "waitForTrigger", "finePositioning", "detectObject")
 
 INSTANT_ACTIONS = (
     "cancelOrder", "startPause", "stopPause", "stateRequest", "factsheetRequest", "stopCharging", "initializePosition",
-    "clearInstantActions", "trigger",
+    "clearInstantActions", "trigger", "downloadMap", "enableMap", "deleteMap", "enableZoneSet", "deleteZoneSet",
 )  # fmt: skip
 
 LOADS = LoadSet(set_name="DEFAULT", load_type="DEFAULT", pick_time=7.0, drop_time=8.0)
@@ -40,9 +41,11 @@ def factsheet(
     length: float = 0.8,
     handles: bool = True,
     takes_trajectories: bool = False,
+    finds_paths: bool = False,
+    supported_zones: tuple[str, ...] = SUPPORTED,
 ) -> Factsheet:
     """The factsheet of a vehicle. `handles`: it can pick and drop loads. `takes_trajectories`: edges may have them; it drives in
-    straight lines all the same."""
+    straight lines all the same. `finds_paths`: it says that it plans its paths by itself."""
     parameters = ["order.nodes.nodePosition.allowedDeviationXY", *(["order.edges.trajectory"] if takes_trajectories else [])]
     types = [action_type for action_type in NODE_ACTIONS if handles or action_type not in ("pick", "drop")]
     actions = {
@@ -56,8 +59,8 @@ def factsheet(
             mobile_robot_class="CARRIER",
             maximum_load_mass=payload,
             localization_types=("NATURAL",),
-            navigation_types=("VIRTUAL_LINE_GUIDED",),
-            supported_zones=(),
+            navigation_types=("FREELY_NAVIGATING",) if finds_paths else ("VIRTUAL_LINE_GUIDED",),
+            supported_zones=supported_zones,
         ),
         physical_parameters=PhysicalParameters(
             minimum_speed=0.0,

@@ -24,6 +24,9 @@ log = logging.getLogger(__name__)
 
 NO_LEVELS: Mapping[str, float] = MappingProxyType({})
 
+CONTOUR = 0.2
+"""How far the smallest robots of the simulator extend around their middle, m."""
+
 
 class LinkBody:
     """The body of a robot of the simulator, which takes part in traffic from outside of it. `levels`: the heights of the floors, by the
@@ -100,7 +103,7 @@ async def simulated_vehicles(
             await stack.enter_async_context(link)
             body = LinkBody(link, (await link.status()).state, levels)
             first_map = body.sense(0.0).map_id or "map"
-            vehicle = SimulatedVehicle(version, factsheet(), map_id=first_map, maps=levels)
+            vehicle = SimulatedVehicle(version, factsheet(), map_id=first_map, maps=levels, contour=CONTOUR)
             vehicles.append(MqttVehicle(address, vehicle, body, broker))
         yield vehicles
 

@@ -26,6 +26,11 @@ class Problem(Enum):
     INVALID_INSTANT_ACTION = ("instantActionError", "INVALID_INSTANT_ACTION", ErrorLevel.WARNING)
     ACTION_FAILED = ("actionError", "ACTION_FAILED", ErrorLevel.CRITICAL)
     BLOCKED = ("blocked", "BLOCKED", ErrorLevel.WARNING)
+    DUPLICATE_MAP = ("duplicateMap", "DUPLICATE_MAP", ErrorLevel.WARNING)
+    DUPLICATE_ZONE_SET = ("duplicateZoneSet", "DUPLICATE_ZONE_SET", ErrorLevel.WARNING)
+    BLOCKED_ZONE = ("blockedZoneViolation", "BLOCKED_ZONE_VIOLATION", ErrorLevel.CRITICAL)
+    RELEASE_LOST = ("releaseLost", "RELEASE_LOST", ErrorLevel.CRITICAL)
+    UNREACHABLE = ("nodeUnreachable", "NODE_UNREACHABLE", ErrorLevel.CRITICAL)
 
     def error(self, version: Version, description: str, **references: str) -> VehicleError:
         type_in_2, type_in_3, level = self.value

@@ -10,12 +10,24 @@ from collections.abc import Iterable
 from somrs.adapters.vda5050.messages.decoding import decode
 from somrs.adapters.vda5050.messages.encoding import encode
 from somrs.adapters.vda5050.messages.header import RETAINED, Topic, Version
-from somrs.adapters.vda5050.messages.orders import InstantActions, Order
+from somrs.adapters.vda5050.messages.orders import InstantActions, Order, Responses, ZoneSet
 from somrs.adapters.vda5050.messages.states import Connection as ConnectionMessage
 from somrs.adapters.vda5050.messages.states import ConnectionState
 from somrs.adapters.vda5050.mqtt import BrokerAddress, Connection, Message
 from somrs.adapters.vda5050.simulated.body import Body
-from somrs.adapters.vda5050.simulated.exchange import Act, Connected, Effect, Felt, Garbled, Input, Instructed, Ordered, Publish
+from somrs.adapters.vda5050.simulated.exchange import (
+    Act,
+    Connected,
+    Effect,
+    Felt,
+    Garbled,
+    Input,
+    Instructed,
+    Ordered,
+    Publish,
+    Responded,
+    Zoned,
+)
 from somrs.adapters.vda5050.simulated.vehicle import SimulatedVehicle
 from somrs.adapters.vda5050.topics import HeaderWriter, VehicleAddress, read_topic
 from somrs.errors import InputError
@@ -25,7 +37,7 @@ log = logging.getLogger(__name__)
 PERIOD = 0.1
 """Seconds between two looks at the body."""
 
-TO_VEHICLES = (Topic.ORDER, Topic.INSTANT_ACTIONS)
+TO_VEHICLES = (Topic.ORDER, Topic.INSTANT_ACTIONS, Topic.ZONE_SET, Topic.RESPONSES)
 
 
 class MqttVehicle:
@@ -96,6 +108,10 @@ class MqttVehicle:
                 self.give(Ordered(order=order, deviations=received.deviations))
             case InstantActions() as actions:
                 self.give(Instructed(actions=actions, deviations=received.deviations))
+            case ZoneSet(zone_set=content):
+                self.give(Zoned(content=content))
+            case Responses() as responses:
+                self.give(Responded(responses=responses))
 
 
 async def serve(vehicles: Iterable[MqttVehicle]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from itertools import chain
 
@@ -9,6 +10,8 @@ import msgspec
 
 from somrs.adapters.vda5050.messages.orders import Action, BlockingType, Edge, Node, Order
 from somrs.adapters.vda5050.messages.states import ActionState, ActionStatus, EdgeState, NodeState
+from somrs.adapters.vda5050.simulated.acceptance import TOLERANCE
+from somrs.adapters.vda5050.simulated.corners import Point, has_come
 
 
 @dataclass(kw_only=True)
@@ -81,6 +84,20 @@ class Progress:
                 break
         return nodes, edges
 
+    def pass_nodes(self, map_id: str, place: Point, earlier: Point) -> None:
+        """Traverse the nodes that are passed on the way; where the vehicle has to stop, it comes to the end of its leg at first.
+        `earlier`: where it was when this was looked at before."""
+        nodes, _ = self.leg(map_id)
+        while len(nodes) > 1 and has_come(nodes, place, earlier):
+            self.traverse()
+            del nodes[0]
+
+    def arrive_by_lift(self, map_id: str, place: Point) -> None:
+        """The vehicle leaves the map of a floor, and is at the node of the lift on the map of another one (3.0, 7.3)."""
+        node = self.nodes[0] if self.nodes and self.nodes[0].released else None
+        if node is not None and node.node_position is not None and node.node_position.map_id == map_id and _is_at(node, place):
+            self.traverse()
+
     def must_stand(self) -> bool:
         """Whether an action in the queue does not let the vehicle drive."""
         return any(action.blocking_type in (BlockingType.SOFT, BlockingType.HARD) for action in self.queue)
@@ -109,6 +126,11 @@ class Progress:
             if status.is_final:
                 self.queue = [action for action in self.queue if action.action_id != action_id]
 
+    def trigger(self) -> None:
+        """What the vehicle waits for has happened."""
+        for action in [action for action in self.queue if action.action_type == "waitForTrigger"]:
+            self.set_status(action.action_id, ActionStatus.FINISHED)
+
     def clear(self) -> None:
         """Drop the order (3.0, 6.6.7): its ids are kept."""
         self.nodes, self.edges = [], []
@@ -128,3 +150,8 @@ class Progress:
             self.states[action.action_id] = ActionState(
                 action_id=action.action_id, action_type=action.action_type, action_status=ActionStatus.WAITING
             )
+
+
+def _is_at(node: Node, place: Point) -> bool:
+    position = node.node_position
+    return position is not None and math.dist((position.x, position.y), place) <= TOLERANCE

@@ -14,25 +14,21 @@ from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.header import Topic, Version
 from somrs.adapters.vda5050.messages.orders import Action, Order
 from somrs.adapters.vda5050.messages.states import (
-    ActionState,
     ActionStatus,
     Connection,
     ConnectionState,
     EmergencyStop,
     ErrorLevel,
     Load,
-    MapStatus,
     OperatingMode,
     Position,
     PowerSupply,
     SafetyState,
     State,
-    StoredMap,
-    VehicleError,
 )
-from somrs.adapters.vda5050.simulated.acceptance import CLEARING, ORDERS_ALLOWED, TOLERANCE, Situation, is_repetition, objection
+from somrs.adapters.vda5050.simulated.acceptance import CLEARING, ORDERS_ALLOWED, Situation, is_repetition, objection
 from somrs.adapters.vda5050.simulated.body import Charge, Command, Drive, Drop, Pick, Rest, Sensed
-from somrs.adapters.vda5050.simulated.corners import has_come
+from somrs.adapters.vda5050.simulated.complaints import Complaints
 from somrs.adapters.vda5050.simulated.exchange import (
     Act,
     Connected,
@@ -47,42 +43,42 @@ from somrs.adapters.vda5050.simulated.exchange import (
     Pressed,
     Publish,
     Repaired,
+    Responded,
     Restarted,
     Switched,
+    Zoned,
 )
+from somrs.adapters.vda5050.simulated.instant import InstantLog, Until
 from somrs.adapters.vda5050.simulated.problems import Problem
 from somrs.adapters.vda5050.simulated.progress import Progress
+from somrs.adapters.vda5050.simulated.storage import Storage
+from somrs.adapters.vda5050.simulated.zones import ZoneGuard
 
 RETRY = 2.0
 """Seconds after which the vehicle tries again to drive, when something was in its way."""
 
-
-DRIVE_ERROR = "driveError"
-"""The type of the error of a vehicle whose drive is dead."""
+STORING = {"downloadMap", "enableMap", "deleteMap", "enableZoneSet", "deleteZoneSet"}
+"""Instant actions about what the vehicle stores; those about zone sets are in 3.0 only."""
 
 
 class SimulatedVehicle:
-    """`map_id`: the map on which it is. `interval`: seconds between two states if nothing happens; the standard allows 30."""
+    """`map_id`: the map on which it is. `interval`: seconds between two states if nothing happens; the standard allows 30.
+    `contour`: how far it extends around its middle, in metres."""
 
-    def __init__(self, version: Version, sheet: Factsheet, *, map_id: str, maps: Collection[str] = (), interval: float = 1.0) -> None:
+    def __init__(
+        self, version: Version, sheet: Factsheet, *, map_id: str, maps: Collection[str] = (), interval: float = 1.0, contour: float = 0.25
+    ) -> None:
         self.version, self._factsheet, self.map_id, self._interval = version, sheet, map_id, interval
-        self._maps = frozenset({map_id, *maps})
+        self.storage, self.zones = Storage({map_id, *maps}), ZoneGuard(contour=contour)
         self.progress = Progress()
         self.mode = OperatingMode.AUTOMATIC
         self._paused = False
-        self._own_errors: list[VehicleError] = []
-        self._complaints: list[VehicleError] = []
-        self._instant: dict[str, ActionState] = {}
+        self._complaints, self._instant = Complaints(version), InstantLog()
         self._sensed: Sensed | None = None
-        self._place: tuple[float, float] | None = None
-        """Where it was sensed last."""
         self._load: str | None = None
         self._number = 0
         self._busy: Command | None = None
         self._busy_action: str | None = None
-        self._cancelling: list[str] = []
-        self._pausing: list[str] = []
-        self._disconnecting: list[str] = []
         self._blocked_at: float | None = None
         self._habits = Misbehaves()
         self._published: State | None = None
@@ -99,26 +95,30 @@ class SimulatedVehicle:
                 self._receive(order, deviations)
             case Instructed(actions=instant_actions):
                 for action in instant_actions.actions:
-                    if action.action_id not in self._instant:
+                    if action.action_id not in self._instant.states:
                         self._instruct(action, now)
+            case Zoned(content=content):
+                problem = self.storage.take(content, self._factsheet.type_specification.supported_zones or ())
+                if problem is not None:
+                    self._complaints.add(*problem, zoneSetId=content.zone_set_id)
+            case Responded(responses=responses):
+                self.zones.respond(responses)
             case Garbled(reason=reason):
-                self._complain(Problem.MALFORMED, reason)
+                self._complaints.add(Problem.MALFORMED, reason)
             case Connected():
                 self._publish_connection()
             case Switched(mode=mode):
                 self._switch(mode)
             case Pressed(pauses=pauses):
                 self._paused = pauses
-                if pauses:
-                    self._halt_driving()
             case Faulted(error=error):
-                self._own_errors.append(error)
+                self._complaints.own.append(error)
             case Repaired():
-                self._own_errors = []
+                self._complaints.own = []
             case Restarted():
                 self._restart()
             case Misbehaves():
-                self._habits = input
+                self._habits, self.storage.can_download = input, not input.cannot_download
         if self._sensed is not None:
             self._work(now)
             self._publish_state(now)
@@ -131,18 +131,18 @@ class SimulatedVehicle:
         wrong = [deviation for deviation in deviations if not deviation.endswith("is unknown")]
         problem = (Problem.MALFORMED, "; ".join(wrong)) if wrong else objection(order, situation)
         if problem is not None:
-            self._complain(*problem, orderId=order.order_id, orderUpdateId=str(order.order_update_id))
+            self._complaints.add(*problem, orderId=order.order_id, orderUpdateId=str(order.order_update_id))
         elif is_repetition(order, situation):
             return
         else:
-            self._complaints = []
+            self._complaints.forget_work()
             is_update = self.progress.order is not None and order.order_id == self.progress.order.order_id
             if is_update:
                 self.progress.continue_with(order)
             else:
                 self.progress.begin(order)
                 if self.version is not Version.V3_0:
-                    self._instant = {key: state for key, state in self._instant.items() if not state.action_status.is_final}
+                    self._instant.drop_ended()
             self._blocked_at = None
 
     def _situation(self) -> Situation:
@@ -151,49 +151,46 @@ class SimulatedVehicle:
             version=self.version,
             order=self.progress.order,
             decision_point=self.progress.decision_point,
-            is_idle=self.progress.is_idle and not self._cancelling,
+            is_idle=self.progress.is_idle and not self._instant.is_waiting(Until.DOES_NOTHING),
             is_cancelled=self.progress.is_cancelled,
-            is_available=self.mode in ORDERS_ALLOWED and not self._has_error(ErrorLevel.FATAL),
+            is_available=self.mode in ORDERS_ALLOWED and not self._complaints.has(ErrorLevel.FATAL),
             x=sensed.x if sensed is not None else 0.0,
             y=sensed.y if sensed is not None else 0.0,
-            maps=self._maps,
+            maps=self.storage.enabled_maps,
             takes_trajectories=self._factsheet.takes("edges.trajectory"),
         )
-
-    def _complain(self, problem: Problem, description: str, **references: str) -> None:
-        error = problem.error(self.version, description, **references)
-        if error not in self._complaints:
-            self._complaints.append(error)
-
-    def _has_error(self, *levels: ErrorLevel) -> bool:
-        return any(error.error_level in levels for error in (*self._own_errors, *self._complaints))
 
     def _switch(self, mode: OperatingMode) -> None:
         if mode in CLEARING and not self.progress.is_idle:
             self.progress.clear()
             self._begin(Rest())
+        if mode in CLEARING or mode is OperatingMode.INTERVENED:
+            self.zones.clear()
         self.mode = mode
 
     def _restart(self) -> None:
-        self.progress, self._paused, self._cancelling, self._pausing, self._disconnecting = Progress(), False, [], [], []
-        self._instant, self._complaints = {}, []
+        self.progress, self._paused, self._instant = Progress(), False, InstantLog()
+        self._complaints.forget_work()
+        self.zones.clear()
         self._begin(Rest())
         self._publish_connection()
 
     # Instant actions (3.0, 6.2.1).
 
     def _instruct(self, action: Action, now: float) -> None:
-        status = ActionStatus.FINISHED
+        if self.mode in CLEARING or (self.mode is OperatingMode.INTERVENED and action.action_type != "cancelOrder"):
+            self._complaints.add(Problem.INVALID_INSTANT_ACTION, f"the vehicle is in the mode {self.mode}", actionId=action.action_id)
+            self._instant.note(action, ActionStatus.FAILED)
+            return
+        status, until = ActionStatus.FINISHED, None
         match action.action_type:
             case "cancelOrder":
                 if self._habits.ignores_cancel:
                     return
-                status = self._cancel(action)
+                status, until = self._cancel(action)
             case "startPause":
                 self._paused = True
-                self._halt_driving()
-                self._pausing.append(action.action_id)
-                status = ActionStatus.RUNNING
+                status, until = ActionStatus.RUNNING, Until.STANDS
             case "stopPause":
                 self._paused = False
             case "stateRequest":
@@ -202,83 +199,66 @@ class SimulatedVehicle:
                 self._effects.append(Publish(topic=Topic.FACTSHEET, message=self._factsheet))
             case "stopCharging":
                 self._begin(Rest())
-                self._disconnecting.append(action.action_id)
-                status = ActionStatus.RUNNING
+                status, until = ActionStatus.RUNNING, Until.IS_DISCONNECTED
             case "trigger":
-                for queued in [item for item in self.progress.queue if item.action_type == "waitForTrigger"]:
-                    self.progress.set_status(queued.action_id, ActionStatus.FINISHED)
+                self.progress.trigger()
             case "initializePosition":
                 self.map_id = str(action.parameter("mapId") or self.map_id)
                 self.progress.last_node_id = str(action.parameter("lastNodeId") or "")
             case "clearInstantActions" if self.version is Version.V3_0:
-                self._instant = {key: state for key, state in self._instant.items() if not state.action_status.is_final}
+                self._instant.drop_ended()
+            case action_type if action_type in STORING and (self.version is Version.V3_0 or not action_type.endswith("ZoneSet")):
+                status, problem = self.storage.act(action, now)
+                if problem is not None:
+                    self._complaints.add(*problem, actionId=action.action_id)
             case _:
                 status = ActionStatus.FAILED
-                self._complain(Problem.INVALID_INSTANT_ACTION, f"{action.action_type} is not supported", actionId=action.action_id)
-        self._instant[action.action_id] = ActionState(action_id=action.action_id, action_type=action.action_type, action_status=status)
+                self._complaints.add(Problem.INVALID_INSTANT_ACTION, f"{action.action_type} is not supported", actionId=action.action_id)
+        self._instant.note(action, status, until)
 
-    def _cancel(self, action: Action) -> ActionStatus:
+    def _cancel(self, action: Action) -> tuple[ActionStatus, Until | None]:
         """3.0, 6.1.3; 2.1, 6.6.3."""
         named = action.parameter("orderId")
         current = self.progress.order
         if self.progress.is_idle or (named is not None and current is not None and named != current.order_id):
-            self._complain(Problem.NO_ORDER, "there is no such order", actionId=action.action_id)
-            return ActionStatus.FAILED
+            self._complaints.add(Problem.NO_ORDER, "there is no such order", actionId=action.action_id)
+            return ActionStatus.FAILED, None
         self.progress.clear()
+        self.zones.clear()
         if self._habits.rolls_on:
-            return ActionStatus.FINISHED
+            return ActionStatus.FINISHED, None
         self._begin(Rest())
-        self._cancelling.append(action.action_id)
-        return ActionStatus.RUNNING
+        return ActionStatus.RUNNING, Until.DOES_NOTHING
 
     # The body.
 
     def _feel(self, sensed: Sensed, now: float) -> None:
-        if sensed.fault != (self._sensed.fault if self._sensed is not None else None):
-            self._note_fault(sensed.fault)
+        earlier = self._sensed if self._sensed is not None else sensed
+        self._complaints.note_fault(sensed.fault)
         self._sensed = sensed
         if sensed.map_id is not None and sensed.map_id != self.map_id:
             self.map_id = sensed.map_id
-            self._arrive_by_lift(sensed)
-        self._see_nodes(sensed)
+            self.progress.arrive_by_lift(self.map_id, (sensed.x, sensed.y))
+        if isinstance(self._busy, Drive):
+            self.progress.pass_nodes(self.map_id, (sensed.x, sensed.y), (earlier.x, earlier.y))
         if self._busy is not None and sensed.finished == self._number:
             self._end_command(self._busy, sensed.failure, now)
         if not sensed.is_moving and not isinstance(self._busy, Drive):
-            self._finish(self._pausing)
-        if not sensed.is_moving and (self._busy is None or isinstance(self._busy, Rest)):
-            self._finish(self._cancelling)
+            self._instant.has_come(Until.STANDS)
+            if self._busy is None or isinstance(self._busy, Rest):
+                self._instant.has_come(Until.DOES_NOTHING)
         if not sensed.is_charging:
-            self._finish(self._disconnecting)
+            self._instant.has_come(Until.IS_DISCONNECTED)
+        for action_id, status in self.storage.ended_downloads(now):
+            self._instant.end(action_id, status)
+        self._look_at_zones(sensed, now)
 
-    def _note_fault(self, fault: str | None) -> None:
-        """The body cannot move any more, or can again."""
-        self._own_errors = [error for error in self._own_errors if error.error_type != DRIVE_ERROR]
-        if fault is not None:
-            self._own_errors.append(VehicleError(error_type=DRIVE_ERROR, error_level=ErrorLevel.FATAL, error_description=fault))
-
-    def _finish(self, action_ids: list[str]) -> None:
-        """The instant actions of these ids have come to their end."""
-        for action_id in action_ids:
-            self._instant[action_id] = msgspec.structs.replace(self._instant[action_id], action_status=ActionStatus.FINISHED)
-        action_ids.clear()
-
-    def _see_nodes(self, sensed: Sensed) -> None:
-        """Traverse the nodes that are passed on the way; where the vehicle has to stop, it comes to the end of its leg at first."""
-        nodes, _ = self.progress.leg(self.map_id)
-        place, earlier = (sensed.x, sensed.y), self._place
-        self._place = place
-        while isinstance(self._busy, Drive) and len(nodes) > 1 and has_come(nodes, place, earlier or place):
-            self.progress.traverse()
-            del nodes[0]
-
-    def _arrive_by_lift(self, sensed: Sensed) -> None:
-        """The vehicle leaves the map of a floor, and is at the node of the lift on the map of another one (3.0, 7.3)."""
-        node = self.progress.nodes[0] if self.progress.nodes else None
-        position = node.node_position if node is not None and node.released else None
-        if position is None or position.map_id != self.map_id:
-            return
-        if math.hypot(position.x - sensed.x, position.y - sensed.y) <= TOLERANCE:
-            self.progress.traverse()
+    def _look_at_zones(self, sensed: Sensed, now: float) -> None:
+        """Zones count in modes in which the vehicle drives by itself."""
+        if self.mode in ORDERS_ALLOWED and self.mode is not OperatingMode.INTERVENED:
+            content, progress = self.storage.enabled_zones(self.map_id), self.progress
+            self.zones.look(content, self.map_id, (sensed.x, sensed.y), progress.nodes, progress.edges, now)
+            self._complaints.note_zones(self.zones.errors())
 
     def _end_command(self, command: Command, failure: str | None, now: float) -> None:
         self._busy, action_id = None, self._busy_action
@@ -286,13 +266,13 @@ class SimulatedVehicle:
         match command:
             case Drive() if failure is not None:
                 self._blocked_at = now
-                self._complain(Problem.BLOCKED, failure)
+                self._complaints.add(Problem.BLOCKED, failure)
             case Drive(points=points):
                 nodes, _ = self.progress.leg(self.map_id)
                 position = nodes[0].node_position if nodes else None
                 if position is not None and math.dist((position.x, position.y), points[-1]) < 1e-6:
                     self.progress.traverse()
-                self._complaints = [error for error in self._complaints if error.error_type.lower() != "blocked"]
+                self._complaints.forget(Problem.BLOCKED)
             case Pick(load=load) if failure is None:
                 self._load = load
             case Drop() if failure is None:
@@ -302,7 +282,7 @@ class SimulatedVehicle:
         if action_id is not None:
             self.progress.set_status(action_id, ActionStatus.FAILED if failure is not None else ActionStatus.FINISHED, failure)
             if failure is not None:
-                self._complain(Problem.ACTION_FAILED, failure, actionId=action_id)
+                self._complaints.add(Problem.ACTION_FAILED, failure, actionId=action_id)
 
     def _begin(self, command: Command, action_id: str | None = None) -> None:
         self._number += 1
@@ -316,14 +296,14 @@ class SimulatedVehicle:
     def _work(self, now: float) -> None:
         """Begin what can begin: actions first, then driving."""
         stopped = self._paused or self.mode not in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC)
-        if stopped or self._has_error(ErrorLevel.FATAL, ErrorLevel.CRITICAL):
+        if stopped or self._complaints.has(ErrorLevel.FATAL, ErrorLevel.CRITICAL):
             self._halt_driving()
             return
-        if self.progress.must_stand():
+        if self.progress.must_stand() or self.zones.is_closed:
             self._halt_driving()
         for action in self.progress.startable():
             self._start(action)
-        if not self.progress.must_stand() and not self._cancelling:
+        if not self.progress.must_stand() and not self._instant.is_waiting(Until.DOES_NOTHING):
             self._drive(now)
 
     def _start(self, action: Action) -> None:
@@ -349,6 +329,10 @@ class SimulatedVehicle:
 
     def _drive(self, now: float) -> None:
         nodes, edges = self.progress.leg(self.map_id)
+        nodes, edges = nodes[: self.zones.open_nodes()], edges[: self.zones.open_nodes()]
+        if nodes and (obstacle := self.zones.obstacle()) is not None:
+            self._complaints.add(Problem.UNREACHABLE, obstacle, nodeId=nodes[0].node_id)
+            return
         if not nodes or (self._busy is not None and not isinstance(self._busy, Drive | Charge)):
             return
         if self._blocked_at is not None and now < self._blocked_at + RETRY:
@@ -357,7 +341,9 @@ class SimulatedVehicle:
         points = tuple((node.node_position.x, node.node_position.y) for node in nodes if node.node_position is not None)
         backward = edges[0].orientation is not None and abs(edges[0].orientation) > math.pi / 2
         yaw = nodes[-1].node_position.theta if nodes[-1].node_position is not None else None
-        command = Drive(points=points, map_id=self.map_id, speed=edges[0].maximum_speed, backward=backward, yaw=yaw)
+        limit = min(edges[0].maximum_speed or math.inf, self.zones.speed_limit(len(nodes)))
+        speed = limit if math.isfinite(limit) else None
+        command = Drive(points=points, map_id=self.map_id, speed=speed, backward=backward, yaw=yaw)
         if isinstance(self._busy, Drive) and self._busy.points[-1:] == points[-1:]:
             return
         for action in edges[0].actions:
@@ -397,14 +383,16 @@ class SimulatedVehicle:
             paused=self._paused,
             new_base_request=len(edges) == 1 and any(not node.released for node in progress.nodes),
             action_states=tuple(progress.states.values()),
-            instant_action_states=tuple(self._instant.values()),
+            instant_action_states=tuple(self._instant.states.values()),
             power_supply=PowerSupply(state_of_charge=round(sensed.charge, 1), charging=sensed.is_charging),
             operating_mode=self.mode,
-            errors=(*self._own_errors, *self._complaints),
+            errors=self._complaints.errors,
             safety_state=SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False),
             mobile_robot_position=Position(x=sensed.x, y=sensed.y, theta=sensed.yaw, map_id=self.map_id, localized=True),
             loads=(Load(load_id=self._load),) if self._load is not None else (),
-            maps=tuple(StoredMap(map_id=map_id, map_version="1", map_status=MapStatus.ENABLED) for map_id in sorted(self._maps)),
+            maps=tuple(self.storage.maps),
+            zone_sets=tuple(self.storage.zone_sets) if self.version is Version.V3_0 else None,
+            zone_requests=self.zones.requests if self.version is Version.V3_0 else None,
         )
 
 

@@ -1,0 +1,146 @@
+"""Requests of a vehicle for zones and corridors (3.0, 6.4.3 and 6.9): what traffic has granted is what it gets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from somrs.adapters.vda5050.control.exchange import Refused, Send
+from somrs.adapters.vda5050.control.listener import Listener
+from somrs.adapters.vda5050.control.outbox import RESEND, Outbox
+from somrs.adapters.vda5050.messages.header import Topic, timestamp_of
+from somrs.adapters.vda5050.messages.orders import GrantType, Response, Responses, Zone, ZoneSetContent, ZoneType
+from somrs.adapters.vda5050.messages.states import EdgeRequest, RequestStatus, State, ZoneRequest
+from somrs.adapters.vda5050.shapes import Point, comes_near, curve_points, distance_to_line, points_along
+from somrs.devices.road_robot import Way
+
+LEASE = 30.0
+"""Seconds for which something is granted; it is renewed when half of them are over."""
+
+REMINDER = 30.0
+"""Seconds after which a vehicle that still asks is told again that it has to wait, or that it gets nothing."""
+
+STRAY = 0.15
+"""How far from its granted way a path may lead that the vehicle plans, m."""
+
+
+@dataclass(kw_only=True)
+class Answer:
+    """What was answered, and until when it holds; `sending_time`: when it was said last."""
+
+    grant_type: GrantType
+    sending_time: float
+    expiry: float = 0.0
+
+
+class Requests:
+    """`zone_sets`: those that the vehicle was given, by id."""
+
+    def __init__(self, vehicle: Listener, outbox: Outbox) -> None:
+        self._vehicle, self._outbox = vehicle, outbox
+        self.zone_sets: dict[str, ZoneSetContent] = {}
+        self._answers: dict[str, Answer] = {}
+        self._told: set[str] = set()
+
+    def answer(self, state: State, way: Way, now: float) -> None:
+        """Say what has not been said. `way`: what traffic has granted and planned."""
+        requests: list[ZoneRequest | EdgeRequest] = [*(state.zone_requests or ()), *(state.edge_requests or ())]
+        self._answers = {
+            request.request_id: self._answers[request.request_id] for request in requests if request.request_id in self._answers
+        }
+        responses = []
+        for request in requests:
+            if request.request_status in (RequestStatus.REVOKED, RequestStatus.EXPIRED):
+                self._answers.pop(request.request_id, None)  # it makes another request to go on
+                continue
+            grant_type, reason = self._decision(request, way)
+            previous = self._answers.get(request.request_id)
+            if self._is_to_be_revoked(request, previous, grant_type):
+                grant_type = GrantType.REVOKED
+            elif grant_type is GrantType.REJECTED and reason not in self._told:
+                self._told.add(reason)
+                self._outbox.add(Refused(description=reason))
+            if self._is_due(previous, grant_type, request, now):
+                responses.append(self._response(request.request_id, grant_type, now))
+        if responses:
+            self._outbox.add(Send(topic=Topic.RESPONSES, message=Responses(responses=tuple(responses))))
+
+    def _is_to_be_revoked(self, request: ZoneRequest | EdgeRequest, previous: Answer | None, grant_type: GrantType) -> bool:
+        """Whether the vehicle has what it gets no longer. What was revoked once is not granted again."""
+        if previous is not None and previous.grant_type is GrantType.REVOKED:
+            return True
+        is_granted = request.request_status is RequestStatus.GRANTED or (previous is not None and previous.grant_type is GrantType.GRANTED)
+        return is_granted and grant_type is not GrantType.GRANTED
+
+    def _is_due(self, previous: Answer | None, grant_type: GrantType, request: ZoneRequest | EdgeRequest, now: float) -> bool:
+        if previous is None or previous.grant_type is not grant_type:
+            return True
+        silence = now - previous.sending_time
+        match grant_type:
+            case GrantType.GRANTED:
+                is_unseen = request.request_status is RequestStatus.REQUESTED and silence >= RESEND
+                return is_unseen or now >= previous.expiry - LEASE / 2
+            case GrantType.REVOKED:
+                return silence >= RESEND
+            case _:
+                return silence >= REMINDER
+
+    def _response(self, request_id: str, grant_type: GrantType, now: float) -> Response:
+        """The lease is over at a time of the vehicle's clock, which may be another one than that of this program."""
+        is_granted = grant_type is GrantType.GRANTED
+        self._answers[request_id] = Answer(grant_type=grant_type, sending_time=now, expiry=now + LEASE)
+        expiry = timestamp_of(now + LEASE + self._vehicle.clock_lead) if is_granted else None
+        return Response(request_id=request_id, grant_type=grant_type, lease_expiry=expiry)
+
+    def _decision(self, request: ZoneRequest | EdgeRequest, way: Way) -> tuple[GrantType, str]:
+        """What a request gets, and why if it gets nothing."""
+        if isinstance(request, EdgeRequest):
+            return GrantType.REJECTED, f"asks to leave the line of {request.edge_id}: fleet control gives no corridors"
+        name = f"{request.zone_id} of {request.zone_set_id}"
+        zone_set = self.zone_sets.get(request.zone_set_id)
+        zone = next((zone for zone in zone_set.zones if zone.zone_id == request.zone_id), None) if zone_set is not None else None
+        if zone_set is None or zone is None:
+            return GrantType.REJECTED, f"asks for the zone {name}, which fleet control has not made"
+        granted, planned = self._lines(zone_set.map_id, way)
+        if request.request_type == "REPLANNING":
+            return self._path_decision(request, zone, granted, planned)
+        if zone.zone_type != ZoneType.RELEASE:
+            return GrantType.REJECTED, f"asks for access to the zone {name}, which is {zone.zone_type}"
+        outline, reach = [(vertex.x, vertex.y) for vertex in zone.vertices], self._vehicle.reach
+        if comes_near(granted, outline, reach):
+            return GrantType.GRANTED, ""
+        if comes_near(planned, outline, reach):
+            return GrantType.QUEUED, ""
+        return GrantType.REJECTED, f"asks for the zone {name}, which is not on its way"
+
+    def _path_decision(self, request: ZoneRequest, zone: Zone, granted: list[Point], planned: list[Point]) -> tuple[GrantType, str]:
+        name = f"{request.zone_id} of {request.zone_set_id}"
+        if zone.zone_type != ZoneType.COORDINATED_REPLANNING:
+            return GrantType.REJECTED, f"asks for a path through the zone {name}, which is {zone.zone_type}"
+        if request.trajectory is None:
+            return GrantType.REJECTED, f"asks for a path through the zone {name}, and does not say which"
+        try:
+            path = curve_points(request.trajectory)
+        except ValueError as error:
+            return GrantType.REJECTED, f"asks for a path through the zone {name}: {error}"
+        if all(distance_to_line(point, granted) <= STRAY for point in points_along(path)):
+            return GrantType.GRANTED, ""
+        if all(distance_to_line(point, [*granted, *planned]) <= STRAY for point in points_along(path)):
+            return GrantType.QUEUED, ""
+        return GrantType.REJECTED, f"asks for a path through the zone {name} that leaves its way"
+
+    def _lines(self, map_id: str, way: Way) -> tuple[list[Point], list[Point]]:
+        """The lines on a map of the vehicle that traffic has granted, from where the vehicle is, and those that are planned after them."""
+        vehicle, granted, planned = self._vehicle, list[Point](), list[Point]()
+        if vehicle.pose is not None and vehicle.map_id == map_id:
+            granted.append(vehicle.frames.frame(map_id).from_site(vehicle.pose.x, vehicle.pose.y))
+        for waypoint in way:
+            frame = vehicle.frames.frame_at(waypoint.level, vehicle.map_id)
+            if frame.map_id != map_id:
+                continue
+            point = frame.from_site(waypoint.x, waypoint.y)
+            if waypoint.released:
+                granted.append(point)
+            else:
+                planned = planned or granted[-1:]
+                planned.append(point)
+        return granted, planned

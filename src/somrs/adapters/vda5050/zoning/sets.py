@@ -1,0 +1,67 @@
+"""The zone set that a vehicle is to have on one of its maps."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+
+import msgspec
+
+from somrs.adapters.vda5050.frames import Frame
+from somrs.adapters.vda5050.messages.factsheets import Factsheet
+from somrs.adapters.vda5050.messages.orders import Vertex, Zone, ZoneSetContent, ZoneType, plain_id
+from somrs.adapters.vda5050.zoning.site import SiteZone
+from somrs.space.shafts import SAME_FLOOR
+
+OWN = "somrs-"
+"""How the ids of all zone sets begin that are made here."""
+
+IMPORTANCE = [
+    ZoneType.BLOCKED, ZoneType.RELEASE, ZoneType.LINE_GUIDED, ZoneType.COORDINATED_REPLANNING, ZoneType.SPEED_LIMIT, ZoneType.DIRECTED,
+]  # fmt: skip
+"""Which zones come first: a vehicle may not be able to take all."""
+
+CENTIMETRES = 2
+
+
+def zone_set(frame: Frame, zones: Sequence[SiteZone], factsheet: Factsheet) -> ZoneSetContent:
+    """The zones of the types that a vehicle supports. The same zones have the same id, and others another one (3.0, 6.4.2)."""
+    on_floor = [zone for zone in zones if frame.level is None or abs(zone.level - frame.level) < SAME_FLOOR]
+    written = [_written(zone, zone_type, frame) for zone in on_floor if (zone_type := _type_for(zone, factsheet)) is not None]
+    written.sort(key=lambda zone: (IMPORTANCE.index(ZoneType(zone.zone_type)), zone.zone_id))
+    unique = [*{zone.zone_id: zone for zone in reversed(written)}.values()][::-1]
+    kept = tuple(unique[: factsheet.protocol_limits.maximum_array_lengths.zone_set_zones or None])
+    digest = hashlib.sha256(msgspec.json.encode([frame.map_id, kept])).hexdigest()[:12]
+    return ZoneSetContent(map_id=frame.map_id, zone_set_id=f"{OWN}{plain_id(frame.map_id)}-{digest}", zones=kept)
+
+
+def _type_for(zone: SiteZone, factsheet: Factsheet) -> ZoneType | None:
+    """The type that a zone has for a vehicle; None if it is of no use for it.
+
+    A vehicle that finds paths of its own keeps to the lines that it is given, or asks before it plans another path.
+    """
+    specification = factsheet.type_specification
+    supported = specification.supported_zones or ()
+    if zone.zone_type is not ZoneType.LINE_GUIDED:
+        return zone.zone_type if zone.zone_type in supported else None
+    if specification.navigation_types[:1] != ("FREELY_NAVIGATING",):
+        return None
+    if ZoneType.LINE_GUIDED in supported and factsheet.takes("edges.trajectory"):
+        return ZoneType.LINE_GUIDED
+    return ZoneType.COORDINATED_REPLANNING if ZoneType.COORDINATED_REPLANNING in supported else None
+
+
+def _written(zone: SiteZone, zone_type: ZoneType, frame: Frame) -> Zone:
+    corners = [frame.from_site(*corner) for corner in zone.outline]
+    direction = zone.direction
+    return Zone(
+        zone_id=plain_id(zone.name),
+        zone_type=zone_type.value,
+        zone_descriptor=zone.name,
+        vertices=tuple(Vertex(x=round(x, CENTIMETRES), y=round(y, CENTIMETRES)) for x, y in corners),
+        maximum_speed=zone.maximum_speed,
+        release_loss_behavior="CONTINUE" if zone_type is ZoneType.RELEASE else None,
+        direction=round(math.remainder(direction - frame.yaw, math.tau), 4) if direction is not None else None,
+        directed_limitation="RESTRICTED" if zone_type is ZoneType.DIRECTED else None,
+    )
