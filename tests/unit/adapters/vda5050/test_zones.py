@@ -18,7 +18,7 @@ from somrs.adapters.vda5050.messages.orders import ControlPoint, GrantType, Resp
 from somrs.adapters.vda5050.messages.states import MapStatus, RequestStatus, ZoneRequest
 from somrs.adapters.vda5050.shapes import comes_near, counterclockwise, curve_points, distance, overlap
 from somrs.adapters.vda5050.simulated.factsheet import factsheet
-from somrs.adapters.vda5050.simulated.zones import SUPPORTED, Asked
+from somrs.adapters.vda5050.simulated.zones import SUPPORTED, PendingRequest
 from somrs.adapters.vda5050.zoning.sets import zone_set
 from somrs.adapters.vda5050.zoning.site import SiteZone, ZoneCatalogue, site_zones
 from somrs.ontology.files.loading import upper
@@ -216,7 +216,7 @@ def test_a_path_that_leaves_the_granted_way_is_refused_once() -> None:
             trajectory=Trajectory(degree=2, knot_vector=(0.0, 0.0, 0.0, 1.0, 1.0, 1.0), control_points=detour),
         )
         pair.follow("A", "B", "C", "D")
-        pair.vehicle.zones.asked = [Asked(request=request, covers=frozenset({2, 4, 6, 8}))]
+        pair.vehicle.zones.pending = [PendingRequest(request=request, covers=frozenset({2, 4, 6, 8}))]
         pair.run(0.3)
     assert set(answers(pair)) == {GrantType.REJECTED}
     assert [effect.description for effect in pair.effects if isinstance(effect, Refused)] == [

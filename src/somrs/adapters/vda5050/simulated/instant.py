@@ -10,7 +10,7 @@ from somrs.adapters.vda5050.messages.orders import Action
 from somrs.adapters.vda5050.messages.states import ActionState, ActionStatus
 
 
-class Until(Enum):
+class Ending(Enum):
     """What ends an instant action that is running."""
 
     STANDS = auto()
@@ -26,23 +26,23 @@ class InstantLog:
 
     def __init__(self) -> None:
         self.states: dict[str, ActionState] = {}
-        self._running: dict[str, Until] = {}
+        self._running: dict[str, Ending] = {}
 
-    def note(self, action: Action, status: ActionStatus, until: Until | None = None) -> None:
-        """Note an action. `until`: what ends it, if it is running."""
+    def note(self, action: Action, status: ActionStatus, ending: Ending | None = None) -> None:
+        """Note an action. `ending`: what ends it, if it is running."""
         self.states[action.action_id] = ActionState(action_id=action.action_id, action_type=action.action_type, action_status=status)
-        if until is not None:
-            self._running[action.action_id] = until
+        if ending is not None:
+            self._running[action.action_id] = ending
 
     def end(self, action_id: str, status: ActionStatus) -> None:
         self.states[action_id] = msgspec.structs.replace(self.states[action_id], action_status=status)
 
-    def is_waiting(self, until: Until) -> bool:
-        return until in self._running.values()
+    def is_waiting(self, ending: Ending) -> bool:
+        return ending in self._running.values()
 
-    def has_come(self, until: Until) -> None:
+    def has_come(self, ending: Ending) -> None:
         """What ends some actions is so."""
-        for action_id in [action_id for action_id, awaited in self._running.items() if awaited is until]:
+        for action_id in [action_id for action_id, awaited in self._running.items() if awaited is ending]:
             del self._running[action_id]
             self.end(action_id, ActionStatus.FINISHED)
 

@@ -48,7 +48,7 @@ from somrs.adapters.vda5050.simulated.exchange import (
     Switched,
     Zoned,
 )
-from somrs.adapters.vda5050.simulated.instant import InstantLog, Until
+from somrs.adapters.vda5050.simulated.instant import Ending, InstantLog
 from somrs.adapters.vda5050.simulated.problems import Problem
 from somrs.adapters.vda5050.simulated.progress import Progress
 from somrs.adapters.vda5050.simulated.storage import Storage
@@ -151,7 +151,7 @@ class SimulatedVehicle:
             version=self.version,
             order=self.progress.order,
             decision_point=self.progress.decision_point,
-            is_idle=self.progress.is_idle and not self._instant.is_waiting(Until.DOES_NOTHING),
+            is_idle=self.progress.is_idle and not self._instant.is_waiting(Ending.DOES_NOTHING),
             is_cancelled=self.progress.is_cancelled,
             is_available=self.mode in ORDERS_ALLOWED and not self._complaints.has(ErrorLevel.FATAL),
             x=sensed.x if sensed is not None else 0.0,
@@ -182,15 +182,15 @@ class SimulatedVehicle:
             self._complaints.add(Problem.INVALID_INSTANT_ACTION, f"the vehicle is in the mode {self.mode}", actionId=action.action_id)
             self._instant.note(action, ActionStatus.FAILED)
             return
-        status, until = ActionStatus.FINISHED, None
+        status, ending = ActionStatus.FINISHED, None
         match action.action_type:
             case "cancelOrder":
                 if self._habits.ignores_cancel:
                     return
-                status, until = self._cancel(action)
+                status, ending = self._cancel(action)
             case "startPause":
                 self._paused = True
-                status, until = ActionStatus.RUNNING, Until.STANDS
+                status, ending = ActionStatus.RUNNING, Ending.STANDS
             case "stopPause":
                 self._paused = False
             case "stateRequest":
@@ -199,7 +199,7 @@ class SimulatedVehicle:
                 self._effects.append(Publish(topic=Topic.FACTSHEET, message=self._factsheet))
             case "stopCharging":
                 self._begin(Rest())
-                status, until = ActionStatus.RUNNING, Until.IS_DISCONNECTED
+                status, ending = ActionStatus.RUNNING, Ending.IS_DISCONNECTED
             case "trigger":
                 self.progress.trigger()
             case "initializePosition":
@@ -214,9 +214,9 @@ class SimulatedVehicle:
             case _:
                 status = ActionStatus.FAILED
                 self._complaints.add(Problem.INVALID_INSTANT_ACTION, f"{action.action_type} is not supported", actionId=action.action_id)
-        self._instant.note(action, status, until)
+        self._instant.note(action, status, ending)
 
-    def _cancel(self, action: Action) -> tuple[ActionStatus, Until | None]:
+    def _cancel(self, action: Action) -> tuple[ActionStatus, Ending | None]:
         """3.0, 6.1.3; 2.1, 6.6.3."""
         named = action.parameter("orderId")
         current = self.progress.order
@@ -228,7 +228,7 @@ class SimulatedVehicle:
         if self._habits.rolls_on:
             return ActionStatus.FINISHED, None
         self._begin(Rest())
-        return ActionStatus.RUNNING, Until.DOES_NOTHING
+        return ActionStatus.RUNNING, Ending.DOES_NOTHING
 
     # The body.
 
@@ -244,11 +244,11 @@ class SimulatedVehicle:
         if self._busy is not None and sensed.finished == self._number:
             self._end_command(self._busy, sensed.failure, now)
         if not sensed.is_moving and not isinstance(self._busy, Drive):
-            self._instant.has_come(Until.STANDS)
+            self._instant.has_come(Ending.STANDS)
             if self._busy is None or isinstance(self._busy, Rest):
-                self._instant.has_come(Until.DOES_NOTHING)
+                self._instant.has_come(Ending.DOES_NOTHING)
         if not sensed.is_charging:
-            self._instant.has_come(Until.IS_DISCONNECTED)
+            self._instant.has_come(Ending.IS_DISCONNECTED)
         for action_id, status in self.storage.ended_downloads(now):
             self._instant.end(action_id, status)
         self._look_at_zones(sensed, now)
@@ -303,7 +303,7 @@ class SimulatedVehicle:
             self._halt_driving()
         for action in self.progress.startable():
             self._start(action)
-        if not self.progress.must_stand() and not self._instant.is_waiting(Until.DOES_NOTHING):
+        if not self.progress.must_stand() and not self._instant.is_waiting(Ending.DOES_NOTHING):
             self._drive(now)
 
     def _start(self, action: Action) -> None:

@@ -45,7 +45,7 @@ class Stretch(Struct, frozen=True, kw_only=True):
 
 
 @dataclass(kw_only=True)
-class Asked:
+class PendingRequest:
     """A request, and how it was answered. `covers`: the sequence ids of the nodes to which the path of a request leads."""
 
     request: ZoneRequest
@@ -58,7 +58,7 @@ class ZoneGuard:
     """`contour`: how far the vehicle extends around its middle, in metres."""
 
     contour: float
-    asked: list[Asked] = field(default_factory=list)
+    pending: list[PendingRequest] = field(default_factory=list)
     _zones: ZoneSetContent | None = None
     _position: Point = (0.0, 0.0)
     _stretches: tuple[Stretch, ...] = ()
@@ -68,7 +68,7 @@ class ZoneGuard:
 
     @property
     def requests(self) -> tuple[ZoneRequest, ...]:
-        return tuple(asked.request for asked in self.asked)
+        return tuple(pending.request for pending in self.pending)
 
     def look(
         self, zones: ZoneSetContent | None, map_id: str, position: Point, nodes: Sequence[Node], edges: Sequence[Edge], now: float
@@ -80,32 +80,32 @@ class ZoneGuard:
         if key != self._key:
             self._key, self._zones, self._refused = key, zones, set()
             self._stretches = tuple(self._lay_out(map_id, nodes, edges))
-        for asked in self.asked:
-            if asked.request.request_status is RequestStatus.GRANTED and now > asked.expiry:
-                asked.request = msgspec.structs.replace(asked.request, request_status=RequestStatus.EXPIRED)
-        self.asked = [asked for asked in self.asked if self._is_of_use(asked)]
+        for pending in self.pending:
+            if pending.request.request_status is RequestStatus.GRANTED and now > pending.expiry:
+                pending.request = msgspec.structs.replace(pending.request, request_status=RequestStatus.EXPIRED)
+        self.pending = [pending for pending in self.pending if self._is_of_use(pending)]
         self._ask_for_access()
         self._ask_for_path()
 
     def respond(self, responses: Responses) -> None:
         """Take in what fleet control answers."""
         for response in responses.responses:
-            asked = next((asked for asked in self.asked if asked.request.request_id == response.request_id), None)
-            if asked is None:
+            pending = next((pending for pending in self.pending if pending.request.request_id == response.request_id), None)
+            if pending is None:
                 continue
             match response.grant_type:
-                case GrantType.GRANTED if asked.request.request_status in (RequestStatus.REQUESTED, RequestStatus.GRANTED):
-                    asked.request = msgspec.structs.replace(asked.request, request_status=RequestStatus.GRANTED)
-                    asked.expiry = (seconds_of(response.lease_expiry) if response.lease_expiry else None) or math.inf
-                case GrantType.REVOKED if self._is_inside(asked.request.zone_id):
-                    asked.request = msgspec.structs.replace(asked.request, request_status=RequestStatus.REVOKED)
+                case GrantType.GRANTED if pending.request.request_status in (RequestStatus.REQUESTED, RequestStatus.GRANTED):
+                    pending.request = msgspec.structs.replace(pending.request, request_status=RequestStatus.GRANTED)
+                    pending.expiry = (seconds_of(response.lease_expiry) if response.lease_expiry else None) or math.inf
+                case GrantType.REVOKED if self._is_inside(pending.request.zone_id):
+                    pending.request = msgspec.structs.replace(pending.request, request_status=RequestStatus.REVOKED)
                 case GrantType.REJECTED | GrantType.REVOKED:
-                    self.asked.remove(asked)
-                    self._refused.add(asked.request.zone_id)
+                    self.pending.remove(pending)
+                    self._refused.add(pending.request.zone_id)
 
     def clear(self) -> None:
         """Drop all requests: the order was cleared, or somebody drives by hand (3.0, 6.6.7)."""
-        self.asked = []
+        self.pending = []
 
     def errors(self) -> list[tuple[Problem, str]]:
         """What is wrong about where the vehicle is."""
@@ -166,7 +166,7 @@ class ZoneGuard:
 
     def _has_lost(self, zone: Zone) -> bool:
         lost = (RequestStatus.EXPIRED, RequestStatus.REVOKED)
-        is_lost = any(asked.request.zone_id == zone.zone_id and asked.request.request_status in lost for asked in self.asked)
+        is_lost = any(pending.request.zone_id == zone.zone_id and pending.request.request_status in lost for pending in self.pending)
         return is_lost and self._is_inside(zone.zone_id)
 
     def _is_against(self, stretch: Stretch, zone: Zone) -> bool:
@@ -176,36 +176,36 @@ class ZoneGuard:
     def _is_open(self, zone: Zone, stretch: Stretch) -> bool:
         if zone.zone_type not in (ZoneType.RELEASE, ZoneType.COORDINATED_REPLANNING):
             return True
-        granted = [asked for asked in self.asked if asked.request.zone_id == zone.zone_id and _is_granted(asked)]
+        granted = [pending for pending in self.pending if pending.request.zone_id == zone.zone_id and _is_granted(pending)]
         if zone.zone_type == ZoneType.RELEASE:
             may_go_on = zone.release_loss_behavior == "CONTINUE" and self._is_inside(zone.zone_id)
             return bool(granted) or may_go_on
-        return any(stretch.node.sequence_id in asked.covers for asked in granted)
+        return any(stretch.node.sequence_id in pending.covers for pending in granted)
 
-    def _is_of_use(self, asked: Asked) -> bool:
-        zone_id = asked.request.zone_id
-        if self._zones is None or asked.request.zone_set_id != self._zones.zone_set_id:
+    def _is_of_use(self, pending: PendingRequest) -> bool:
+        zone_id = pending.request.zone_id
+        if self._zones is None or pending.request.zone_set_id != self._zones.zone_set_id:
             return False
         ahead = [stretch for stretch in self._stretches if any(zone.zone_id == zone_id for zone in stretch.zones)]
-        if asked.covers:
-            has_newer = any(item is not asked and item.covers > asked.covers and _is_granted(item) for item in self.asked)
-            return not has_newer and any(stretch.node.sequence_id in asked.covers for stretch in ahead)
-        is_lost = asked.request.request_status in (RequestStatus.EXPIRED, RequestStatus.REVOKED)
+        if pending.covers:
+            has_newer = any(item is not pending and item.covers > pending.covers and _is_granted(item) for item in self.pending)
+            return not has_newer and any(stretch.node.sequence_id in pending.covers for stretch in ahead)
+        is_lost = pending.request.request_status in (RequestStatus.EXPIRED, RequestStatus.REVOKED)
         return self._is_inside(zone_id) or (bool(ahead) and not is_lost)
 
     def _ask_for_access(self) -> None:
         for zone_id in dict.fromkeys(
             zone.zone_id for stretch in self._stretches for zone in stretch.zones if zone.zone_type == ZoneType.RELEASE
         ):
-            if zone_id not in self._refused and all(asked.request.zone_id != zone_id for asked in self.asked):
-                self.asked.append(Asked(request=self._request(zone_id, "ACCESS")))
+            if zone_id not in self._refused and all(pending.request.zone_id != zone_id for pending in self.pending):
+                self.pending.append(PendingRequest(request=self._request(zone_id, "ACCESS")))
 
     def _ask_for_path(self) -> None:
         """Ask for the whole base, whenever it has grown."""
         zones = {zone.zone_id for stretch in self._stretches for zone in stretch.zones if zone.zone_type == ZoneType.COORDINATED_REPLANNING}
         covers = frozenset(stretch.node.sequence_id for stretch in self._stretches)
         for zone_id in sorted(zones - self._refused):
-            if any(asked.request.zone_id == zone_id and asked.covers >= covers for asked in self.asked):
+            if any(pending.request.zone_id == zone_id and pending.covers >= covers for pending in self.pending):
                 continue
             points = [self._stretches[0].start, *(stretch.end for stretch in self._stretches)]
             path = Trajectory(
@@ -213,7 +213,7 @@ class ZoneGuard:
                 knot_vector=(0.0, *(index / (len(points) - 1) for index in range(len(points))), 1.0),
                 control_points=tuple(ControlPoint(x=x, y=y) for x, y in points),
             )
-            self.asked.append(Asked(request=self._request(zone_id, "REPLANNING", path), covers=covers))
+            self.pending.append(PendingRequest(request=self._request(zone_id, "REPLANNING", path), covers=covers))
 
     def _request(self, zone_id: str, request_type: str, trajectory: Trajectory | None = None) -> ZoneRequest:
         assert self._zones is not None, "requests are for zones of the enabled zone set"
@@ -227,8 +227,8 @@ class ZoneGuard:
         )
 
 
-def _is_granted(asked: Asked) -> bool:
-    return asked.request.request_status is RequestStatus.GRANTED
+def _is_granted(pending: PendingRequest) -> bool:
+    return pending.request.request_status is RequestStatus.GRANTED
 
 
 def _outline(zone: Zone) -> list[Point]:
