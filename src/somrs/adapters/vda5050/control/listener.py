@@ -19,11 +19,12 @@ from somrs.adapters.vda5050.control.exchange import (
     Warned,
 )
 from somrs.adapters.vda5050.control.headers import HeaderLog
-from somrs.adapters.vda5050.control.orders import OrderWriter
+from somrs.adapters.vda5050.control.orders import OPTIONAL, USEFUL, OrderWriter
 from somrs.adapters.vda5050.control.outbox import Outbox
 from somrs.adapters.vda5050.frames import Frames, Pose
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.header import Version, seconds_of
+from somrs.adapters.vda5050.messages.orders import BlockingType
 from somrs.adapters.vda5050.messages.states import (
     Connection,
     ConnectionState,
@@ -121,8 +122,21 @@ class Listener:
 
     def order_writer(self) -> OrderWriter:
         """Writes orders for the vehicle as it is now."""
-        draws_lines = self.factsheet is not None and self.factsheet.takes("edges.trajectory")
-        return OrderWriter(frames=self.frames, map_id=self.map_id, pose=self.pose, draws_lines=draws_lines)
+        return OrderWriter(frames=self.frames, map_id=self.map_id, pose=self.pose, parameters=self.optional_parameters)
+
+    @property
+    def optional_parameters(self) -> frozenset[str]:
+        """The optional parameters of orders that are sent to the vehicle. In 2.x, an empty list was not always meant."""
+        if self.factsheet is None or (self.version.major == 2 and not self.factsheet.protocol_features.optional_parameters):
+            return USEFUL
+        return frozenset(parameter for parameter in OPTIONAL if self.factsheet.takes(parameter))
+
+    def blocking_type(self, action_type: str) -> BlockingType:
+        """What an action of the vehicle excludes: everything, if the vehicle can do that."""
+        supported = self.factsheet.action(action_type) if self.factsheet is not None else None
+        words = supported.blocking_types if supported is not None else None
+        order = (BlockingType.HARD, BlockingType.SOFT, BlockingType.SINGLE, BlockingType.NONE)
+        return next((blocking for blocking in order if words and blocking.value in words), BlockingType.HARD)
 
     @property
     def reach(self) -> float:

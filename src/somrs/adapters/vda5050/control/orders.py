@@ -27,6 +27,13 @@ NEAR = 0.1
 """Distance in metres within which a vehicle stands at a waypoint."""
 
 
+USEFUL = frozenset({"theta", "allowedDeviationXY", "maximumSpeed", "orientation", "orientationType"})
+"""The optional parameters of orders that are sent to a vehicle that does not say which it takes."""
+
+OPTIONAL = USEFUL | {"trajectory"}
+"""The optional parameters that are sent to a vehicle that takes them. Positions of nodes are always sent: vehicles know no other places."""
+
+
 @dataclass(kw_only=True)
 class SentOrder:
     """An order as a vehicle has been told it.
@@ -71,12 +78,13 @@ def base_end(way: Way) -> Waypoint:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrderWriter:
     """Writes the nodes and edges of a vehicle. `map_id`: the map on which it is. `pose`: where it stands; None: not known.
-    `draws_lines`: edges have the straight line between their nodes as a trajectory, for vehicles that find paths of their own."""
+    `parameters`: the optional ones that it takes. With `trajectory`, edges have the straight line between their nodes, for vehicles that
+    find paths of their own."""
 
     frames: Frames
     map_id: str
     pose: Pose | None
-    draws_lines: bool = False
+    parameters: frozenset[str] = USEFUL
 
     def new_order(self, order_id: str, way: Way, actions: tuple[Action, ...] = ()) -> Order:
         """The order with the waypoints of a way. `actions`: at its first one."""
@@ -101,7 +109,8 @@ class OrderWriter:
         """`is_end`: the vehicle stops there, so that its heading matters."""
         frame = self.frames.frame_at(waypoint.level, self.map_id)
         x, y = frame.from_site(waypoint.x, waypoint.y)
-        theta = round(math.remainder(waypoint.yaw - frame.yaw, math.tau), 4) if is_end and waypoint.yaw is not None else None
+        yaw = waypoint.yaw if is_end and "theta" in self.parameters else None
+        theta = round(math.remainder(yaw - frame.yaw, math.tau), 4) if yaw is not None else None
         return Node(
             node_id=node_id(waypoint),
             sequence_id=2 * (waypoint.number - first),
@@ -111,12 +120,16 @@ class OrderWriter:
         )
 
     def _reaching_vehicle(self, waypoint: Waypoint, position: NodePosition | None) -> NodePosition | None:
-        """The position of a first node: the vehicle has to be within its deviation, or it rejects the order (3.0, 6.1.3.1)."""
+        """The position of a first node: the vehicle has to be within its deviation, or it rejects the order (3.0, 6.1.3.1). For one that
+        knows no deviations, the node is where it stands."""
         if self.pose is None or position is None:
             return position
         distance = math.hypot(self.pose.x - waypoint.x, self.pose.y - waypoint.y)
         if distance <= NEAR:
             return msgspec.structs.replace(position, theta=None)
+        if "allowedDeviationXY" not in self.parameters:
+            x, y = self.frames.frame(position.map_id).from_site(self.pose.x, self.pose.y)
+            return msgspec.structs.replace(position, theta=None, x=round(x, 4), y=round(y, 4))
         radius = math.ceil(10 * (1.2 * distance + NEAR)) / 10
         return msgspec.structs.replace(position, theta=None, allowed_deviation_xy=Deviation(a=radius, b=radius, theta=0.0))
 
@@ -124,7 +137,8 @@ class OrderWriter:
         return tuple(self._edge(start, end, first) for start, end in pairwise(way))
 
     def _edge(self, start: Waypoint, end: Waypoint, first: int) -> Edge:
-        orientation = {"Forward": 0.0, "Backward": 3.14159265}.get(end.travel or "")
+        turns = {"orientation", "orientationType"} <= self.parameters
+        orientation = {"Forward": 0.0, "Backward": 3.14159265}.get(end.travel or "") if turns else None
         return Edge(
             edge_id=f"{node_id(start)}-{node_id(end)}",
             sequence_id=2 * (end.number - first) - 1,
@@ -132,10 +146,10 @@ class OrderWriter:
             start_node_id=node_id(start),
             end_node_id=node_id(end),
             actions=(),
-            maximum_speed=end.speed_limit,
+            maximum_speed=end.speed_limit if "maximumSpeed" in self.parameters else None,
             orientation=orientation,
             orientation_type="TANGENTIAL" if orientation is not None else None,
-            trajectory=self._line(start, end) if self.draws_lines else None,
+            trajectory=self._line(start, end) if "trajectory" in self.parameters else None,
         )
 
     def _line(self, start: Waypoint, end: Waypoint) -> Trajectory | None:

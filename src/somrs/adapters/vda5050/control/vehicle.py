@@ -84,10 +84,10 @@ class VehicleControl:
                 self._outbox.add(ActionEnded(failure=self.vehicle.hindrance))
             case Perform(action_type=action_type, parameters=parameters):
                 self._driving.way = ()
-                self._job = Job(action=self._outbox.action(action_type, BlockingType.HARD, parameters))
+                self._job = Job(action=self._outbox.action(action_type, self.vehicle.blocking_type(action_type), parameters))
             case Charge():
                 self._driving.way = ()
-                self._job = Job(action=self._outbox.action("startCharging", BlockingType.HARD), charges=True)
+                self._job = Job(action=self._outbox.action("startCharging", self.vehicle.blocking_type("startCharging")), charges=True)
             case BuildingChanged(zones=zones):
                 self._zones = zones
             case Tick():

@@ -13,6 +13,7 @@ from somrs.adapters.vda5050.messages.factsheets import (
     Envelope,
     Factsheet,
     LoadSet,
+    OptionalParameter,
     PhysicalParameters,
     ProtocolFeatures,
     ProtocolLimits,
@@ -130,6 +131,7 @@ WORDS_IN_2: Mapping[tuple[type[Struct], str], Mapping[str, str]] = {
         "OMNIDIRECTIONAL": "OMNI",
         "THREE_WHEEL": "THREEWHEEL",
     },
+    (OptionalParameter, "parameter"): {"order.edges.maximumSpeed": "order.edges.maxSpeed"},
     (TypeSpecification, "navigationTypes"): {"FREELY_NAVIGATING": "AUTONOMOUS"},
 }
 """By struct and field of 3.0: words in open sets, in 3.0 and in 2.0 and 2.1."""

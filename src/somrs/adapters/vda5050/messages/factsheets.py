@@ -150,6 +150,6 @@ class Factsheet(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults
         return next((action for action in self.protocol_features.mobile_robot_actions if action.action_type == action_type), None)
 
     def takes(self, parameter: str) -> bool:
-        """Whether the vehicle takes an optional parameter, such as `edges.trajectory`; others are not to be sent (3.0, 7.1.1)."""
-        names = [supported.parameter for supported in self.protocol_features.optional_parameters]
-        return any(name == parameter or name.endswith(f".{parameter}") for name in names)
+        """Whether the vehicle takes an optional parameter, such as `trajectory`; others are not to be sent (3.0, 7.1.1). Vehicles differ in
+        how they write where it is."""
+        return any(supported.parameter.rpartition(".")[2] == parameter for supported in self.protocol_features.optional_parameters)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection
 from itertools import pairwise
 
+import msgspec
 from msgspec import Struct
 
 from somrs.adapters.vda5050.messages.header import Version
@@ -19,6 +20,8 @@ TOLERANCE = 0.25
 ACTIONS = frozenset({"pick", "drop", "startCharging", "stopCharging", "waitForTrigger", "finePositioning", "detectObject"})
 """Actions that the vehicle performs at nodes and on edges."""
 
+REQUIRED_IN_2 = {"start_node_id", "end_node_id"}
+"""Fields that 3.0 does not have."""
 
 ORDERS_ALLOWED = frozenset({OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC, OperatingMode.INTERVENED})
 CLEARING = frozenset({OperatingMode.MANUAL, OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN})
@@ -26,7 +29,8 @@ CLEARING = frozenset({OperatingMode.MANUAL, OperatingMode.STARTUP, OperatingMode
 
 
 class Situation(Struct, frozen=True, kw_only=True):
-    """How a vehicle is when an order comes. `decision_point`: the last node of its base; None: it has had no order."""
+    """How a vehicle is when an order comes. `decision_point`: the last node of its base; None: it has had no order. `parameters`: the
+    optional ones that it takes."""
 
     version: Version
     order: Order | None
@@ -37,14 +41,14 @@ class Situation(Struct, frozen=True, kw_only=True):
     x: float
     y: float
     maps: Collection[str]
-    takes_trajectories: bool = False
+    parameters: Collection[str]
 
 
 def objection(order: Order, situation: Situation) -> tuple[Problem, str] | None:
     """Why the vehicle rejects an order. None: it accepts it, or ignores it as one that it has."""
     for problem, words in (
         (Problem.MALFORMED, _malformed(order, situation.version)),
-        (Problem.UNSUPPORTED_FIELD, _unsupported_field(order, takes_trajectories=situation.takes_trajectories)),
+        (Problem.UNSUPPORTED_FIELD, _unsupported_field(order, situation.parameters)),
         (Problem.UNSUPPORTED_ACTION, _unsupported_action(order)),
         (Problem.UNKNOWN_MAP, _unknown_map(order, situation.maps)),
         (Problem.NOT_AVAILABLE, None if situation.is_available else "the vehicle takes no orders now"),
@@ -112,10 +116,15 @@ def _malformed(order: Order, version: Version) -> str | None:
     return "two actions have the same id" if len(ids) != len(set(ids)) else None
 
 
-def _unsupported_field(order: Order, *, takes_trajectories: bool) -> str | None:
-    if not takes_trajectories and any(edge.trajectory is not None for edge in order.edges):
-        return "edges.trajectory"
-    return "edges.corridor" if any(edge.corridor is not None for edge in order.edges) else None
+def _unsupported_field(order: Order, parameters: Collection[str]) -> str | None:
+    """An optional parameter that the vehicle does not take (3.0, 6.1.4.2)."""
+    nodes = [part for node in order.nodes for part in (node, node.node_position) if part is not None]
+    for part in (*nodes, *order.edges):
+        for field in msgspec.structs.fields(part):
+            is_sent = not field.required and getattr(part, field.name) is not None and field.name not in REQUIRED_IN_2
+            if is_sent and field.encode_name not in parameters:
+                return field.encode_name
+    return None
 
 
 def _unsupported_action(order: Order) -> str | None:

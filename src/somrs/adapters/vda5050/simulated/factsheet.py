@@ -23,6 +23,12 @@ from somrs.adapters.vda5050.simulated.zones import SUPPORTED
 
 NODE_ACTIONS = ("pick", "drop", "startCharging", "stopCharging", "waitForTrigger", "finePositioning", "detectObject")
 
+PARAMETERS = (
+    "order.nodes.nodePosition", "order.nodes.nodePosition.theta", "order.nodes.nodePosition.allowedDeviationXY", "order.edges.maximumSpeed",
+    "order.edges.orientation", "order.edges.orientationType",
+)  # fmt: skip
+"""The optional parameters that every simulated vehicle takes."""
+
 INSTANT_ACTIONS = (
     "cancelOrder", "startPause", "stopPause", "stateRequest", "factsheetRequest", "stopCharging", "initializePosition",
     "clearInstantActions", "trigger", "downloadMap", "enableMap", "deleteMap", "enableZoneSet", "deleteZoneSet",
@@ -46,7 +52,7 @@ def factsheet(
 ) -> Factsheet:
     """The factsheet of a vehicle. `handles`: it can pick and drop loads. `takes_trajectories`: edges may have them; it drives in
     straight lines all the same. `finds_paths`: it says that it plans its paths by itself."""
-    parameters = ["order.nodes.nodePosition.allowedDeviationXY", *(["order.edges.trajectory"] if takes_trajectories else [])]
+    parameters = [*PARAMETERS, *(["order.edges.trajectory"] if takes_trajectories else [])]
     types = [action_type for action_type in NODE_ACTIONS if handles or action_type not in ("pick", "drop")]
     actions = {
         action_type: [*_scope(action_type, INSTANT_ACTIONS, "INSTANT"), *_scope(action_type, types, "NODE")] for action_type in types

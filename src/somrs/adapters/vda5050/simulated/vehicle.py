@@ -56,7 +56,6 @@ from somrs.adapters.vda5050.simulated.zones import ZoneGuard
 
 RETRY = 2.0
 """Seconds after which the vehicle tries again to drive, when something was in its way."""
-
 STORING = {"downloadMap", "enableMap", "deleteMap", "enableZoneSet", "deleteZoneSet"}
 """Instant actions about what the vehicle stores; those about zone sets are in 3.0 only."""
 
@@ -70,6 +69,7 @@ class SimulatedVehicle:
     ) -> None:
         self.version, self._factsheet, self.map_id, self._interval = version, sheet, map_id, interval
         self.storage, self.zones = Storage({map_id, *maps}), ZoneGuard(contour=contour)
+        self._parameters = {item.parameter.rpartition(".")[2] for item in sheet.protocol_features.optional_parameters}
         self.progress = Progress()
         self.mode = OperatingMode.AUTOMATIC
         self._paused = False
@@ -157,7 +157,7 @@ class SimulatedVehicle:
             x=sensed.x if sensed is not None else 0.0,
             y=sensed.y if sensed is not None else 0.0,
             maps=self.storage.enabled_maps,
-            takes_trajectories=self._factsheet.takes("edges.trajectory"),
+            parameters=self._parameters,
         )
 
     def _switch(self, mode: OperatingMode) -> None:
@@ -233,9 +233,9 @@ class SimulatedVehicle:
     # The body.
 
     def _feel(self, sensed: Sensed, now: float) -> None:
-        earlier = self._sensed if self._sensed is not None else sensed
-        self._complaints.note_fault(sensed.fault)
-        self._sensed = sensed
+        earlier, self._sensed = self._sensed or sensed, sensed
+        if sensed.fault != earlier.fault or earlier is sensed:
+            self._complaints.note_fault(sensed.fault)
         if sensed.map_id is not None and sensed.map_id != self.map_id:
             self.map_id = sensed.map_id
             self.progress.arrive_by_lift(self.map_id, (sensed.x, sensed.y))

@@ -47,7 +47,7 @@ def _type_for(zone: SiteZone, factsheet: Factsheet) -> ZoneType | None:
         return zone.zone_type if zone.zone_type in supported else None
     if specification.navigation_types[:1] != ("FREELY_NAVIGATING",):
         return None
-    if ZoneType.LINE_GUIDED in supported and factsheet.takes("edges.trajectory"):
+    if ZoneType.LINE_GUIDED in supported and factsheet.takes("trajectory"):
         return ZoneType.LINE_GUIDED
     return ZoneType.COORDINATED_REPLANNING if ZoneType.COORDINATED_REPLANNING in supported else None
 
