@@ -19,8 +19,19 @@ from somrs.adapters.ros2.checking import check_bindings
 from somrs.adapters.ros2.frames import Pose
 from somrs.devices.road_robot import RobotFailed
 from somrs.sites.occupancy.reading import read_grid
-from tests.support import leftovers
-from tests.support.ros2.robots import DOMAIN, PYTHON, ROS, RobotProcess, connected, in_event_loop, needs_ros2, started, way
+from tests.support.ros2.robots import (
+    DOMAIN,
+    PYTHON,
+    ROS,
+    RobotProcess,
+    bridge_process,
+    connected,
+    in_event_loop,
+    listening_to,
+    needs_ros2,
+    started,
+    way,
+)
 
 pytestmark = needs_ros2
 
@@ -91,7 +102,7 @@ async def test_a_robot_that_is_halted_stands() -> None:
 async def test_a_robot_that_does_not_cancel_is_followed_to_its_goal() -> None:
     async with RobotProcess() as robot:
         async with connected(robot, BINDING) as (connection, witness):
-            robot.tell("stubborn")
+            await robot.tell("stubborn")
             connection.follow(way((0, 0), (2, 0)))
             await witness.until(lambda: witness.pose[0] > 0.2)
             await connection.halt()
@@ -112,10 +123,10 @@ async def test_a_robot_is_not_there_before_its_node_is_active_nor_when_it_is_dea
         connection.follow(way((0, 0), (1, 0)))
         await asyncio.sleep(1.5)
         assert witness.presence == []
-        robot.tell("activate")
+        await robot.tell("activate")
         await witness.until(lambda: witness.passed_numbers == [1])
         assert (witness.presence, witness.reasons) == ([True], [])
-        robot.tell("deactivate")
+        await robot.tell("deactivate")
         await witness.until(lambda: witness.presence == [True, False])
 
 
@@ -137,10 +148,10 @@ async def test_a_robot_that_loses_its_way_is_stopped_until_it_has_found_it() -> 
     async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
         connection.follow(way((0, 0), (50, 0)))
         await witness.until(lambda: witness.pose[0] > 0.5)
-        robot.tell("lost")
+        await robot.tell("lost")
         await witness.until(lambda: len(witness.faults) == 1)
         await connection.halt()
-        robot.tell("normal")
+        await robot.tell("normal")
         await witness.until(lambda: witness.faults[1:] == [None])
         place = witness.pose
         await asyncio.sleep(0.3)
@@ -160,7 +171,7 @@ async def test_a_longer_way_is_driven_without_a_stop() -> None:
 @in_event_loop
 async def test_what_the_navigation_says_when_it_gives_up_is_told() -> None:
     async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
-        robot.tell("abort")
+        await robot.tell("abort")
         connection.follow(way((0, 0), (5, 0)))
         await witness.until(lambda: bool(witness.reasons))
         assert witness.reasons == ["the navigation of Robot1 aborted the goal P1: no valid path"]
@@ -169,8 +180,7 @@ async def test_what_the_navigation_says_when_it_gives_up_is_told() -> None:
 @in_event_loop
 async def test_a_goal_can_be_rejected() -> None:
     async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
-        robot.tell("reject")
-        await asyncio.sleep(0.2)
+        await robot.tell("reject")
         connection.follow(way((0, 0), (5, 0)))
         await witness.until(lambda: bool(witness.reasons))
         assert witness.reasons == ["the navigation of Robot1 rejected the goal P1"]
@@ -200,11 +210,25 @@ async def test_a_node_that_is_back_before_its_absence_is_noticed_gets_its_goal_a
 
 
 @in_event_loop
+async def test_a_robot_whose_adapter_has_ended_is_stopped() -> None:
+    async with RobotProcess() as robot:
+        async with connected(robot, BINDING) as (connection, witness):
+            connection.follow(way((0, 0), (50, 0)))
+            await witness.until(lambda: witness.pose[0] > 0.5)
+        async with listening_to(robot) as witness:
+            await witness.until(lambda: witness.pose[0] > 0.5)
+            place = witness.pose
+            await asyncio.sleep(0.5)
+            assert witness.pose == place
+
+
+@in_event_loop
 async def test_a_robot_is_halted_by_an_adapter_that_is_started_again() -> None:
     async with RobotProcess() as robot:
         async with connected(robot, BINDING) as (connection, witness):
             connection.follow(way((0, 0), (50, 0)))
             await witness.until(lambda: witness.pose[0] > 0.5)
+            os.kill(bridge_process(), signal.SIGKILL)
         async with connected(robot, BINDING) as (_, witness):
             await witness.until(lambda: witness.pose[0] > 0.5)
             await asyncio.sleep(0.3)
@@ -240,8 +264,7 @@ async def test_an_arm_is_told_the_names_of_things() -> None:
 @in_event_loop
 async def test_what_an_arm_does_can_be_interrupted() -> None:
     async with RobotProcess() as robot, connected(robot, BY_ARM) as (connection, _):
-        robot.tell("slow")
-        await asyncio.sleep(0.2)
+        await robot.tell("slow")
         picking = asyncio.create_task(connection.pick("Jar1", "Table1", Pose(0.5, 0, 0)))
         await asyncio.sleep(0.3)
         await connection.interrupt()
@@ -252,8 +275,7 @@ async def test_what_an_arm_does_can_be_interrupted() -> None:
 @in_event_loop
 async def test_an_arm_whose_node_dies_has_failed() -> None:
     async with RobotProcess() as robot, connected(robot, BY_ARM) as (connection, _):
-        robot.tell("slow")
-        await asyncio.sleep(0.2)
+        await robot.tell("slow")
         picking = asyncio.create_task(connection.pick("Jar1", "Table1", Pose(0.5, 0, 0)))
         await asyncio.sleep(0.3)
         await robot.kill()
@@ -274,9 +296,9 @@ async def test_a_battery_is_charged_until_it_is_full() -> None:
 @in_event_loop
 async def test_a_pressed_emergency_stop_is_told_with_its_reason() -> None:
     async with RobotProcess() as robot, connected(robot, BINDING) as (_, witness):
-        robot.tell("press")
+        await robot.tell("press")
         await witness.until(lambda: witness.faults == ["its stop is pressed"])
-        robot.tell("release")
+        await robot.tell("release")
         await witness.until(lambda: witness.faults == ["its stop is pressed", None])
 
 
@@ -308,8 +330,7 @@ async def test_a_bridge_that_is_killed_is_started_again_and_the_robot_goes_on() 
     async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
         connection.follow(way((0, 0), (1, 0), (2, 0)))
         await witness.until(lambda: witness.passed_numbers == [1])
-        (bridge,) = [pid for pid, command in leftovers.processes().items() if "adapters/ros2/bridge" in command]
-        os.kill(bridge, signal.SIGKILL)
+        os.kill(bridge_process(), signal.SIGKILL)
         await witness.until(lambda: witness.presence == [True, False, True])
         await witness.until(lambda: witness.passed_numbers == [1, 2])
         assert witness.reasons == []

@@ -48,7 +48,7 @@ async def record(file: Path) -> None:
         note("told", WAYS[0])
         connection.follow(WAYS[0])
         await witness.until(lambda: witness.passed_numbers == [1, 2, 3])
-        robot.tell("abort")
+        await robot.tell("abort")
         await asyncio.sleep(0.2)
         note("told", WAYS[1])
         connection.follow(WAYS[1])

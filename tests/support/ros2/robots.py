@@ -18,10 +18,12 @@ from typing import Any, Self
 import pytest
 
 from somrs.adapters.ros2.connection import RobotConnection
+from somrs.adapters.ros2.lines import Values
 from somrs.adapters.ros2.process import BridgeProcess, ros_environment
 from somrs.adapters.ros2.settings import Binding, RobotSettings, read_settings
 from somrs.devices.road_robot import Way, Waypoint
 from somrs.ontology.types import Value
+from tests.support import leftovers
 
 ROOT = Path(__file__).parents[3]
 PYTHON = ROOT / ".venv-ros2" / "bin" / "python"
@@ -101,10 +103,13 @@ class RobotProcess:
         assert self.process.stdout is not None
         assert await self.process.stdout.readline() == b"ready\n"
 
-    def tell(self, text: str) -> None:
+    async def tell(self, text: str) -> None:
+        """Have the robot behave so. Returns when it does."""
         assert self.process is not None
         assert self.process.stdin is not None
+        assert self.process.stdout is not None
         self.process.stdin.write(json.dumps(text).encode() + b"\n")
+        assert await self.process.stdout.readline() == b"done\n"
 
     async def kill(self) -> None:
         assert self.process is not None
@@ -171,6 +176,26 @@ async def running_bridge() -> AsyncIterator[BridgeProcess]:
     finally:
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
+
+
+def bridge_process() -> int:
+    """The id of the only bridge that this test has."""
+    (bridge,) = [pid for pid, command in leftovers.processes().items() if "adapters/ros2/bridge" in command]
+    return bridge
+
+
+@contextlib.asynccontextmanager
+async def listening_to(robot: RobotProcess) -> AsyncIterator[Witness]:
+    """A witness of where a robot is, that sends it nothing."""
+    witness = Witness()
+
+    def take(message: Values) -> None:
+        position = message["pose"]["pose"]["position"]
+        witness.located(position["x"], position["y"], 0.0)
+
+    async with running_bridge() as bridge:
+        bridge.session.subscribe(f"/{robot.namespace}/amcl_pose", "geometry_msgs/msg/PoseWithCovarianceStamped", take, interval=0.05)
+        yield witness
 
 
 @contextlib.asynccontextmanager

@@ -1,7 +1,7 @@
 """The bridge to ROS 2: a program that runs with the Python of the installed ROS, and does what the adapter says on its standard input.
 
-Its folder needs `rclpy` and the standard library alone; `../lines.py` has the lines that it reads and writes. It ends when its input ends.
-All of it runs in one thread, but for reading the input.
+Its folder needs `rclpy` and the standard library alone; `../lines.py` has the lines that it reads and writes. When its input ends, it
+cancels all goals and ends. All of it runs in one thread, but for reading the input.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -31,7 +31,8 @@ POLLED = 0.2
 FLUSHED = 0.05
 """How often messages are sent that had to wait for the interval of their subscription. Seconds."""
 PATIENCE = 5.0
-"""How long a service or a subscriber is looked for, and how long the middleware has for its end, at which it can hang. Seconds."""
+"""How long a service or a subscriber is looked for, how long goals have for their ends when the adapter is gone, and then the middleware
+for its own, at which it can hang. Seconds."""
 
 
 class Subscription:
@@ -66,6 +67,8 @@ class Bridge:
         self.node = node
         self.subscriptions: dict[int, Subscription] = {}
         self.actions: dict[int, Action] = {}
+        self.closing: list[Action] = []
+        """Those that are closed when their last goals have ended."""
         self.publishers: dict[tuple[str, str], Any] = {}
         self.clients: dict[tuple[str, str], Any] = {}
         node.create_timer(POLLED, self.look)
@@ -74,6 +77,9 @@ class Bridge:
     def look(self) -> None:
         for action in self.actions.values():
             action.look()
+        for action in [action for action in self.closing if not action.goals]:
+            self.closing.remove(action)
+            action.close()
 
     def flush(self) -> None:
         for subscription in self.subscriptions.values():
@@ -110,8 +116,8 @@ class Bridge:
 
     def close_action(self, id: int) -> None:
         if (action := self.actions.pop(id, None)) is not None:
-            action.lose()
-            action.close()
+            action.cancel_all_goals()
+            self.closing.append(action)
 
     def send_goal(self, request: dict[str, Any]) -> None:
         if (action := self.actions.get(request["action"])) is None:
@@ -172,6 +178,15 @@ class Bridge:
         timer = self.node.create_timer(FLUSHED, attempt)
 
 
+def stop(actions: Collection[Action], executor: Any) -> None:
+    """Cancel all goals, and wait for their ends: nobody follows the robots any more."""
+    for action in actions:
+        action.cancel_all_goals()
+    end_time = time.monotonic() + PATIENCE
+    while any(action.goals for action in actions) and time.monotonic() < end_time:
+        executor.spin_once(timeout_sec=FLUSHED)
+
+
 def main() -> None:
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
@@ -200,7 +215,7 @@ def main() -> None:
             lines.put(line)
             guard.trigger()
             if not line:
-                time.sleep(PATIENCE)
+                time.sleep(2 * PATIENCE)
                 os._exit(0)
 
     write_line(say="Ready", distribution=os.environ.get("ROS_DISTRO", ""))
@@ -209,7 +224,9 @@ def main() -> None:
     executor.add_node(node)
     while not is_over.is_set():
         executor.spin_once()
-    for action in bridge.actions.values():
+    actions = [*bridge.actions.values(), *bridge.closing]
+    stop(actions, executor)
+    for action in actions:
         action.close()  # what is left open keeps the shared memory of the middleware
     node.destroy_node()  # others learn at once that it is gone
     rclpy.shutdown()

@@ -161,6 +161,10 @@ class Action:
             if self.goals[id] is not None:
                 self.ask_to_cancel(id)
 
+    def cancel_all_goals(self) -> None:
+        for id in [*self.goals]:
+            self.cancel(id)
+
     def ask_to_cancel(self, id: int) -> None:
         self.cancelled[id] = math.inf
         self.goals[id].cancel_goal_async().add_done_callback(lambda done: self.cancel_answered(id, done.result()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import importlib
 import json
 import math
@@ -81,8 +82,6 @@ def _number(value: Any, type_name: str) -> Any:
 
 def write_line(**fields: Any) -> None:
     line = json.dumps(fields, allow_nan=False, separators=(",", ":")).encode() + b"\n"
-    try:
+    with contextlib.suppress(BrokenPipeError):  # the adapter has ended: so has the input
         while line:
             line = line[os.write(sys.stdout.fileno(), line) :]
-    except BrokenPipeError:
-        os._exit(0)  # the adapter has ended

@@ -218,7 +218,7 @@ def _room(width: int, height: int) -> Any:
 
 
 async def obey(robot: SimulatedRobot, lines: asyncio.StreamReader) -> None:
-    """Do what tests say, one JSON text a line: a behaviour, `press` or `release`."""
+    """Do what tests say, one JSON text a line: a behaviour, or what happens to the robot. `done` on the output says that it is so."""
     async for line in lines:
         match json.loads(line):
             case "press":
@@ -229,3 +229,4 @@ async def obey(robot: SimulatedRobot, lines: asyncio.StreamReader) -> None:
                 robot.is_active = transition == "activate"
             case behaviour:
                 robot.behaviour = behaviour
+        print("done", flush=True)
