@@ -66,7 +66,8 @@ class ArcosRobot(CarryingRobot):
 
     async def open(self) -> None:
         pose = self.settings.pose or await self._start_pose()
-        driver = Driver(pose, self._parameters, self.settings.battery, self.settings.speed, load_reckoning(self._file))
+        speed = self.settings.speed or await self._speed_on_map()
+        driver = Driver(pose, self._parameters, self.settings.battery, speed, load_reckoning(self._file))
         self._line = RobotLine(driver, self.settings.port, self.settings.baud, self._take_effect)
         self.heard(False)
         self._running = asyncio.create_task(self._line.run())
@@ -210,6 +211,11 @@ class ArcosRobot(CarryingRobot):
     def _open_line(self) -> RobotLine:
         assert self._line is not None, "the device is open"
         return self._line
+
+    async def _speed_on_map(self) -> float:
+        """The robot's Speed on the map, at most that of its parameters, m/s."""
+        rows = await self.map.query(f"{self.name}.Speed = ?Speed", limit=1)
+        return min([(self._parameters or Parameters()).speed, *(number_of(row["Speed"]) for row in rows)])
 
     async def _start_pose(self) -> Pose:
         """Where the map has the robot. Raises UsageError if it does not say."""
