@@ -28,6 +28,7 @@ from somrs.ontology.map import Map
 from somrs.ontology.modes import is_stopped
 from somrs.ontology.types import Ontology
 from somrs.service_manager.sdk.device import Service, Task
+from somrs.space.solids import Point
 
 __all__ = ["CarryingRobot", "Motion", "RoadRobot", "RobotFailed", "Way", "Waypoint"]
 
@@ -48,6 +49,8 @@ class RoadRobot(MobileRobot):
     """The charge of its battery in percent; None if nobody knows. Set it before `located`."""
     holding: str | None = None
     """The thing that it carries, by its name on the map."""
+    spot: Point | None = None
+    """The point of a support over which it is to drop what it carries, m: it was told to stand before that, and to look there."""
     carries: bool | None = None
     """Whether it carries something, as it says itself; None: it cannot tell. Set it before `located`."""
     hindrance: str | None = None

@@ -100,10 +100,27 @@ def test_a_robot_picks_what_is_before_it_and_drops_it(tmp_path: Path) -> None:
             assert body.has_thing
             assert distance > 2.0, "the jar is nearer than the map has it"
             assert math.dist((body.place.x, body.place.y), (2.0, 1.5)) < 0.06
-            x, y, _z, _support = await device.put_down("Jar1")
+            place = body.place
+            device.spot = place.x + 0.5 * math.cos(place.yaw), place.y + 0.5 * math.sin(place.yaw)
+            await device.drop("Jar1", "Table2")
             assert device.holding is None
             assert body.thing is not None
-            assert math.dist(body.thing, (x, y)) < 0.06
+            assert math.dist(body.thing, device.spot) < 0.03
+            assert math.dist(body.thing, (body.place.x, body.place.y)) > 0.35 + 0.08, "it has left the jar"
+
+    run(test())
+
+
+@pytest.mark.long
+def test_a_robot_puts_down_what_it_must_not_keep_and_leaves_it(tmp_path: Path) -> None:
+    async def test() -> None:
+        body = PlaneBody(Place(x=2.0, y=1.5, yaw=0.0))
+        body.is_holding = True
+        async with robot(tmp_path, body=body) as (device, _, _):
+            x, y, _z, _support = await device.put_down("Jar1")
+            assert body.thing is not None
+            assert math.dist(body.thing, (x, y)) < 0.03
+            assert body.place.x < 2.0 - 0.08
 
     run(test())
 

@@ -44,6 +44,8 @@ log = logging.getLogger(__name__)
 
 STORE_PERIOD = 0.5
 """Seconds between two times at which the pose is stored."""
+AWAY = 0.1
+"""How far a robot backs up from what it has put down, m, at least."""
 SPARE = 0.1
 """How much farther than the map has it a thing may be, m."""
 
@@ -120,15 +122,18 @@ class ArcosRobot(CarryingRobot):
             raise RobotFailed(f"{thing} slipped out of the paddles of {self.name}", is_lost=True)
 
     async def drop(self, thing: str, support: str) -> None:
-        # The robot looks at the support: that is how it was told to stand there.
         self._need_gripper()
-        await self._act(MoveGripper(GripperCommand.LIFT_DOWN))
-        await self._act(MoveGripper(GripperCommand.OPEN))
-        self.holding = None
+        start = self._open_line().driver.pose
+        if self.spot is not None:
+            distance = math.dist(self.spot, (start.x, start.y)) - self.settings.paddles
+            await self._act(Advance(distance=max(0.0, distance)))
+        await self._let_go(start)
 
     async def put_down(self, thing: str) -> tuple[float, float, float, str]:
-        await self.drop(thing, "")
-        spot = self._open_line().driver.pose.moved(self.settings.paddles)
+        self._need_gripper()
+        start = self._open_line().driver.pose
+        spot = start.moved(self.settings.paddles)
+        await self._let_go(start)
         return spot.x, spot.y, self.road.level, ""
 
     async def charge_at(self, charger: str) -> None:
@@ -198,11 +203,19 @@ class ArcosRobot(CarryingRobot):
         await self._act(TurnTo(math.atan2(dy, dx)))
         return math.hypot(dx, dy)
 
-    async def _back_up(self, start: Pose) -> None:
-        """Drive straight back to where the robot was."""
+    async def _let_go(self, start: Pose) -> None:
+        """Put what the robot holds down, and leave it: with a turn, the paddles would push it over. A robot that cannot drive stays."""
+        await self._act(MoveGripper(GripperCommand.LIFT_DOWN))
+        await self._act(MoveGripper(GripperCommand.OPEN))
+        self.holding = None
+        with contextlib.suppress(RobotFailed):
+            await self._back_up(start, AWAY)
+
+    async def _back_up(self, start: Pose, least: float = 0.0) -> None:
+        """Drive straight back to where the robot was, or farther: at least so far, m."""
         pose = self._open_line().driver.pose
         travel = (pose.x - start.x) * math.cos(pose.yaw) + (pose.y - start.y) * math.sin(pose.yaw)
-        await self._act(Advance(distance=-travel))
+        await self._act(Advance(distance=-max(travel, least)))
 
     def _need_gripper(self) -> None:
         if not self._open_line().driver.has_gripper:

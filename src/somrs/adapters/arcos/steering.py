@@ -30,7 +30,7 @@ BRAKING = 0.5
 
 GRANTED = 2.0
 """How far ahead a robot may mostly drive, m: three places of the roadmap."""
-HANDLING = 24.0
+HANDLING = 27.0
 """To turn to a thing, to drive up to it and back, and to move paddles and lift, for picking and for dropping, s."""
 
 

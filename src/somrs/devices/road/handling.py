@@ -106,6 +106,7 @@ class Handling:
         stand, building = await self._reach(support), await self._traveller.building()
         is_unsure = self._gripper.is_unsure
         self._gripper.begin_drop(thing, support)
+        self._robot.spot = stand.spot
         try:
             await self.work("Place", self._robot.drop(thing, support))
         except RobotGaveUp as failure:

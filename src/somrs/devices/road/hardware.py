@@ -9,6 +9,7 @@ from somrs.devices.road.building import Building
 from somrs.devices.road.member import WholeMap
 from somrs.devices.road.motion import Experience, Motion
 from somrs.devices.road.waypoints import Way
+from somrs.space.solids import Point
 
 
 class RobotFailed(Exception):
@@ -28,6 +29,7 @@ class Vehicle(Protocol):
     hindrance: str | None
     remark: str | None
     holding: str | None
+    spot: Point | None
     carries: bool | None
     data: Path
     whole_map: WholeMap
