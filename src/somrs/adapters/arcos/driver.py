@@ -54,6 +54,8 @@ PLAUSIBLE_WATCHDOG = range(200, 10_001)
 """Times of a watchdog that a robot may have, ms. Of others, it is taken to have the usual one."""
 STUCK_REPORTS = 30
 """A robot that does not move in so many reports, although it was told to, gives up."""
+LIMITS_TOLD = 3
+"""How often a robot is told its limits: it does not say whether it has heard them."""
 BATTERY_SHARE = 0.05
 """Share of a new report in the voltage, which falls while the motors pull."""
 
@@ -101,6 +103,8 @@ class Driver:
         self._voltage: float | None = None
         self._charge: int | None = None
         self._is_connected = False
+        self._untold_limits = 0
+        """How often the robot is still to be told its limits."""
         self._report_time = -STOPPED_AFTER
         self._report: Status | None = None
         self._effects: list[Effect] = []
@@ -165,6 +169,7 @@ class Driver:
             self._is_connected = not self._is_connected
             if self._is_connected and self._report is not None:
                 self._note_grip(self._report)
+            self._untold_limits = LIMITS_TOLD
             self._effects.append(Heard(self._is_connected))
 
     def _update(self, status: Status, now: float) -> None:
@@ -184,6 +189,7 @@ class Driver:
         self._sonar.update(status, pose, parameters, now)
         self._note_battery(status)
         self._note_health(confirmed)
+        self._tell_limits(parameters)
         speeds = self._next_speeds(confirmed, pose, parameters, now)
         if self._is_halting and is_standing(status):
             self._note_halt()
@@ -217,6 +223,23 @@ class Driver:
         if configuration is not None and configuration.watchdog is not None and configuration.watchdog in PLAUSIBLE_WATCHDOG:
             parameters = replace(parameters, watchdog=configuration.watchdog / 1000)
         return replace(parameters, speed=self._speed_limit) if self._speed_limit is not None else parameters
+
+    def _tell_limits(self, parameters: Parameters) -> None:
+        """Have the robot accelerate and brake as is reckoned with here, whatever it was configured for."""
+        if self._untold_limits == 0:
+            return
+        self._untold_limits -= 1
+        acceleration = round(1000 * parameters.acceleration)
+        turning_acceleration = round(math.degrees(parameters.turning_acceleration))
+        for number, argument in (
+            (Command.SETV, round(1000 * parameters.speed)),
+            (Command.SETA, acceleration),
+            (Command.SETA, -acceleration),
+            (Command.SETRV, math.ceil(math.degrees(parameters.turning))),
+            (Command.SETRA, turning_acceleration),
+            (Command.SETRA, -turning_acceleration),
+        ):
+            self.session.send(number, argument)
 
     def _command(self, speeds: Speeds, status: Status) -> None:
         """Send velocities with every report, as long as the robot is to move or moves: one that is lost does no harm then."""

@@ -25,12 +25,20 @@ class Command(IntEnum):
     """End the session."""
     ENABLE = 4
     """Motors on (1) or off (0)."""
+    SETA = 5
+    """The translational acceleration (positive) and deceleration (negative), mm/s²."""
+    SETV = 6
+    """The largest translational velocity, mm/s."""
+    SETRV = 10
+    """The largest rotational velocity, degrees/s."""
     VEL = 11
     """Translational velocity, mm/s; positive: forward."""
     CONFIG = 18
     """Request a Configuration."""
     RVEL = 21
     """Rotational velocity, degrees/s; positive: counter-clockwise."""
+    SETRA = 23
+    """The rotational acceleration (positive) and deceleration (negative), degrees/s²."""
     SONAR = 28
     """Sonar on (1) or off (0)."""
     STOP = 29

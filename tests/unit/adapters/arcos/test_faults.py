@@ -66,6 +66,19 @@ def test_a_robot_with_a_quick_watchdog_drives_faster() -> None:
     assert times[0] < 0.8 * times[1]
 
 
+def test_a_robot_that_was_configured_for_gentle_braking_stops_as_reckoned() -> None:
+    """It is told how to accelerate and brake when it is connected."""
+    pioneer = Pioneer()
+    pioneer.firmware.rates = [100.0, 60.0, 30.0, 20.0]
+    pioneer.ready().run(1)
+    pioneer.give(Follow(way((0.0, 0.0), (3.0, 0.0), (6.0, 0.0), released=2)))
+    assert pioneer.run(30, lambda: pioneer.body.place.x > 1.5)
+    pioneer.is_connected = False
+    assert pioneer.run(10, pioneer.stands)
+    assert pioneer.body.place.x < 3.0 + 0.1
+    assert pioneer.firmware.rates[:2] == [300.0, 300.0]
+
+
 def test_a_robot_that_cannot_be_observed_is_stopped() -> None:
     """Its reports are lost; what it is told arrives."""
     pioneer = under_way()

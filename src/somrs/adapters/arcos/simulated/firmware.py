@@ -19,6 +19,8 @@ WATCHDOG = 2.0
 SONAR_CYCLE = 0.04
 STALL_RECOVERY = 0.5
 """Seconds for which the motors rest after a stall (StallCount)."""
+TOP_SPEED, TOP_TURN = 2200.0, 300.0
+"""TransVelTop and RotVelTop, mm/s and degrees/s."""
 SPEED_LIMIT, TURN_LIMIT = 750.0, 100.0
 """TransVelMax and RotVelMax, mm/s and degrees/s."""
 ACCELERATION, TURN_ACCELERATION = 300.0, 100.0
@@ -101,6 +103,9 @@ class Firmware:
         self._bump_stall = 0
         self._goal = (0.0, 0.0)
         self._velocity = (0.0, 0.0)
+        self._limits = SPEED_LIMIT, TURN_LIMIT
+        self.rates = [ACCELERATION, ACCELERATION, TURN_ACCELERATION, TURN_ACCELERATION]
+        """TransAccel, TransDecel, RotAccel and RotDecel, mm/s² and degrees/s²."""
         self._emergency = False
         self._stalled = 0.0
         self._charge_mechanism = False
@@ -144,12 +149,18 @@ class Firmware:
                 self._close()
             case 4:
                 self._motors = bool(argument) and not self.stop_button
+            case 5 | 23 if argument:
+                self.rates[(0 if number == 5 else 2) + (argument < 0)] = float(abs(argument))
+            case 6:
+                self._limits = min(float(abs(argument)), TOP_SPEED), self._limits[1]
+            case 10:
+                self._limits = self._limits[0], min(float(abs(argument)), TOP_TURN)
             case 7:
                 self._counted = (0.0, 0.0, 0.0)
             case 11:
-                self._goal, self._emergency = (_limited(argument, SPEED_LIMIT), self._goal[1]), False
+                self._goal, self._emergency = (_limited(argument, self._limits[0]), self._goal[1]), False
             case 9 | 21:
-                self._goal, self._emergency = (self._goal[0], _limited(argument, TURN_LIMIT)), False
+                self._goal, self._emergency = (self._goal[0], _limited(argument, self._limits[1])), False
             case 18:
                 self._replies += packet(self._configuration())
             case 28:
@@ -208,12 +219,11 @@ class Firmware:
             self._stalled = STALL_RECOVERY
         self._stalled = max(0.0, self._stalled - duration)
         goal = self._goal if may_drive else (0.0, 0.0)
-        rate = EMERGENCY if self._emergency or not self._motors else ACCELERATION
-        turn_rate = 10 * TURN_ACCELERATION if self._emergency or not self._motors else TURN_ACCELERATION
-        self._velocity = (
-            _ramp(self._velocity[0], goal[0], rate * duration),
-            _ramp(self._velocity[1], goal[1], turn_rate * duration),
-        )
+        is_stopping = self._emergency or not self._motors
+        speed, turn = self._velocity
+        rate = EMERGENCY if is_stopping else self.rates[_is_braking(speed, goal[0])]
+        turn_rate = 10 * TURN_ACCELERATION if is_stopping else self.rates[2 + _is_braking(turn, goal[1])]
+        self._velocity = _ramp(speed, goal[0], rate * duration), _ramp(turn, goal[1], turn_rate * duration)
         self.body.drive(self._velocity[0] / 1000, math.radians(self._velocity[1]))
         self.body.advance(duration)
         if self.body.is_blocked and self._velocity != (0.0, 0.0):
@@ -283,6 +293,10 @@ def _argument(content: bytes) -> int:
         return 0
     size = content[2] | content[3] << 8
     return -size if content[1] == 0x1B else size
+
+
+def _is_braking(velocity: float, goal: float) -> bool:
+    return velocity * (goal - velocity) < 0
 
 
 def _limited(value: float, limit: float) -> float:
