@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import math
 import shutil
 import sys
 import time
@@ -67,6 +68,8 @@ STEPS = {
     "C": "another one has taken over, and everything is where it was to be",
 }
 """The pictures, by letter."""
+LONG_WAIT = 30.0
+"""Seconds after which it is said who has not joined."""
 MOST_TIME = 400.0
 """Longest duration of the scenario, in seconds."""
 
@@ -221,10 +224,12 @@ class _Player:
 
     async def _joined(self) -> None:
         """Wait until all devices offer their services."""
-        while True:
-            offers = {offer.service.partition(".")[0] for offer in await self._client.services()}
-            if offers >= WORLDS.keys():
-                return
+        notice_time = time.monotonic() + LONG_WAIT
+        while missing := WORLDS.keys() - {offer.service.partition(".")[0] for offer in await self._client.services()}:
+            if time.monotonic() > notice_time:
+                names = " and ".join(sorted(missing))
+                self._console.print(f"[yellow]{names} cannot be heard yet; {self._folder}/run/logs may say why.[/]")
+                notice_time = math.inf
             await asyncio.sleep(0.5)
 
     async def _watch(self, task: str) -> None:
