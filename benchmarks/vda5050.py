@@ -23,14 +23,16 @@ from pathlib import Path
 import aiomqtt
 
 from somrs.adapters.vda5050.adapter import Vda5050Adapter
-from somrs.adapters.vda5050.control.exchange import Effect, Follow, Passed
+from somrs.adapters.vda5050.control.exchange import BuildingChanged, Effect, Follow, Passed
 from somrs.adapters.vda5050.messages.header import Version
+from somrs.adapters.vda5050.messages.orders import ZoneType
 from somrs.adapters.vda5050.mqtt import BrokerAddress
 from somrs.adapters.vda5050.robot import Vda5050Vehicle
 from somrs.adapters.vda5050.simulated.body import StandInBody
 from somrs.adapters.vda5050.simulated.factsheet import factsheet
 from somrs.adapters.vda5050.simulated.program import MqttVehicle, address_of, serve
 from somrs.adapters.vda5050.simulated.vehicle import SimulatedVehicle
+from somrs.adapters.vda5050.zoning.site import SiteZone
 from somrs.devices.road_robot import Waypoint
 from somrs.ports import listen_at
 from somrs.service_manager.sdk.device import Device
@@ -43,6 +45,12 @@ GRANT = 3.0
 """Seconds between two grants."""
 AHEAD = 8
 """Places that are planned and not granted."""
+ZONES = tuple(
+    SiteZone(name=f"Zone{index}", zone_type=zone_type, outline=((x, y), (x + 2.0, y), (x + 2.0, y + 2.0), (x, y + 2.0)), level=0.0)
+    for index in range(20)
+    for x, (zone_type, y) in ((8.0 + 10.0 * index, ((ZoneType.RELEASE, -1.0) if index % 2 else (ZoneType.BLOCKED, 5.0))),)
+)
+"""Every 20 m of the way, vehicles with 3.0 have to ask before they go on."""
 
 
 class Vehicle:
@@ -74,6 +82,7 @@ class Fleet:
     def add(self, device: Device) -> None:
         assert isinstance(device, Vda5050Vehicle), "the adapter has no others"
         self.vehicles.append(Vehicle(device))
+        device.session.give(BuildingChanged(zones=ZONES))
 
     async def remove(self, name: str) -> None: ...
 

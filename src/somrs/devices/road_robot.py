@@ -82,12 +82,12 @@ class RoadRobot(MobileRobot):
 
     async def _follow_stops(self) -> None:
         """Have the robot stand still while an operator has stopped it, or paused its task."""
-        is_paused = False
+        is_paused: bool | None = None
         while True:
             with contextlib.suppress(RemoteError):
                 map, ontology = await self.whole_map(is_current=False)
-                if is_stopped(self.name, map, ontology) != is_paused:
-                    is_paused = not is_paused
+                if (stopped := is_stopped(self.name, map, ontology)) is not is_paused:
+                    is_paused = stopped
                     await (self.pause() if is_paused else self.resume())
             await asyncio.sleep(STOPS)
 

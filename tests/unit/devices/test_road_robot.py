@@ -44,8 +44,9 @@ def test_a_stopped_robot_stands_and_follows_its_way_afterwards(stop: dict[str, V
     async def test() -> None:
         robot = NotedRobot([{}, stop, stop, {}, {}])
         robot.road._way = WAY
+        robot.road._is_paused = True  # as the program before may have left it
         with pytest.raises(asyncio.CancelledError):
             await robot._follow_stops()
-        assert robot.calls == ["halt", "follow P2"]
+        assert robot.calls == ["follow P2", "halt", "follow P2"]
 
     asyncio.run(test())

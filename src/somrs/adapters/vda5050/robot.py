@@ -84,6 +84,8 @@ class Vda5050Vehicle(CarryingRobot):
         vehicle = self.session.control.vehicle
         if vehicle.hindrance is not None:
             self._take_effect(Broken(reason=vehicle.hindrance))
+        self._take_effect(Delayed(reason=vehicle.delay))
+        self._take_effect(Remarked(text=vehicle.remark))
         if vehicle.pose is not None:
             self._take_effect(Located(pose=vehicle.pose))
 

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from somrs.adapters.vda5050.control.exchange import Broken, Follow, GaveUp, Halted, Located, Passed, Reachable, Warned
-from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.header import Topic, Version
 from somrs.adapters.vda5050.messages.states import ErrorLevel, OperatingMode, State, VehicleError
 from somrs.adapters.vda5050.simulated.body import Rest
@@ -378,25 +377,3 @@ def test_edges_are_drawn_for_vehicles_that_take_trajectories(version: Version) -
     assert first == update
     assert first is not None
     assert [(point.x, point.y) for point in first.control_points] == [(2.0, 0.0), (4.0, 0.0)]
-
-
-def sheet_without(*parameters: str) -> Factsheet:
-    sheet = factsheet()
-    features = sheet.protocol_features
-    kept = tuple(item for item in features.optional_parameters if item.parameter.rpartition(".")[2] not in parameters)
-    return msgspec.structs.replace(sheet, protocol_features=msgspec.structs.replace(features, optional_parameters=kept))
-
-
-@VERSIONS
-def test_what_the_vehicle_does_not_take_is_not_sent(version: Version) -> None:
-    pair = Pair(version, sheet=sheet_without("theta", "maximumSpeed", "orientation", "allowedDeviationXY"))
-    start, end = way("A", "B")
-    pair.do(Follow(way=(start, msgspec.structs.replace(end, yaw=1.5, travel="Backward"))))
-    pair.run(1)
-    pair.halt()
-    pair.run_until(Halted)
-    assert 0.5 < pair.body.x < 1.5
-    pair.follow("A", "B", first=7)
-    pair.run(5)
-    assert pair.body.x == 2.0, "its order began where it stood"
-    assert pair.of(GaveUp) == []

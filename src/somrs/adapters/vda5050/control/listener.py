@@ -22,7 +22,7 @@ from somrs.adapters.vda5050.control.headers import HeaderLog
 from somrs.adapters.vda5050.control.orders import OPTIONAL, USEFUL, OrderWriter
 from somrs.adapters.vda5050.control.outbox import Outbox
 from somrs.adapters.vda5050.frames import Frames, Pose
-from somrs.adapters.vda5050.messages.factsheets import Factsheet
+from somrs.adapters.vda5050.messages.factsheets import Factsheet, StringLengths
 from somrs.adapters.vda5050.messages.header import Version, seconds_of
 from somrs.adapters.vda5050.messages.orders import BlockingType
 from somrs.adapters.vda5050.messages.states import (
@@ -62,7 +62,8 @@ class Listener:
         self.was_heard = False
         """Whether it has said anything since the broker is there."""
         self._tolerated: set[str] = set()
-        self._remark: str | None = None
+        self.remark: str | None = None
+        """What else it says of itself; None: nothing."""
 
     def hear(self, arrived: Arrived, now: float) -> State | None:
         """Take in a message. Returns the state, if it is a new one."""
@@ -79,6 +80,7 @@ class Listener:
                 self._hear_connection(connection_state)
             case Factsheet() as factsheet:
                 self.factsheet = factsheet
+                self._outbox.limits = self.limits
                 self._outbox.add(Described(factsheet=factsheet))
             case Visualization(mobile_robot_position=Position() as position):
                 self._locate(position)
@@ -122,7 +124,12 @@ class Listener:
 
     def order_writer(self) -> OrderWriter:
         """Writes orders for the vehicle as it is now."""
-        return OrderWriter(frames=self.frames, map_id=self.map_id, pose=self.pose, parameters=self.optional_parameters)
+        return OrderWriter(frames=self.frames, map_id=self.map_id, pose=self.pose, parameters=self.optional_parameters, limits=self.limits)
+
+    @property
+    def limits(self) -> StringLengths | None:
+        """The limits of its identifiers, as far as it has said so."""
+        return self.factsheet.protocol_limits.maximum_string_lengths if self.factsheet is not None else None
 
     @property
     def optional_parameters(self) -> frozenset[str]:
@@ -207,8 +214,8 @@ class Listener:
         for error in warnings(state):
             if str(error) not in earlier_words:
                 self._outbox.add(Warned(description=str(error), is_urgent=error.error_level is ErrorLevel.URGENT))
-        if (words := remark(state)) != self._remark:
-            self._remark = words
+        if (words := remark(state)) != self.remark:
+            self.remark = words
             self._outbox.add(Remarked(text=words))
 
     def _hear_body(self, state: State, previous: State | None) -> None:

@@ -9,6 +9,8 @@ from itertools import pairwise
 import msgspec
 
 from somrs.adapters.vda5050.frames import Frames, Pose
+from somrs.adapters.vda5050.messages.factsheets import StringLengths
+from somrs.adapters.vda5050.messages.identifiers import fitting_id
 from somrs.adapters.vda5050.messages.orders import (
     Action,
     ControlPoint,
@@ -18,7 +20,6 @@ from somrs.adapters.vda5050.messages.orders import (
     NodePosition,
     Order,
     Trajectory,
-    plain_id,
 )
 from somrs.adapters.vda5050.messages.states import VehicleError
 from somrs.devices.road_robot import Way, Waypoint
@@ -66,10 +67,6 @@ class SentOrder:
         self.nodes.update({self.first + node.sequence_id // 2: node for node in self.message.nodes})
 
 
-def node_id(waypoint: Waypoint) -> str:
-    return plain_id(waypoint.name)
-
-
 def base_end(way: Way) -> Waypoint:
     """The last released waypoint of a way."""
     return [waypoint for waypoint in way if waypoint.released][-1]
@@ -79,12 +76,13 @@ def base_end(way: Way) -> Waypoint:
 class OrderWriter:
     """Writes the nodes and edges of a vehicle. `map_id`: the map on which it is. `pose`: where it stands; None: not known.
     `parameters`: the optional ones that it takes. With `trajectory`, edges have the straight line between their nodes, for vehicles that
-    find paths of their own."""
+    find paths of their own. `limits`: of its identifiers."""
 
     frames: Frames
     map_id: str
     pose: Pose | None
     parameters: frozenset[str] = USEFUL
+    limits: StringLengths | None = None
 
     def new_order(self, order_id: str, way: Way, actions: tuple[Action, ...] = ()) -> Order:
         """The order with the waypoints of a way. `actions`: at its first one."""
@@ -112,7 +110,7 @@ class OrderWriter:
         yaw = waypoint.yaw if is_end and "theta" in self.parameters else None
         theta = round(math.remainder(yaw - frame.yaw, math.tau), 4) if yaw is not None else None
         return Node(
-            node_id=node_id(waypoint),
+            node_id=fitting_id(waypoint.name, self.limits),
             sequence_id=2 * (waypoint.number - first),
             released=waypoint.released,
             actions=(),
@@ -140,11 +138,11 @@ class OrderWriter:
         turns = {"orientation", "orientationType"} <= self.parameters
         orientation = {"Forward": 0.0, "Backward": 3.14159265}.get(end.travel or "") if turns else None
         return Edge(
-            edge_id=f"{node_id(start)}-{node_id(end)}",
+            edge_id=fitting_id(f"{start.name}-{end.name}", self.limits),
             sequence_id=2 * (end.number - first) - 1,
             released=start.released and end.released,
-            start_node_id=node_id(start),
-            end_node_id=node_id(end),
+            start_node_id=fitting_id(start.name, self.limits),
+            end_node_id=fitting_id(end.name, self.limits),
             actions=(),
             maximum_speed=end.speed_limit if "maximumSpeed" in self.parameters else None,
             orientation=orientation,

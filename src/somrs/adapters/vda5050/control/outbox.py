@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from somrs.adapters.vda5050.control.exchange import Effect, Send
+from somrs.adapters.vda5050.messages.factsheets import StringLengths
 from somrs.adapters.vda5050.messages.header import Topic
+from somrs.adapters.vda5050.messages.identifiers import fitting_id
 from somrs.adapters.vda5050.messages.orders import Action, ActionParameter, BlockingType, InstantActions
 from somrs.adapters.vda5050.messages.states import State
 
@@ -17,12 +19,18 @@ FINISHED_ACTIONS = 10
 
 
 class Outbox:
-    """The effects of the input that is being handled, in their order. `new_id`: makes identifiers that are never used again."""
+    """The effects of the input that is being handled, in their order. `make_id`: makes identifiers that are never used again; `limits`:
+    those of the vehicle for them."""
 
-    def __init__(self, new_id: Callable[[], str]) -> None:
-        self.new_id = new_id
+    def __init__(self, make_id: Callable[[], str]) -> None:
+        self._make_id = make_id
+        self.limits: StringLengths | None = None
         self.effects: list[Effect] = []
         self._clearing: str | None = None
+
+    def new_id(self) -> str:
+        """An identifier that is never used again."""
+        return fitting_id(self._make_id(), self.limits)
 
     def add(self, *effects: Effect) -> None:
         self.effects.extend(effects)

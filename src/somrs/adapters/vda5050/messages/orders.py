@@ -5,20 +5,11 @@ Lengths are in metres, angles in radians, speeds in metres per second.
 
 from __future__ import annotations
 
-import re
 from enum import StrEnum
 from itertools import chain
 from typing import Any
 
 from msgspec import Struct, field
-
-NOT_IN_IDS = re.compile(r"[^A-Za-z0-9_.:-]")
-"""Characters that identifiers should not have (3.0, 7.1.2)."""
-
-
-def plain_id(name: str) -> str:
-    """A name as an identifier."""
-    return NOT_IN_IDS.sub("_", name) or "_"
 
 
 class BlockingType(StrEnum):

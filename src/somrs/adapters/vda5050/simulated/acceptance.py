@@ -9,6 +9,7 @@ from itertools import pairwise
 import msgspec
 from msgspec import Struct
 
+from somrs.adapters.vda5050.messages.factsheets import Factsheet, StringLengths
 from somrs.adapters.vda5050.messages.header import Version
 from somrs.adapters.vda5050.messages.orders import Node, Order
 from somrs.adapters.vda5050.messages.states import OperatingMode
@@ -29,8 +30,8 @@ CLEARING = frozenset({OperatingMode.MANUAL, OperatingMode.STARTUP, OperatingMode
 
 
 class Situation(Struct, frozen=True, kw_only=True):
-    """How a vehicle is when an order comes. `decision_point`: the last node of its base; None: it has had no order. `parameters`: the
-    optional ones that it takes."""
+    """How a vehicle is when an order comes. `decision_point`: the last node of its base; None: it has had no order. `sheet`:
+    what it says that it takes."""
 
     version: Version
     order: Order | None
@@ -41,14 +42,15 @@ class Situation(Struct, frozen=True, kw_only=True):
     x: float
     y: float
     maps: Collection[str]
-    parameters: Collection[str]
+    sheet: Factsheet
 
 
 def objection(order: Order, situation: Situation) -> tuple[Problem, str] | None:
     """Why the vehicle rejects an order. None: it accepts it, or ignores it as one that it has."""
     for problem, words in (
         (Problem.MALFORMED, _malformed(order, situation.version)),
-        (Problem.UNSUPPORTED_FIELD, _unsupported_field(order, situation.parameters)),
+        (Problem.MALFORMED, _unfit_id(order, situation.sheet.protocol_limits.maximum_string_lengths)),
+        (Problem.UNSUPPORTED_FIELD, _unsupported_field(order, situation.sheet)),
         (Problem.UNSUPPORTED_ACTION, _unsupported_action(order)),
         (Problem.UNKNOWN_MAP, _unknown_map(order, situation.maps)),
         (Problem.NOT_AVAILABLE, None if situation.is_available else "the vehicle takes no orders now"),
@@ -116,13 +118,24 @@ def _malformed(order: Order, version: Version) -> str | None:
     return "two actions have the same id" if len(ids) != len(set(ids)) else None
 
 
-def _unsupported_field(order: Order, parameters: Collection[str]) -> str | None:
+def _unfit_id(order: Order, limits: StringLengths) -> str | None:
+    """An identifier that the vehicle cannot take (3.0, 7.10)."""
+    ids = [order.order_id, *(node.node_id for node in order.nodes), *(edge.edge_id for edge in order.edges)]
+    for text in [*ids, *(action.action_id for action in order.actions)]:
+        if limits.maximum_id_length and len(text) > limits.maximum_id_length:
+            return f"{text} is longer than {limits.maximum_id_length}"
+        if limits.id_numerical_only and not (text.isascii() and text.isdigit()):
+            return f"{text} is no number"
+    return None
+
+
+def _unsupported_field(order: Order, sheet: Factsheet) -> str | None:
     """An optional parameter that the vehicle does not take (3.0, 6.1.4.2)."""
     nodes = [part for node in order.nodes for part in (node, node.node_position) if part is not None]
     for part in (*nodes, *order.edges):
         for field in msgspec.structs.fields(part):
             is_sent = not field.required and getattr(part, field.name) is not None and field.name not in REQUIRED_IN_2
-            if is_sent and field.encode_name not in parameters:
+            if is_sent and not sheet.takes(field.encode_name):
                 return field.encode_name
     return None
 

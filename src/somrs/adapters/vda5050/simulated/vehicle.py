@@ -69,7 +69,6 @@ class SimulatedVehicle:
     ) -> None:
         self.version, self._factsheet, self.map_id, self._interval = version, sheet, map_id, interval
         self.storage, self.zones = Storage({map_id, *maps}), ZoneGuard(contour=contour)
-        self._parameters = {item.parameter.rpartition(".")[2] for item in sheet.protocol_features.optional_parameters}
         self.progress = Progress()
         self.mode = OperatingMode.AUTOMATIC
         self._paused = False
@@ -157,7 +156,7 @@ class SimulatedVehicle:
             x=sensed.x if sensed is not None else 0.0,
             y=sensed.y if sensed is not None else 0.0,
             maps=self.storage.enabled_maps,
-            parameters=self._parameters,
+            sheet=self._factsheet,
         )
 
     def _switch(self, mode: OperatingMode) -> None:

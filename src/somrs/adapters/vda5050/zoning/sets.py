@@ -10,7 +10,8 @@ import msgspec
 
 from somrs.adapters.vda5050.frames import Frame
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
-from somrs.adapters.vda5050.messages.orders import Vertex, Zone, ZoneSetContent, ZoneType, plain_id
+from somrs.adapters.vda5050.messages.identifiers import fitting_id
+from somrs.adapters.vda5050.messages.orders import Vertex, Zone, ZoneSetContent, ZoneType
 from somrs.adapters.vda5050.zoning.site import SiteZone
 from somrs.space.shafts import SAME_FLOOR
 
@@ -28,12 +29,17 @@ CENTIMETRES = 2
 def zone_set(frame: Frame, zones: Sequence[SiteZone], factsheet: Factsheet) -> ZoneSetContent:
     """The zones of the types that a vehicle supports. The same zones have the same id, and others another one (3.0, 6.4.2)."""
     on_floor = [zone for zone in zones if frame.level is None or abs(zone.level - frame.level) < SAME_FLOOR]
-    written = [_written(zone, zone_type, frame) for zone in on_floor if (zone_type := _type_for(zone, factsheet)) is not None]
+    limits = factsheet.protocol_limits.maximum_string_lengths
+    written = [
+        _written(zone, zone_type, frame, fitting_id(zone.name, limits))
+        for zone in on_floor
+        if (zone_type := _type_for(zone, factsheet)) is not None
+    ]
     written.sort(key=lambda zone: (IMPORTANCE.index(ZoneType(zone.zone_type)), zone.zone_id))
     unique = [*{zone.zone_id: zone for zone in reversed(written)}.values()][::-1]
     kept = tuple(unique[: factsheet.protocol_limits.maximum_array_lengths.zone_set_zones or None])
     digest = hashlib.sha256(msgspec.json.encode([frame.map_id, kept])).hexdigest()[:12]
-    return ZoneSetContent(map_id=frame.map_id, zone_set_id=f"{OWN}{plain_id(frame.map_id)}-{digest}", zones=kept)
+    return ZoneSetContent(map_id=frame.map_id, zone_set_id=fitting_id(f"{OWN}{frame.map_id}-{digest}", limits), zones=kept)
 
 
 def _type_for(zone: SiteZone, factsheet: Factsheet) -> ZoneType | None:
@@ -52,11 +58,11 @@ def _type_for(zone: SiteZone, factsheet: Factsheet) -> ZoneType | None:
     return ZoneType.COORDINATED_REPLANNING if ZoneType.COORDINATED_REPLANNING in supported else None
 
 
-def _written(zone: SiteZone, zone_type: ZoneType, frame: Frame) -> Zone:
+def _written(zone: SiteZone, zone_type: ZoneType, frame: Frame, zone_id: str) -> Zone:
     corners = [frame.from_site(*corner) for corner in zone.outline]
     direction = zone.direction
     return Zone(
-        zone_id=plain_id(zone.name),
+        zone_id=zone_id,
         zone_type=zone_type.value,
         zone_descriptor=zone.name,
         vertices=tuple(Vertex(x=round(x, CENTIMETRES), y=round(y, CENTIMETRES)) for x, y in corners),
