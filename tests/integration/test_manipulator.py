@@ -337,6 +337,42 @@ def test_a_quote_waits_for_a_link_that_was_lost_just_now() -> None:
     run(test())
 
 
+AT_PARK = SITE.replace("facts:", "  Park1: {type: Place, at: [2, 1.5]}\nfacts:\n  - Robot1 isAt Park1")
+
+
+def test_a_robot_that_another_one_has_sent_away_is_no_longer_at_its_place() -> None:
+    async def test() -> None:
+        async with device_harness(text=AT_PARK) as harness:
+            await harness.device._link.drive_to(3, 2)
+            async with asyncio.timeout(HANG_TIME):
+                while harness.repository.contents.map.has_fact("isAt", ("Robot1", "Park1")):
+                    await asyncio.sleep(0.1)
+
+    run(test())
+
+
+def test_a_robot_that_was_stopped_on_the_way_is_no_longer_at_its_place() -> None:
+    async def test() -> None:
+        async with device_harness(text=AT_PARK) as harness:
+            await harness.device._link.drive_to(3, 2)
+            result = await harness.run_work(Halt(order()))
+            assert isinstance(result, WorkDone)
+            assert not map_after(result.situation, AT_PARK).has_fact("isAt", ("Robot1", "Park1"))
+
+    run(test())
+
+
+def test_a_robot_that_broke_on_the_way_is_no_longer_at_its_place() -> None:
+    async def test() -> None:
+        async with device_harness(text=AT_PARK) as harness:
+            await harness.operator.schedule("Robot1", Fault.DRIVE, carried=2.5)
+            with pytest.raises(ServiceFailed) as failed:
+                await harness.run_work(Perform(order()))
+            assert not map_after(failed.value.situation, AT_PARK).has_fact("isAt", ("Robot1", "Park1"))
+
+    run(test())
+
+
 def test_where_it_went_without_work_is_told_too() -> None:
     async def test() -> None:
         async with device_harness() as harness:

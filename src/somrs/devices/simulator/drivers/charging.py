@@ -20,6 +20,7 @@ from somrs.ontology.modes import why_closed
 from somrs.protocol.messages.knowledge import Rows, UpdateMap
 from somrs.protocol.messages.submission import Submit
 from somrs.service_manager.sdk.device import Task
+from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.space.shafts import SAME_FLOOR
 
@@ -248,14 +249,14 @@ class ChargingRobot(SimulatedDevice):
 
     # The map
 
-    async def named_place(self, task: Task, name: str) -> Spot | None:
+    async def named_place(self, map: MapReader, name: str) -> Spot | None:
         """An object as such a spot; None if the map does not say where it is."""
-        positions = await task.map.query(f"{name}.PositionX = ?X AND {name}.PositionY = ?Y", limit=1)
+        positions = await map.query(f"{name}.PositionX = ?X AND {name}.PositionY = ?Y", limit=1)
         if not positions:
             return None
         x, y = (number_of(positions[0][variable]) for variable in ("X", "Y"))
-        radii = [number_of(row["Radius"]) for row in await task.map.query(f"{name}.Shape.Radius = ?Radius", limit=1)]
-        heights = [number_of(row["Z"]) for row in await task.map.query(f"{name}.PositionZ = ?Z", limit=1)]
+        radii = [number_of(row["Radius"]) for row in await map.query(f"{name}.Shape.Radius = ?Radius", limit=1)]
+        heights = [number_of(row["Z"]) for row in await map.query(f"{name}.PositionZ = ?Z", limit=1)]
         return Spot(name, x, y, radii[0] if radii else 0.0, heights[0] if heights else None)
 
     async def named_places(self, task: Task, kind: str) -> list[Spot]:

@@ -195,9 +195,9 @@ class Manipulator(OpeningRobot):
             result = await self.retry_when_link_lost(self._stop_and_lay_down)
         except RobotGaveUp as failure:
             raise ServiceFailed(
-                failure.description, self._situation(failure.state or self._link.state, object, failure.object_states)
+                failure.description, await self._situation(failure.state or self._link.state, object, failure.object_states)
             ) from failure
-        situation = self._situation(result.state, object, result.object_states)
+        situation = await self._situation(result.state, object, result.object_states)
         if self._on_way_to != object or result.state.holding is not None:
             return situation
         return " AND ".join([*await self._place_on_map(task, object), situation])
@@ -227,9 +227,9 @@ class Manipulator(OpeningRobot):
         except RobotGaveUp as failure:
             self._kept = object, pose, asyncio.get_running_loop().time()  # there is no room
             if failure.state is not None:
-                self.observed(self._situation(failure.state, object, failure.object_states))
+                self.observed(await self._situation(failure.state, object, failure.object_states))
         else:
-            self.observed(self._situation(result.state, object, result.object_states))
+            self.observed(await self._situation(result.state, object, result.object_states))
 
     async def _stop_and_lay_down(self) -> CommandDone:
         result = await self._link.stop()
@@ -259,13 +259,12 @@ class Manipulator(OpeningRobot):
             self.carrying = None
         await self._report_weight(task, object, PLACED)
         object_state = self._last_observations.get(object)
-        situation = self._situation(result.state, object, (), on_first=True)
+        situation = await self._situation(result.state, object, (), on_first=True)
         seen = Spot() if object_state is None else Spot(support=object_state.support, container=object_state.container)
         if seen.name is None:
             raise ServiceFailed(f"{self.name} put {object} {target.label}, and does not see it there", situation)
         if seen.name != target.name:
             raise ServiceFailed(f"{self.name} put {object} {target.label}, and sees it {seen.label}", situation)
-        situation = " AND ".join([situation, *await self.left_places(task, result.state)])
         if await task.map.holds(f"{self.name}.Working = FALSE"):
             return f"{situation} AND {self.name}.Working = TRUE"
         return situation
@@ -296,7 +295,7 @@ class Manipulator(OpeningRobot):
                 state, object_states = result.state, result.object_states
             except RobotGaveUp as second_failure:
                 state, object_states = second_failure.state or state, second_failure.object_states
-        return self._situation(state, object, object_states)
+        return await self._situation(state, object, object_states)
 
     async def _report_weight(self, task: Task, object: str, fraction: float) -> None:
         """Report what the thing weighs, if the arm has lifted it and the map says something else or nothing."""
@@ -324,7 +323,9 @@ class Manipulator(OpeningRobot):
         self._last_observations.update(states)
         self._weights.update(weights_of(states.values()))
 
-    def _situation(self, state: RobotState | None, object: str, object_states: Iterable[ObjectState], *, on_first: bool = False) -> str:
+    async def _situation(
+        self, state: RobotState | None, object: str, object_states: Iterable[ObjectState], *, on_first: bool = False
+    ) -> str:
         """The situation: the known state of the thing and of the robot. `on_first`: the support of the thing comes before its position.
 
         A silent robot may have continued its work, so earlier observations are left out.
@@ -344,8 +345,13 @@ class Manipulator(OpeningRobot):
                 parts.insert(0 if on_first else 3, f"{object} isOn {thing.support}")
             if thing.container is not None:
                 parts.insert(0 if on_first else 3, f"{object} isIn {thing.container}")
+            if thing.support is None and thing.container is None:
+                parts.append(f"NOT {object} isHeldBy {self.name}")
         if state is not None:
-            parts += self._own_pose(state)
+            try:
+                parts += await self.own_position(state)
+            except RemoteError:  # what happened to the thing is to be reported all the same
+                parts += self._own_pose(state)
         if state is None or state.faults or not self._link.connected:
             parts.append(self._out_of_order())
         return " AND ".join(parts)

@@ -98,7 +98,7 @@ class MobileRobot(ChargingRobot):
     async def way_to_place(self, task: Task) -> tuple[float, Spot]:
         """The place that the task names, and the driving distance to it in metres. Raises Refusal when there is no path."""
         name = str(task.inputs["Place"])
-        spot = await self.named_place(task, name)
+        spot = await self.named_place(task.map, name)
         if spot is None:
             raise Refusal(f"the map does not say where {name} is")
         return await self._way_to(task, spot, name), spot
@@ -119,7 +119,7 @@ class MobileRobot(ChargingRobot):
     async def move_back(self, task: Task, situation: Formula) -> Situation:
         """Drive back to the place where the robot was."""
         for name in places_of(self.name, situation):
-            spot = await self.named_place(task, name)
+            spot = await self.named_place(task.map, name)
             if spot is not None:
                 return await self._driven_to(task, spot)
         raise ServiceFailed(f"{situation} does not say at which place {self.name} was")
@@ -267,14 +267,18 @@ class MobileRobot(ChargingRobot):
         """The robot's pose, the charge of its battery, and the place at which it stands, as parts of a formula."""
         places = [place for place in await self.named_places(task, "Place") if place.is_near(state, ARRIVED)]
         if not places:
-            return [*self._own_pose(state), *await self.left_places(task, state)]
+            return await self.own_position(state)
         nearest = min(places, key=lambda place: math.dist((place.x, place.y), (state.x, state.y)))
         return [*self._own_pose(state), f"{self.name} isAt {nearest.name}"]
 
-    async def left_places(self, task: Task, state: RobotState) -> list[str]:
+    async def own_position(self, state: RobotState) -> list[str]:
+        left = await self.left_places(state)
+        return [*self._own_pose(state), *left]
+
+    async def left_places(self, state: RobotState) -> list[str]:
         """That the robot is no longer at the place where it is according to the map, as parts of a formula; none if it is there."""
-        rows = await task.map.query(f"{self.name} isAt ?Place")
-        places = {name: await self.named_place(task, name) for name in (str(row["Place"]) for row in rows)}
+        rows = await self.map.query(f"{self.name} isAt ?Place")
+        places = {name: await self.named_place(self.map, name) for name in (str(row["Place"]) for row in rows)}
         left = (name for name, place in places.items() if place is None or not place.is_near(state, ARRIVED))
         return [f"NOT {self.name} isAt {name}" for name in left]
 

@@ -123,11 +123,15 @@ class SimulatedDevice(Device):
 
     async def _notice_idle(self, state: RobotState, pose: Pose) -> None:
         if self.mobile and not _is_same_pose(pose, self._reported_pose or await self._pose_on_map()):
-            self.observed(" AND ".join(self._own_pose(state)))
+            self.observed(" AND ".join(await self.own_position(state)))
         if self._known_broken and not state.faults:
             if await self.map.holds(f"{self.name}.Working = FALSE"):
                 self.observed(f"{self.name}.Working = TRUE")
             self._known_broken = False
+
+    async def own_position(self, state: RobotState) -> list[str]:
+        """Where the device is, and where it is no longer, as parts of a formula."""
+        return self._own_pose(state)
 
     async def _pose_on_map(self) -> Pose:
         rows = await self.map.query(f"{self.name}.PositionX = ?X AND {self.name}.PositionY = ?Y AND {self.name}.RotationZ = ?Yaw", limit=1)
