@@ -75,7 +75,7 @@ slow: setup
 	@ALL_LOOKS=1 $(BIN)/pytest tests -m "slow or looks" $(AT_ONCE)
 
 scenarios: setup
-	@$(BIN)/python -m verification.scenarios --runs $(RUNS)
+	@$(BIN)/python -m verification.scenarios --runs $(RUNS) $(if $(ARCOS),--arcos) $(if $(SEED),--first $(SEED))
 
 traffic-runs: setup
 	@$(BIN)/python -m verification.traffic_runs $(if $(SEED),--seed $(SEED),--runs $(or $(N),1000) --seed-base $(or $(SEED_BASE),0))

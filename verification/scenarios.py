@@ -1,6 +1,6 @@
 """Plays Scenario 1b many times, each time with other initial positions of robots and jar and another moment of failure.
 
-    python -m verification.scenarios [--runs 20] [--first 1]
+    python -m verification.scenarios [--runs 20] [--first 1] [--arcos]
 
 The last line is `N passed, N failed`. out/scenarios/<seed>/ has the files of each run, with the reason of a failure.
 """
@@ -23,6 +23,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=20, help="number of runs")
     parser.add_argument("--first", type=int, default=1, help="the first seed; the others follow")
+    parser.add_argument("--arcos", action="store_true", help="drive the robots by ARCOS, in real time: some three minutes a run")
     parser.add_argument("--out", type=Path, default=Path("out/scenarios"))
     options = parser.parse_args()
     passed = failed = 0
@@ -34,7 +35,7 @@ def main() -> int:
             folder.mkdir(parents=True, exist_ok=True)
             log = options.out / f"{seed}.log"
             with log.open("w", encoding="utf-8") as file:
-                good = _played(seed, folder, Console(file=file, width=160, highlight=False))
+                good = _played(seed, folder, Console(file=file, width=160, highlight=False), arcos=options.arcos)
             passed, failed = passed + good, failed + (not good)
             bar.console.print(f"seed {seed}: {'passed' if good else f'FAILED, see {log}'}")
             bar.advance(runs)
@@ -42,9 +43,9 @@ def main() -> int:
     return 1 if failed else 0
 
 
-def _played(seed: int, folder: Path, console: Console) -> bool:
+def _played(seed: int, folder: Path, console: Console, *, arcos: bool) -> bool:
     try:
-        return asyncio.run(play("1b", folder, seed, console)) == 0
+        return asyncio.run(play("1b", folder, seed, console, arcos=arcos)) == 0
     except SomrsError as error:
         console.print(f"{type(error).__name__}: {error}")
         return False
