@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import json
 import math
+import os
 import shutil
 import sys
 import time
@@ -68,6 +69,8 @@ STEPS = {
     "C": "another one has taken over, and everything is where it was to be",
 }
 """The pictures, by letter."""
+LAST_DOMAIN = 101
+"""The domains of ROS go from 0 to 101. Demonstrations that run at the same time do not hear each other's nodes in different ones."""
 LONG_WAIT = 30.0
 """Seconds after which it is said who has not joined."""
 MOST_TIME = 400.0
@@ -150,7 +153,8 @@ def _write_site(folder: Path) -> Path:
 
 def _ros_settings(python: Path, binding: Path) -> dict[str, object]:
     robot = {"binding": str(binding.resolve()), "namespace": "ros_robot", "simulated": True}
-    return {"python": str(python), "discovery": "LOCALHOST", "robots": {ROS_ROBOT: robot}}
+    domain = 1 + os.getpid() % LAST_DOMAIN
+    return {"python": str(python), "discovery": "LOCALHOST", "domain": domain, "robots": {ROS_ROBOT: robot}}
 
 
 def _executed(record: _Record) -> set[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import uuid
 
@@ -9,6 +10,7 @@ from somrs.devices.road.member import RoadMember
 from somrs.kernel.component import Notified
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
+from somrs.runtime.reception import NotTaken
 from somrs.traffic.robot_program import RobotProgram
 
 log = logging.getLogger(__name__)
@@ -26,5 +28,10 @@ def add_road_robot(runtime: Host, device: RoadMember, name: str, traffic: str) -
 
     life = uuid.uuid4().hex
     node = runtime.add(f"/robots/{name}", lambda address: RobotProgram(name, address, traffic, life), carry_out=carry_out)
-    device.road.tell = lambda notice: node.feed(Notified(notice))
+
+    def tell(notice: object) -> None:
+        with contextlib.suppress(NotTaken):  # the program is ending
+            node.feed(Notified(notice))
+
+    device.road.tell = tell
     return node
