@@ -43,6 +43,10 @@ INEXACT = 0.06
 """How far from where it is to stand a robot may be, m."""
 FLOOR_HEIGHT = 0.1
 """Difference in height up to which a point is on a floor, m."""
+APART = 0.02
+"""Distance between two things on a support, m."""
+HAND = 0.05
+"""Radius of a thing of which the map says nothing, m."""
 MOST_STANDS = 24
 """How many stands are tried until one is clear."""
 
@@ -51,12 +55,14 @@ Pose = tuple[float, float, float, float]
 
 @dataclass(slots=True)
 class RoadDriver:
-    """A robot for which ways are found. `position`: its pose in metres and radians; `level`: the height of its floor."""
+    """A robot for which ways are found. `position`: its pose in metres and radians; `level`: the height of its floor; `holding`: what it
+    holds."""
 
     name: str
     solid: Solid
     position: tuple[float, float, float]
     level: float
+    holding: str | None = None
 
     @property
     def size(self) -> Dimensions:
@@ -228,6 +234,18 @@ class Building:
         spots = [spot for spot, _ in edge_targets(solid, EDGE)] if solid.role is Role.SUPPORT else []
         return min(spots or [(solid.x, solid.y)], key=lambda spot: math.dist(spot, point))
 
+    def has_room(self, support: str, spot: Point, thing: str | None) -> bool:
+        """Whether nothing else on a support is where a thing would be put; None: it is only reached for."""
+        solid = self.solids.get(thing) if thing is not None else None
+        if thing is None or self.solids[support].role not in CARRYING:
+            return True
+        radius = APART + (solid.extent if solid is not None else HAND)
+        return all(
+            math.dist((solid.x, solid.y), spot) >= radius + solid.extent
+            for name, _ in self._map.facts_with("isOn", 1, support)
+            if name != thing and (solid := self.solids.get(name)) is not None and solid.role is Role.THING
+        )
+
     def level_of(self, height: float) -> float:
         """The floor that is nearest to a height, m."""
         return min(self.ways().levels, key=lambda level: abs(level - height), default=0.0)
@@ -276,7 +294,8 @@ class Building:
             raise UsageError(f"the map does not say where {target} is")
         solid, (x, y, z, _) = self.solids[target], self.pose(target)
         is_carrier = solid.role in CARRYING and solid.role not in (Role.MARK, Role.FLOOR)
-        spots = np.array([point for point, _ in edge_targets(solid, EDGE)] if is_carrier else [(x, y)], dtype=float).reshape(-1, 2)
+        points = [point for point, _ in edge_targets(solid, EDGE)] if is_carrier else [(x, y)]
+        spots = np.array([point for point in points if self.has_room(target, point, driver.holding)], dtype=float).reshape(-1, 2)
         top = solid.top if is_carrier else z
         space = self.ways().space(driver.level)
         if space is None:

@@ -238,7 +238,11 @@ class RoadLink(CommandLink):
 
     async def _reach(self, name: str) -> Stand:
         """Stand where an object is within reach. Raises RobotGaveUp."""
-        if self._stand is None or self._reached != name or not self._stands_there():
+        building = await self.traveller.building()
+        has_room = (
+            self._stand is not None and building.has_room(name, self._stand.spot, self.robot.holding) if name in building.solids else True
+        )
+        if self._reached != name or not self._stands_there() or not has_room:
             await self._approach(name)
         assert self._stand is not None, "who has not come there has given up"
         return self._stand

@@ -349,7 +349,7 @@ class Traveller:
         assert state is not None, "the robot was located"
         floor = self.robot.building.level_of(self.level if level is None else level)
         solid = replace(solid, speed=self.robot.motion.speed_on(solid.speed))
-        return RoadDriver(self.robot.name, solid, (state.x, state.y, state.yaw), floor)
+        return RoadDriver(self.robot.name, solid, (state.x, state.y, state.yaw), floor, self.robot.holding)
 
     def new_name(self) -> str:
         return f"{self.robot.name}/{self._life}-{next(self._numbers)}"

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from somrs.devices.simulator.link.commands import ObjectState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from tests.support.road_lab import LabRobot, RoadLab, in_virtual_time
 
@@ -51,6 +53,45 @@ def test_what_is_laid_down_over_a_piece_of_furniture_is_on_it(tmp_path: Path) ->
         await carrying(lab, robot)
         (state,) = (await robot.link.put_down_object()).object_states
         assert (state.support, state.z) == ("Table1", 0.7)
+
+    in_virtual_time(test())
+
+
+async def put_on_platform(robot: LabRobot) -> ObjectState:
+    """Have a robot put what it holds on the platform, and say so on the map."""
+    await robot.link.approach("Platform1")
+    (state,) = (await robot.link.place("Platform1")).object_states
+    return state
+
+
+def test_no_thing_is_put_where_another_one_is(tmp_path: Path) -> None:
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        await lab.start()
+        await carrying(lab, robot)
+        jar = await put_on_platform(robot)
+        lab.report(f"Jar1 isOn Platform1 AND Jar1.PositionX = {jar.x} AND Jar1.PositionY = {jar.y} AND Jar1.PositionZ = {jar.z}")
+        await robot.link.approach("Anvil1")
+        await robot.link.grip("Anvil1")
+        anvil = await put_on_platform(robot)
+        size = sum(robot.building.solids[thing].extent for thing in ("Jar1", "Anvil1"))
+        assert math.dist((jar.x, jar.y), (anvil.x, anvil.y)) > size
+
+    in_virtual_time(test())
+
+
+def test_where_another_robot_has_put_something_meanwhile_nothing_is_put(tmp_path: Path) -> None:
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        await lab.start()
+        await carrying(lab, robot)
+        await robot.link.approach("Platform1")
+        x, y = robot.building.spot_on("Platform1", (robot.body.x, robot.body.y))
+        lab.report(f"Anvil1 isOn Platform1 AND Anvil1.PositionX = {x} AND Anvil1.PositionY = {y} AND Anvil1.PositionZ = 0.3")
+        (jar,) = (await robot.link.place("Platform1")).object_states
+        assert math.dist((jar.x, jar.y), (x, y)) > robot.building.solids["Anvil1"].extent
 
     in_virtual_time(test())
 
