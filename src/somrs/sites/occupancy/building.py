@@ -19,6 +19,8 @@ from somrs.sites.plan import Box, Point
 
 _IN_LINE = 0.3
 """The greatest distance of the middle of a doorway from the middle of the wall in which it is, m."""
+_NARROWEST = 0.4
+"""Free floor that is narrower is no part of a room, m."""
 _LARGEST_SPOT = 1.0
 """Area of the largest unknown spot that is taken as a part of the room around it, m²."""
 
@@ -114,9 +116,20 @@ def room_cells(grid: OccupancyGrid, structure: Structure, furniture: Sequence[Bo
         cells |= cells_of(obstacle, grid, 1.5 * grid.resolution)
     for wall in structure.walls:
         cells &= ~cells_of(wall, grid, 0.0)
+    cells = _where_something_fits(cells, grid.resolution)
     parts, _ = ndimage.label(cells)
     rooms: Mask = cells & np.isin(parts, np.unique(parts[cells & grid.mask(Cell.FREE)]))
     return rooms
+
+
+def _where_something_fits(cells: Mask, resolution: float) -> Mask:
+    """The cells without what is too narrow to be a part of a room: rays that have gone through gaps and windows."""
+    distances = ndimage.distance_transform_edt(np.pad(cells, 1))[1:-1, 1:-1] * resolution
+    is_core = distances >= _NARROWEST / 2
+    if not is_core.any():
+        return cells
+    is_near: Mask = ndimage.distance_transform_edt(~is_core) * resolution <= _NARROWEST / 2 + 2 * resolution
+    return cells & is_near
 
 
 def cells_of(box: Box, grid: OccupancyGrid, margin: float) -> Mask:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
 
@@ -76,3 +76,25 @@ class OccupancyGrid:
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         local: Points = shifted @ np.array([[cos, -sin], [sin, cos]])
         return local
+
+
+def without_margins(grid: OccupancyGrid) -> OccupancyGrid:
+    """The grid without the rows and columns around it of which nothing is known."""
+    rows, columns = (np.flatnonzero((grid.states != Cell.UNKNOWN).any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return grid
+    low, left = max(int(rows[0]) - 1, 0), max(int(columns[0]) - 1, 0)
+    ((x, y),) = grid.to_map([(left * grid.resolution, low * grid.resolution)]).tolist()
+    return replace(grid, states=grid.states[low : int(rows[-1]) + 2, left : int(columns[-1]) + 2], x=x, y=y)
+
+
+def coarser(grid: OccupancyGrid, resolution: float) -> OccupancyGrid:
+    """The grid in cells that are at least as large, m: a cell is occupied if a part of it is, or else free if a part of it is."""
+    factor = math.ceil(resolution / grid.resolution - 1e-6)
+    if factor < 2:
+        return grid
+    rows, columns = (math.ceil(length / factor) for length in grid.shape)
+    padding = [(0, rows * factor - grid.shape[0]), (0, columns * factor - grid.shape[1])]
+    padded = np.pad(grid.states, padding, constant_values=Cell.UNKNOWN)
+    states = padded.reshape(rows, factor, columns, factor).max(axis=(1, 3))
+    return replace(grid, states=states, resolution=grid.resolution * factor)

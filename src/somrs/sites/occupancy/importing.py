@@ -7,18 +7,21 @@ from pathlib import Path
 from somrs.sites.draft import Draft, box_shape, identifier, pose
 from somrs.sites.notes import Rank
 from somrs.sites.occupancy.building import Building, building_of
+from somrs.sites.occupancy.grid import coarser, without_margins
 from somrs.sites.occupancy.reading import read_grid
 from somrs.sites.site import Site
 
 WALL_HEIGHT, DOOR_HEIGHT, OBSTACLE_HEIGHT = 2.5, 2.1, 0.5
 """Heights that an occupancy map does not say, m."""
+FINEST = 0.04
+"""Smaller cells do not say more of a building, and take longer, m."""
 
 
 def import_occupancy_map(path: Path) -> Site:
     """The building that an occupancy map shows. Raises InputError for files that cannot be read, and ModelError."""
     name = identifier(path.name.split(".")[0].capitalize())
     draft = Draft()
-    add_building(draft, name, building_of(read_grid(path)))
+    add_building(draft, name, building_of(coarser(without_margins(read_grid(path)), FINEST)))
     return draft.site(name, str(path))
 
 

@@ -67,6 +67,10 @@ def _pixels(image: Path) -> np.ndarray[Any, Any]:
     return np.dstack([channels[..., :3].mean(axis=2), channels[..., 3]])
 
 
+UNKNOWN_GREY = 205
+"""The grey of unknown cells that map savers write in the mode `trinary`, whatever thresholds they write beside it."""
+
+
 def states_of(pixels: np.ndarray[Any, Any], description: MapDescription) -> States:
     """The states of cells, in the order of the pixels (rows × columns × 2: shade and opacity, from 0 to 255)."""
     shade, opacity = pixels[..., 0], pixels[..., 1]
@@ -79,4 +83,6 @@ def states_of(pixels: np.ndarray[Any, Any], description: MapDescription) -> Stat
     states = np.full(shade.shape, Cell.UNKNOWN, dtype=np.int8)
     states[occupancy > description.occupied_thresh] = Cell.OCCUPIED
     states[occupancy < description.free_thresh] = Cell.FREE
+    if description.mode == "trinary" and not description.negate:
+        states[shade == UNKNOWN_GREY] = Cell.UNKNOWN
     return states

@@ -29,6 +29,12 @@ _LONGEST_HIDDEN = 4.0
 """The longest part of a wall that something may hide, m."""
 _COMPACT = 0.55
 """Share of the rectangle around an obstacle that it fills."""
+_SMALL = 0.6
+"""What stands by itself and is not longer is an obstacle, however little of its rectangle it fills, m."""
+_TOGETHER = 0.15
+"""Occupied cells so near are of one obstacle, m: legs, and what a scanner saw of the same thing at different times."""
+_NOISE, _NOISE_FROM_WALL, _NOISY_WALL = (0.25, 0.1), 0.3, 1.0
+"""What is not longer and not thicker, and so near to a wall of at least this length, is noise of the wall, m."""
 _FARTHEST_MOVE = 0.25
 """An obstacle is moved at most so far out of a wall, m."""
 _FEWEST_CELLS = 3
@@ -53,7 +59,7 @@ def find_structure(grid: OccupancyGrid) -> Structure:
     lines = find_lines(grid)
     direction = main_direction(lines)
     lines = joined([aligned(line, direction, 1.5 * grid.resolution) for line in lines], grid, _LONGEST_HIDDEN)
-    obstacles = [box for island in _islands(grid) if (box := _obstacle(island, grid, direction)) is not None]
+    obstacles = [box for island in _islands(grid, lines) if (box := _obstacle(island, grid, direction)) is not None]
     lines = [line for line in lines if not any(obstacle.gap((line.x, line.y)) < grid.resolution for obstacle in obstacles)]
     fronts = list(_against_walls(lines, grid))
     lines = [line for line in lines if not any(_belongs_to(line, front, grid.resolution) for front in fronts)]
@@ -68,18 +74,41 @@ def _beside_walls(obstacle: Box, walls: Sequence[Box]) -> Box | None:
     return moved if moved is not None and math.dist((moved.x, moved.y), (obstacle.x, obstacle.y)) <= _FARTHEST_MOVE else None
 
 
-def _islands(grid: OccupancyGrid) -> Iterator[Points]:
-    """The cells of each part of what is not free that has free cells all around it, and is not only unknown, in local coordinates."""
+def _islands(grid: OccupancyGrid, lines: Sequence[Box]) -> Iterator[Points]:
+    """The cells of each part of what is not free that has free cells all around it, and is not only unknown, in local coordinates. Small
+    parts that are close together are one; what is noise of a wall is left out."""
     is_taken = np.pad(~grid.mask(Cell.FREE), 1, constant_values=True)
     labels, _ = ndimage.label(is_taken, structure=np.ones((3, 3)))
-    occupied = grid.mask(Cell.OCCUPIED)
+    outside, labels = labels[0, 0], labels[1:-1, 1:-1]
+    occupied, small = grid.mask(Cell.OCCUPIED), np.zeros(grid.shape, dtype=bool)
+    walls = [line for line in lines if line.width >= _NOISY_WALL]
     for number, place in enumerate(ndimage.find_objects(labels), 1):
-        if number == labels[0, 0] or place is None:
+        if number == outside or place is None:
             continue
-        rows, columns = (slice(max(part.start - 1, 0), part.stop - 1) for part in place)
-        is_part: Mask = labels[1:-1, 1:-1][rows, columns] == number
-        if np.count_nonzero(is_part & occupied[rows, columns]) >= _FEWEST_CELLS:
-            yield grid.centres(is_part) + np.array([columns.start, rows.start]) * grid.resolution
+        is_part: Mask = labels[place] == number
+        if not (is_part & occupied[place]).any():
+            continue
+        size = (place[0].stop - place[0].start) * grid.resolution, (place[1].stop - place[1].start) * grid.resolution
+        if max(size) > _SMALL:
+            yield _centres(is_part, place, grid)
+        elif not _is_noise(size, ((place[1].start * grid.resolution + size[1] / 2), place[0].start * grid.resolution + size[0] / 2), walls):
+            small[place] |= is_part
+    reach = max(1, round(_TOGETHER / 2 / grid.resolution))
+    groups, _ = ndimage.label(ndimage.binary_dilation(small, np.ones((3, 3)), iterations=reach), structure=np.ones((3, 3)))
+    for number, place in enumerate(ndimage.find_objects(groups), 1):
+        is_part = (groups[place] == number) & small[place]
+        if np.count_nonzero(is_part & occupied[place]) >= _FEWEST_CELLS:
+            yield _centres(is_part, place, grid)
+
+
+def _centres(cells: Mask, place: tuple[slice, ...], grid: OccupancyGrid) -> Points:
+    """The middles of cells of a part of the grid."""
+    return grid.centres(cells) + np.array([place[1].start, place[0].start]) * grid.resolution
+
+
+def _is_noise(size: tuple[float, float], middle: tuple[float, float], walls: Sequence[Box]) -> bool:
+    is_speck = max(size) <= _NOISE[0] and min(size) <= _NOISE[1]
+    return is_speck and any(wall.gap(middle) <= _NOISE_FROM_WALL for wall in walls)
 
 
 def _obstacle(cells: Points, grid: OccupancyGrid, direction: float) -> Box | None:
@@ -87,7 +116,7 @@ def _obstacle(cells: Points, grid: OccupancyGrid, direction: float) -> Box | Non
     box = smallest_box(cells, grid.resolution, direction)
     long, thin = max(box.width, box.depth), min(box.width, box.depth)
     is_wall = long >= _PARTITION[0] and thin <= _PARTITION[1]
-    is_compact = len(cells) * grid.resolution**2 >= _COMPACT * box.width * box.depth  # walls that cross are not
+    is_compact = long <= _SMALL or len(cells) * grid.resolution**2 >= _COMPACT * box.width * box.depth  # walls that cross are not
     return box if is_compact and not is_wall and long <= _WIDEST_OBSTACLE else None
 
 

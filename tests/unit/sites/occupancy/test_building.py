@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from somrs.sites.occupancy.building import building_of
-from somrs.sites.occupancy.grid import Cell, OccupancyGrid
+from somrs.sites.occupancy.grid import Cell, OccupancyGrid, coarser, without_margins
 from somrs.sites.plan import Box, is_in_polygon
 from tests.support.floor_plans import FloorPlan, grid_of, points_along, rooms_in_rows, share_within
 
@@ -89,3 +89,44 @@ def test_known_furniture_makes_neither_walls_nor_obstacles_and_rooms_go_on_under
     assert all(is_in_polygon((desk.x, desk.y), room.outline) for desk in desks)
     assert room.cells * grid.resolution**2 == pytest.approx(8.0 * 6.0, rel=0.06)
     assert len(building_of(grid).walls) + len(building_of(grid).obstacles) > 4
+
+
+def _room_of_a_real_scanner() -> OccupancyGrid:
+    """A room with what real scanners and SLAM add: a thing as specks, specks beside a wall, and rays through a gap of a wall."""
+    states = grid_of(rooms_in_rows([6.0], [5.0], 0.1, [])).states.copy()
+    rows, columns = np.nonzero(states == Cell.FREE)
+    low, left, right = int(rows.min()), int(columns.min()), int(columns.max())
+    for row, column in ((0, 0), (1, 2), (3, 1), (4, 3), (2, 4)):  # what is left of a post of 0.25 m
+        states[low + 40 + row, left + 50 + column] = Cell.OCCUPIED
+    for column in range(left + 10, left + 80, 10):
+        states[low + 2, column : column + 3] = Cell.OCCUPIED
+    width = states.shape[1]
+    rays = np.pad(states, ((0, 0), (0, 100)), constant_values=Cell.UNKNOWN)
+    for row in (30, 40, 50):
+        rays[low + row : low + row + 3, right + 1 : width + 90] = Cell.FREE
+    return OccupancyGrid(states=rays, resolution=0.05)
+
+
+def test_specks_of_one_thing_are_one_obstacle_and_those_of_a_wall_are_none() -> None:
+    (obstacle,) = building_of(_room_of_a_real_scanner()).obstacles
+    assert max(obstacle.width, obstacle.depth) <= 0.35
+
+
+def test_rays_through_gaps_of_a_wall_are_no_part_of_a_room() -> None:
+    (room,) = building_of(_room_of_a_real_scanner()).rooms
+    assert max(x for x, _ in room.outline) - min(x for x, _ in room.outline) <= 6.6
+
+
+@given(
+    states=st.lists(st.lists(st.sampled_from([-1, 0, 1]), min_size=4, max_size=4), min_size=3, max_size=9),
+    yaw=st.floats(-3.0, 3.0),
+    factor=st.integers(1, 3),
+)
+def test_a_grid_without_margins_and_with_larger_cells_has_everything_in_its_place(states: list[list[int]], yaw: float, factor: int) -> None:
+    grid = OccupancyGrid(states=np.pad(np.array(states, dtype=np.int8), 4, constant_values=-1), resolution=0.02, x=3.0, y=-2.0, yaw=yaw)
+    smaller = coarser(without_margins(grid), 0.02 * factor)
+    assert smaller.resolution == pytest.approx(0.02 * factor)
+    points = grid.to_map(grid.centres(grid.mask(Cell.OCCUPIED)))
+    assert (smaller.state_at(smaller.to_local(points)) == Cell.OCCUPIED).all()
+    known_points = grid.to_map(grid.centres(grid.mask(Cell.FREE)))
+    assert (smaller.state_at(smaller.to_local(known_points)) != Cell.UNKNOWN).all()

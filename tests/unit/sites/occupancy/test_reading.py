@@ -31,7 +31,7 @@ def write(folder: Path, description: str, shades: np.ndarray = SHADES, name: str
     [
         ("origin: [0, 0, 0]", [X, U, F], [X, U, F]),
         ("mode: trinary\nnegate: 1", [F, X, X], [U, U, X]),
-        ("occupied_thresh: 0.5\nfree_thresh: 0.25", [X, F, F], [X, X, F]),
+        ("occupied_thresh: 0.5\nfree_thresh: 0.25", [X, U, F], [X, X, F]),
         ("mode: scale\noccupied_thresh: 0.9", [X, U, F], [U, U, F]),
         ("mode: raw", [F, U, U], [X, X, U]),
     ],
