@@ -14,7 +14,7 @@ from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.ontology.files.loading import load
 from somrs.ontology.map import Map
-from somrs.ontology.objects import ObjectRemoved
+from somrs.ontology.objects import Fact, FactAdded, Object, ObjectAdded, ObjectRemoved
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import RenameObject, UpdateMap
 from somrs.protocol.messages.submission import Submit
@@ -67,7 +67,13 @@ async def explored(data: Path) -> None:
         # What a person gets wrong: a chair is elsewhere, a door is shut, a wall is missing, and a room has a name.
         (chair, *_), (door,), (wall, *_) = ([name for name, object in map.objects.items() if object.type == kind] for kind in KINDS)
         mistakes = f"NOT Ground wasExploredBy Scout AND {door}.Open = FALSE AND {chair}.PositionX = 9.0 AND {chair}.PositionY = 4.5"
-        await client.update(UpdateMap(situation=mistakes, changes=(ObjectRemoved(wall),), author="Engineer"))
+        table = next(name for name, object in map.objects.items() if object.type == "Table")
+        place = map.objects[table].values
+        at_table = {path: place[path] for path in ("PositionX", "PositionY")}
+        height = sum(float(place[path]) for path in ("PositionZ", "Shape.Height") if isinstance(place[path], int | float))
+        taken = Object(name="Taken", type="Jar", values={**at_table, "PositionZ": height})
+        changes = (ObjectRemoved(wall), ObjectAdded(taken), FactAdded(Fact("isOn", ("Taken", table))))
+        await client.update(UpdateMap(situation=mistakes, changes=changes, author="Engineer"))
         await client.rename(RenameObject(name="Room001", to="Laboratory", author="Engineer"))
         corrected = (await explore(client))[-1]
     assert count(maps[0], "Wall") == 0
@@ -83,12 +89,13 @@ async def explored(data: Path) -> None:
     assert comparison.things == (3, 3)
     assert corrected.objects[door].values["Open"] is True
     assert corrected.objects[chair].values["Unknown"] is True
+    assert corrected.objects["Taken"].values["Unknown"] is True
     later = compare(corrected, loaded.map, loaded.ontology)  # the wall and a chair have come again
     assert later.walls >= 0.95
     assert later.invented == pytest.approx(comparison.invented, abs=0.01), "it has seen the floor from other points"
     assert (later.rooms, later.furniture, later.things) == (comparison.rooms, comparison.furniture, comparison.things)
     counts = [count(corrected, kind) - count(map, kind) for kind in ("Wall", "Room", "Door", "Chair", "Table", "Jar")]
-    assert counts == [0, 0, 0, 1, 0, 0]
+    assert counts == [0, 0, 0, 1, 0, 1]
     assert "Laboratory" in corrected.objects
 
 

@@ -86,6 +86,13 @@ async def test_a_pose_comes_from_transforms_if_no_topic_has_it() -> None:
 
 
 @in_event_loop
+async def test_publishers_that_do_not_keep_their_last_message_are_heard_where_a_binding_expects_it() -> None:
+    binding = {"pose": {"topic": "odom", "type": "nav_msgs/msg/Odometry", "latched": True}}
+    async with RobotProcess(pose=[1, 2, 0.5]) as robot, connected(robot, binding) as (_, witness):
+        await witness.until(lambda: witness.pose == pytest.approx((1, 2, 0.5, 0.0)))
+
+
+@in_event_loop
 async def test_a_robot_that_is_halted_stands() -> None:
     async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
         connection.follow(way((0, 0), (50, 0)))

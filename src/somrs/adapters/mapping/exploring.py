@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 
 from somrs.adapters.mapping.survey import Survey, legs_of
 from somrs.devices.simulator.link.command_link import CommandLink
 from somrs.devices.simulator.link.commands import CommandDone, RobotState, Scan
+from somrs.devices.simulator.link.commands import Point as SeenPoint
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.sites.plan import Point
 
@@ -22,19 +23,21 @@ POLL = 0.2
 
 Noted = Callable[[CommandDone], Awaitable[None]]
 """Called after each look, with what the camera saw."""
+Expected = Callable[[], Sequence[SeenPoint]]
+"""The points at which something should be, of which each look tells whether they are in clear view."""
 
 
-async def explore(link: CommandLink, survey: Survey, noted: Noted) -> RobotState:
+async def explore(link: CommandLink, survey: Survey, noted: Noted, expected: Expected = tuple) -> RobotState:
     """Explore until nothing is left that can be looked at. Returns the robot's last state.
 
     Raises RobotGaveUp if the robot cannot go on.
     """
-    state = await _look(link, survey, noted)
+    state = await _look(link, survey, noted, expected)
     while (frontier := survey.next_frontier((state.x, state.y))) is not None:
         survey.note_looked_at(frontier)
         for point in legs_of(frontier.way):
             is_there = await _drive(link, point)
-            state = await _look(link, survey, noted)
+            state = await _look(link, survey, noted, expected)
             if not is_there:
                 break
     return state
@@ -66,12 +69,12 @@ async def _drive(link: CommandLink, point: Point) -> bool:
     return True
 
 
-async def _look(link: CommandLink, survey: Survey, noted: Noted) -> RobotState:
+async def _look(link: CommandLink, survey: Survey, noted: Noted, expected: Expected) -> RobotState:
     """Scan and look from where the robot stands."""
     scanned = await link.scan(SCAN)
     state = scanned.state
     survey.add_scan(state.x, state.y, state.yaw, SCAN, scanned.ranges)
-    view = await link.sense(furniture=True)
+    view = await link.sense(furniture=True, expected=[*expected()])
     survey.add_robots([(sighting.x, sighting.y) for sighting in view.sightings if sighting.robot])
     survey.add_furniture([sighting for sighting in view.sightings if sighting.furniture])
     await noted(view)

@@ -14,14 +14,16 @@ from pathlib import Path
 
 import msgspec
 
+from somrs.adapters.mapping.expected import ExpectedThings
 from somrs.adapters.mapping.exploring import explore
 from somrs.adapters.mapping.floor_map import FloorMap, Shown
 from somrs.adapters.mapping.reporting import situation_of, things_on
 from somrs.adapters.mapping.survey import Survey
 from somrs.devices.link_security import link_credentials
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice, number_of
+from somrs.devices.simulator.drivers.watching import MIDDLE
 from somrs.devices.simulator.link.command_link import CommandLink
-from somrs.devices.simulator.link.commands import CommandDone
+from somrs.devices.simulator.link.commands import CommandDone, Point
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.link import RobotLink, link_address
 from somrs.entish.formula import Formula
@@ -34,6 +36,7 @@ from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.device import Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.sites.occupancy.building import building_of
+from somrs.sites.occupancy.importing import WALL_HEIGHT
 from somrs.sites.plan import Box
 
 log = logging.getLogger(__name__)
@@ -89,9 +92,11 @@ class MappingRobot(SimulatedDevice):
     @service(EXPLORE_FLOOR, price=SimulatedDevice.price, duration=DURATION, able=_able, inputs=("Storey",))
     async def explore_floor(self, task: Task) -> Situation:
         survey = Survey(await self._radius(task))
-        findings = _Findings(self, task, survey, await self._floor_map(task))
+        floor_map = await self._floor_map(task)
+        things = ExpectedThings(await self._things(task, floor_map.elevation))
+        findings = _Findings(self, task, survey, floor_map, things)
         try:
-            state = await self.retry_when_link_lost(lambda: explore(self._link, survey, findings.note))
+            state = await self.retry_when_link_lost(lambda: explore(self._link, survey, findings.note, lambda: things.points))
         except RobotGaveUp as failure:
             await findings.publish()
             raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
@@ -119,6 +124,13 @@ class MappingRobot(SimulatedDevice):
     async def _radius(self, task: Task) -> float:
         rows = await task.map.query(f"{self.name}.Shape.Radius = ?Radius", limit=1)
         return number_of(rows[0]["Radius"]) if rows else _USUAL_RADIUS
+
+    async def _things(self, task: Task, elevation: float) -> dict[str, Point]:
+        """The things that the map has on the storey, as far as they stand on something."""
+        pose = "?It.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z AND NOT ?It.Unknown = TRUE"
+        rows = await task.map.query(f"?It: Graspable isOn ?Place AND {pose}")
+        points = {str(row["It"]): Point(x=number_of(row["X"]), y=number_of(row["Y"]), z=number_of(row["Z"]) + MIDDLE) for row in rows}
+        return {name: point for name, point in points.items() if 0.0 <= point.z - elevation <= WALL_HEIGHT}
 
     async def _floor_map(self, task: Task) -> FloorMap:
         """What the map has of the storey already."""
@@ -187,8 +199,8 @@ def _room_shown(floor: Object) -> Shown:
 class _Findings:
     """Brings what a robot finds to the map."""
 
-    def __init__(self, device: MappingRobot, task: Task, survey: Survey, floor_map: FloorMap) -> None:
-        self._device, self._task, self._survey, self._floor_map = device, task, survey, floor_map
+    def __init__(self, device: MappingRobot, task: Task, survey: Survey, floor_map: FloorMap, expected: ExpectedThings) -> None:
+        self._device, self._task, self._survey, self._floor_map, self._expected = device, task, survey, floor_map, expected
         self._looks = 0
 
     async def note(self, view: CommandDone) -> None:
@@ -220,10 +232,11 @@ class _Findings:
             log.warning("%s: what it found cannot be put on the map: %s", self._device.name, error)
 
     async def _report_things(self, view: CommandDone, seen_at: float) -> None:
+        gone = self._expected.gone(view)
         things = things_on(self._floor_map, [sighting for sighting in view.sightings if not (sighting.robot or sighting.furniture)])
-        if not things:
+        if not (things or gone):
             return
         try:
-            await self._device.report(situation_of(things), Observation(as_of=seen_at))
+            await self._device.report(situation_of(things) or None, Observation(as_of=seen_at, missed=tuple(gone)))
         except RemoteError as error:
             log.warning("%s: what it saw cannot be put on the map: %s", self._device.name, error)

@@ -32,7 +32,8 @@ SAMPLE: Mapping[str, Any] = {
 
 
 class Endpoint(Struct, frozen=True):
-    """Something that a binding names. `place`: where in the binding; `is_needed`: it is a problem if it is not there."""
+    """Something that a binding names. `place`: where in the binding; `is_needed`: it is a problem if it is not there; or else it is left
+    out then."""
 
     robot: str
     place: str
@@ -85,8 +86,8 @@ def endpoints_of(robot: str, settings: RobotSettings, binding: Binding) -> Itera
         yield read("pose", binding.pose)
     else:
         yield named("transform.tf", EndpointKind.TOPIC, binding.transform.tf, binding.transform.type, {})
-    if binding.localization is not None:
-        yield read("localization", binding.localization, needed="localization" in binding.model_fields_set)
+    if binding.covariance is not None:
+        yield read("localization", binding.covariance, needed="localization" in binding.model_fields_set)
     if binding.odometry is not None:
         yield read("odometry", binding.odometry)
     navigate = binding.navigate
@@ -151,9 +152,10 @@ async def _rows(bridge: BridgeProcess, endpoints: Sequence[Endpoint], patience: 
             place=endpoint.place,
             name=endpoint.examination.name,
             type=endpoint.examination.type,
-            problem="" if answers[index].may_pass and not endpoint.is_needed else answers[index].problem,
+            problem=answers[index].problem,
         )
         for index, endpoint in enumerate(endpoints)
+        if endpoint.is_needed or not (answers[index].problem and answers[index].may_pass)
     ]
 
 

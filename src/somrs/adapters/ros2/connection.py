@@ -115,8 +115,8 @@ class RobotConnection:
         else:
             for topic, is_static in ((binding.transform.tf, False), (binding.transform.tf_static, True)):
                 self._subscribe(Topic(topic=topic, type=binding.transform.type, latched=is_static), self._take_transforms, 0.0)
-        if binding.localization is not None and not binding.has_covariance:
-            self._subscribe(binding.localization, self._take_covariance, POSES)
+        if binding.covariance is not None and not binding.has_covariance:
+            self._subscribe(binding.covariance, self._take_covariance, POSES)
         if binding.odometry is not None:
             self._subscribe(binding.odometry, self._take_odometry, POSES)
         for attribute, bound in binding.attributes.items():
@@ -333,7 +333,7 @@ class RobotConnection:
         self._changed.set()
 
     def _take_covariance(self, message: Values) -> None:
-        bound = self._binding.localization
+        bound = self._binding.covariance
         assert bound is not None, "the covariance comes by the bound topic"
         covariance = field_value(message, bound.field)
         variances = [covariance[0], covariance[7]] if isinstance(covariance, list) and len(covariance) == COVARIANCES else []

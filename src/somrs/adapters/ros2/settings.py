@@ -220,10 +220,18 @@ class Binding(Model):
     faults: tuple[FaultTopic, ...] = ()
 
     @property
-    def has_covariance(self) -> bool:
-        """Whether the messages with the pose say how sure the robot is of it."""
+    def covariance(self) -> Localization | None:
+        """The topic with the covariance of the pose: that of the pose, if it has one, and no other is named."""
         pose, localization = self.pose, self.localization
-        return pose is not None and localization is not None and (pose.topic, pose.type) == (localization.topic, localization.type)
+        if localization is None or pose is None or "localization" in self.model_fields_set or pose.type != localization.type:
+            return localization
+        return localization.model_copy(update={"topic": pose.topic, "latched": pose.latched})
+
+    @property
+    def has_covariance(self) -> bool:
+        """Whether the messages with the pose have the covariance, too."""
+        pose, covariance = self.pose, self.covariance
+        return pose is not None and covariance is not None and (pose.topic, pose.type) == (covariance.topic, covariance.type)
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:

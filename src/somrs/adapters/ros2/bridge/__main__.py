@@ -42,12 +42,15 @@ class Subscription:
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
         self.id, self.interval, self.pending, self.sent = request["id"], request["interval"], None, -math.inf
-        # A subscriber that asks for less than a publisher offers gets its messages; one that asks for more does not.
-        is_latched = request["latched"]
-        durability = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
-        reliability = ReliabilityPolicy.RELIABLE if is_latched else ReliabilityPolicy.BEST_EFFORT
-        qos = QoSProfile(depth=100 if not self.interval else 1, durability=durability, reliability=reliability)
-        self.handle = node.create_subscription(interface(request["type"], "msg"), request["topic"], self.take, qos)
+        # A subscriber that asks for less than a publisher offers gets its messages; one that asks for more gets none. Only who asks for the
+        # last message gets it, so that it takes a second one for publishers that do not keep it.
+        qualities = [(ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)]
+        if request["latched"]:
+            qualities.append((ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL))
+        depth = 100 if not self.interval else 1
+        profiles = [QoSProfile(depth=depth, reliability=reliability, durability=durability) for reliability, durability in qualities]
+        type = interface(request["type"], "msg")
+        self.handles = [node.create_subscription(type, request["topic"], self.take, profile) for profile in profiles]
 
     def take(self, message: Any) -> None:
         self.pending = message
@@ -109,7 +112,8 @@ class Bridge:
 
     def unsubscribe(self, id: int) -> None:
         if id in self.subscriptions:
-            self.node.destroy_subscription(self.subscriptions.pop(id).handle)
+            for handle in self.subscriptions.pop(id).handles:
+                self.node.destroy_subscription(handle)
 
     def open_action(self, request: dict[str, Any]) -> None:
         self.actions[request["id"]] = Action(self.node, request)
