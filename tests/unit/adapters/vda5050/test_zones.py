@@ -103,7 +103,7 @@ def test_a_zone_set_that_is_lost_is_sent_again() -> None:
 def test_a_vehicle_that_takes_no_zone_set_is_named_once() -> None:
     pair = Pair(Version.V3_0, lambda topic: 0 if topic is Topic.ZONE_SET else 1)
     pair.do(BuildingChanged(zones=(zone(ZoneType.BLOCKED, 3.0),)))
-    pair.run(600)
+    pair.run(200)
     (refused,) = pair.of(Refused)
     assert isinstance(refused, Refused)
     assert "does not show that it has the zone set somrs-hall-" in refused.description
@@ -191,6 +191,19 @@ def test_a_granted_path_through_a_zone_for_replanning_is_driven() -> None:
     assert pair.body.x == 6.0
     assert set(answers(pair)) == {GrantType.GRANTED}
     assert pair.of(GaveUp, Refused) == []
+
+
+def test_a_path_is_not_revoked_for_what_is_behind_the_vehicle() -> None:
+    floor = SiteZone(name="Floor1", zone_type=ZoneType.LINE_GUIDED, outline=square(0.0, 0.0, 50.0), level=0.0)
+    pair, names = zoned(floor, sheet=factsheet(finds_paths=True)), ("A", "B", "C", "D", "E")
+    pair.follow(*names, released=4)
+    for _ in range(40):
+        pair.run(0.3)
+        passed = max(pair.passed(), default=0)
+        pair.follow(*names[passed:], first=passed, released=min(4, 5 - passed))
+    assert pair.body.x == 8.0
+    assert set(answers(pair)) == {GrantType.GRANTED}
+    assert pair.vehicle.state().zone_requests == ()
 
 
 def test_a_vehicle_that_finds_paths_follows_the_lines_that_it_is_given_if_it_can() -> None:

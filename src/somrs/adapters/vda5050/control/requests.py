@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from somrs.adapters.vda5050.control.exchange import Refused, Send
@@ -39,20 +40,22 @@ class Requests:
         self._vehicle, self._outbox = vehicle, outbox
         self.zone_sets: dict[str, ZoneSetContent] = {}
         self._answers: dict[str, Answer] = {}
+        self._decisions: dict[str, tuple[ZoneRequest | EdgeRequest, Way, tuple[GrantType, str]]] = {}
+        """By request id: what was decided, about which request and way. It is so until one of them changes."""
         self._told: set[str] = set()
 
     def answer(self, state: State, way: Way, now: float) -> None:
         """Say what has not been said. `way`: what traffic has granted and planned."""
         requests: list[ZoneRequest | EdgeRequest] = [*(state.zone_requests or ()), *(state.edge_requests or ())]
-        self._answers = {
-            request.request_id: self._answers[request.request_id] for request in requests if request.request_id in self._answers
-        }
+        ids = {request.request_id for request in requests}
+        self._answers = {key: answer for key, answer in self._answers.items() if key in ids}
+        self._decisions = {key: decision for key, decision in self._decisions.items() if key in ids}
         responses = []
         for request in requests:
             if request.request_status in (RequestStatus.REVOKED, RequestStatus.EXPIRED):
                 self._answers.pop(request.request_id, None)  # it makes another request to go on
                 continue
-            grant_type, reason = self._decision(request, way)
+            grant_type, reason = self._current_decision(request, way)
             previous = self._answers.get(request.request_id)
             if self._is_to_be_revoked(request, previous, grant_type):
                 grant_type = GrantType.REVOKED
@@ -91,6 +94,12 @@ class Requests:
         expiry = timestamp_of(now + LEASE + self._vehicle.clock_lead) if is_granted else None
         return Response(request_id=request_id, grant_type=grant_type, lease_expiry=expiry)
 
+    def _current_decision(self, request: ZoneRequest | EdgeRequest, way: Way) -> tuple[GrantType, str]:
+        decided = self._decisions.get(request.request_id)
+        if decided is None or decided[0] != request or decided[1] is not way:
+            decided = self._decisions[request.request_id] = request, way, self._decision(request, way)
+        return decided[2]
+
     def _decision(self, request: ZoneRequest | EdgeRequest, way: Way) -> tuple[GrantType, str]:
         """What a request gets, and why if it gets nothing."""
         if isinstance(request, EdgeRequest):
@@ -119,14 +128,22 @@ class Requests:
         if request.trajectory is None:
             return GrantType.REJECTED, f"asks for a path through the zone {name}, and does not say which"
         try:
-            path = curve_points(request.trajectory)
+            path = self._ahead([*points_along(curve_points(request.trajectory))], request)
         except ValueError as error:
             return GrantType.REJECTED, f"asks for a path through the zone {name}: {error}"
-        if all(distance_to_line(point, granted) <= STRAY for point in points_along(path)):
+        if all(distance_to_line(point, granted) <= STRAY for point in path):
             return GrantType.GRANTED, ""
-        if all(distance_to_line(point, [*granted, *planned]) <= STRAY for point in points_along(path)):
+        if all(distance_to_line(point, [*granted, *planned]) <= STRAY for point in path):
             return GrantType.QUEUED, ""
         return GrantType.REJECTED, f"asks for a path through the zone {name} that leaves its way"
+
+    def _ahead(self, path: list[Point], request: ZoneRequest) -> list[Point]:
+        """What of a path is before the vehicle, which is on it when the path is granted."""
+        vehicle, zone_set = self._vehicle, self.zone_sets[request.zone_set_id]
+        if request.request_status is not RequestStatus.GRANTED or vehicle.pose is None or vehicle.map_id != zone_set.map_id:
+            return path
+        place = vehicle.frames.frame(vehicle.map_id).from_site(vehicle.pose.x, vehicle.pose.y)
+        return path[min(range(len(path)), key=lambda index: math.dist(path[index], place)) :]
 
     def _lines(self, map_id: str, way: Way) -> tuple[list[Point], list[Point]]:
         """The lines on a map of the vehicle that traffic has granted, from where the vehicle is, and those that are planned after them."""

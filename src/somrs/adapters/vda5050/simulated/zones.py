@@ -61,7 +61,9 @@ class ZoneGuard:
     pending: list[PendingRequest] = field(default_factory=list)
     _zones: ZoneSetContent | None = None
     _position: Point = (0.0, 0.0)
+    _laid_out: tuple[Stretch, ...] = ()
     _stretches: tuple[Stretch, ...] = ()
+    """Those to come: of the first, the rest of it."""
     _key: object = None
     _refused: set[str] = field(default_factory=set)
     _numbers: itertools.count[int] = field(default_factory=lambda: itertools.count(1))
@@ -79,7 +81,8 @@ class ZoneGuard:
         key = zones.zone_set_id if zones is not None else None, map_id, base, nodes[0].node_id if nodes else None
         if key != self._key:
             self._key, self._zones, self._refused = key, zones, set()
-            self._stretches = tuple(self._lay_out(map_id, nodes, edges))
+            self._laid_out = tuple(self._lay_out(map_id, nodes, edges))
+        self._stretches = tuple(self._rest(stretch) if index == 0 else stretch for index, stretch in enumerate(self._laid_out))
         for pending in self.pending:
             if pending.request.request_status is RequestStatus.GRANTED and now > pending.expiry:
                 pending.request = msgspec.structs.replace(pending.request, request_status=RequestStatus.EXPIRED)
@@ -119,20 +122,24 @@ class ZoneGuard:
 
     def obstacle(self) -> str | None:
         """Why the vehicle cannot drive to the next node at all; None if it can."""
-        for stretch in self._stretches[:1]:
-            for zone in stretch.zones:
-                if zone.zone_type == ZoneType.BLOCKED:
-                    return f"the zone {zone.zone_id} is blocked"
-                if zone.zone_type == ZoneType.LINE_GUIDED and stretch.edge.trajectory is None:
-                    return f"the zone {zone.zone_id} is for vehicles on trajectories, and {stretch.edge.edge_id} has none"
-                if zone.zone_type == ZoneType.DIRECTED and self._is_against(stretch, zone):
-                    return f"the zone {zone.zone_id} is driven in the other direction"
+        return self._obstacle(self._stretches[0]) if self._stretches else None
+
+    def _obstacle(self, stretch: Stretch) -> str | None:
+        for zone in stretch.zones:
+            if zone.zone_type == ZoneType.BLOCKED:
+                return f"the zone {zone.zone_id} is blocked"
+            if zone.zone_type == ZoneType.LINE_GUIDED and stretch.edge.trajectory is None:
+                return f"the zone {zone.zone_id} is for vehicles on trajectories, and {stretch.edge.edge_id} has none"
+            if zone.zone_type == ZoneType.DIRECTED and self._is_against(stretch, zone):
+                return f"the zone {zone.zone_id} is driven in the other direction"
         return None
 
     def open_nodes(self) -> int:
-        """To how many of the nodes to come the vehicle may drive now."""
-        closed = (index for index, stretch in enumerate(self._stretches) if not all(self._is_open(zone, stretch) for zone in stretch.zones))
-        return next(closed, len(self._stretches))
+        """To how many of the nodes to come the vehicle may drive now. One that it cannot reach at all is the next one when that is said."""
+        for index, stretch in enumerate(self._stretches):
+            if (index and self._obstacle(stretch)) or not all(self._is_open(zone, stretch) for zone in stretch.zones):
+                return index
+        return len(self._stretches)
 
     @property
     def is_closed(self) -> bool:
@@ -155,6 +162,11 @@ class ZoneGuard:
             stretches.append(Stretch(start=start, end=end, node=node, edge=edge, zones=zones))
             start = end
         return stretches
+
+    def _rest(self, stretch: Stretch) -> Stretch:
+        """What of a stretch is ahead of the vehicle."""
+        zones = tuple(zone for zone in stretch.zones if self._touches(zone, self._position, stretch.end))
+        return msgspec.structs.replace(stretch, start=self._position, zones=zones)
 
     def _touches(self, zone: Zone, start: Point, end: Point) -> bool:
         is_for_centre = zone.zone_type in (ZoneType.DIRECTED, ZoneType.BIDIRECTED, ZoneType.PRIORITY, ZoneType.PENALTY)
