@@ -3,9 +3,9 @@ doors, and starts them again.
 
     python -m verification.adapter_runs [--runs 84] [--first 0] [--out out/adapter-runs]
 
-No robot may drive on beyond what traffic granted while nobody is there who knows; the task has to be accomplished; the map has to agree
-with the world in the end; and all robots have to work again. A run with a seed is drawn in the same way each time. The last line is
-`N passed, N failed`.
+No robot may drive on beyond what traffic granted while nobody is there who knows; the task has to be accomplished, or to say why not; the
+map has to agree with the world in the end; and all robots have to work again. A run with a seed is drawn in the same way each time. The
+last line is `N passed, N failed`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def main() -> int:
     arguments.add_argument("--out", type=Path, default=Path("out/adapter-runs"))
     options = arguments.parse_args()
     console = Console(width=None if sys.stdout.isatty() else 240)
-    passed = failed = skipped = 0
+    passed = failed = skipped = accomplished = 0
     for seed in range(options.first, options.first + options.runs):
         kind, folder = draw(seed).case.kind, options.out / str(seed)
         shutil.rmtree(folder, ignore_errors=True)
@@ -44,10 +44,12 @@ def main() -> int:
         except Exception as error:  # noqa: BLE001  # whatever ends a run is its problem, and not that of the others
             run.problems.append(f"{type(error).__name__}: {error}")
         passed, failed = passed + (not run.problems), failed + bool(run.problems)
-        verdict = "; ".join(run.problems) or "recovered"
+        accomplished += run.is_accomplished
+        verdict = "; ".join((run.ending, *run.problems))
         console.print(f"{seed}: {kind}: {run.text}: {verdict}", style="bold red" if run.problems else "", highlight=False)
         if not run.problems:
             shutil.rmtree(folder, ignore_errors=True)
+    console.print(f"{accomplished} tasks were accomplished; of the others, it is said why not")
     print(f"{passed} passed, {failed} failed{f', {skipped} skipped' if skipped else ''}")
     return 1 if failed else 0
 

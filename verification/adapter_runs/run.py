@@ -23,12 +23,14 @@ MOST_TIME = 400.0
 
 
 class Run:
-    """The run with a seed. `problems`: what was not as it has to be; `text`: what was done, for people."""
+    """The run with a seed. `problems`: what was not as it has to be; `text`, `ending`: what was done, and what became of the task, for
+    people."""
 
     def __init__(self, seed: int, folder: Path) -> None:
         self.draw, self._folder = draw(seed), folder
         self.problems: list[str] = []
-        self.text = ""
+        self.text = self.ending = ""
+        self.is_accomplished = False
 
     async def play(self) -> None:
         self._folder.mkdir(parents=True)
@@ -44,8 +46,10 @@ class Run:
                 await self._kill(system, operator)
                 async with asyncio.timeout(MOST_TIME):
                     view = await ending
-                if view.outcome is not Outcome.ACCOMPLISHED:
-                    self.problems.append(f"the task ended as {view.outcome}: {view.explanation}")
+                self.is_accomplished = view.outcome is Outcome.ACCOMPLISHED
+                self.ending = "recovered" if self.is_accomplished else f"the task ended as {view.outcome}: {view.explanation}"
+                if not (self.is_accomplished or view.explanation):
+                    self.problems.append(f"the task ended as {view.outcome}, and nobody says why")
                 await self._check(client, operator)
             except TimeoutError:
                 self.problems.append("the task does not end")

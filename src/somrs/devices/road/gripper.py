@@ -11,6 +11,7 @@ import msgspec
 from msgspec import Struct
 
 from somrs.devices.road.hardware import Vehicle
+from somrs.devices.simulator.link.commands import ObjectState
 
 log = logging.getLogger(__name__)
 
@@ -29,14 +30,31 @@ class Held(Struct, frozen=True, kw_only=True):
     is_sure: bool = True
 
 
+class Stored(Struct, frozen=True, kw_only=True):
+    """What is stored. `put`: the last thing that was put somewhere, until the robot is to fetch it again: who has it carried may not
+    have heard of it."""
+
+    held: Held | None = None
+    put: ObjectState | None = None
+
+
 class Gripper:
     """The gripper of one robot. It has the robot's `holding` say what is known."""
 
     def __init__(self, robot: Vehicle) -> None:
         self._robot = robot
-        self.held: Held | None = None
+        self._stored = Stored()
         self.is_working = False
-        """Whether something is being picked or dropped: until it ends, what the robot says is of a moment in between."""
+        """Whether something is being picked or dropped, also by a robot that cannot be reached: until it ends, what the robot says is of a
+        moment in between."""
+
+    @property
+    def held(self) -> Held | None:
+        return self._stored.held
+
+    @property
+    def put(self) -> ObjectState | None:
+        return self._stored.put
 
     @property
     def _file(self) -> Path:
@@ -54,13 +72,14 @@ class Gripper:
 
     def load(self, held_on_map: Sequence[str]) -> None:
         """Read what an earlier program of the robot knew. `held_on_map`: what the map has in the gripper, in case nothing was stored."""
-        self.held = Held(thing=held_on_map[0]) if held_on_map else None
+        self._stored = Stored(held=Held(thing=held_on_map[0]) if held_on_map else None)
         try:
-            self.held = msgspec.json.decode(self._file.read_bytes(), type=Held | None)
+            self._stored = msgspec.json.decode(self._file.read_bytes(), type=Stored)
         except FileNotFoundError:
             pass
         except (OSError, msgspec.DecodeError) as error:
             log.warning("%s cannot be read, so that what the map says of the gripper is believed: %s", self._file, error)
+        self.is_working = self.held is not None and not self.held.is_sure
         self.settle()
 
     def settle(self) -> None:
@@ -86,11 +105,13 @@ class Gripper:
 
     def _begin(self, held: Held) -> None:
         self.is_working = True
-        self._store(held)
+        self._store(Stored(held=held))
 
     def end(self) -> None:
         """What was begun has ended without success, and the robot says what it holds."""
         held, carries = self.held, self._robot.carries
+        if not self.is_working:
+            return
         if held is not None and (carries or (carries is None and self._robot.holding == held.thing)):
             self.hold(held.thing, held.origin)
         else:
@@ -99,22 +120,27 @@ class Gripper:
     def hold(self, thing: str, origin: str | None) -> None:
         """The thing is in the gripper."""
         self._robot.holding, self.is_working = thing, False
-        self._store(Held(thing=thing, origin=origin))
+        self._store(Stored(held=Held(thing=thing, origin=origin)))
 
-    def release(self) -> None:
-        """Nothing is in the gripper."""
+    def release(self, put: ObjectState | None = None) -> None:
+        """Nothing is in the gripper. `put`: where what was in it is now; None: not known."""
         self._robot.holding, self.is_working = None, False
-        self._store(None)
+        self._store(Stored(put=put))
 
-    def _store(self, held: Held | None) -> None:
+    def forget(self, thing: str) -> None:
+        """The thing is to be fetched: it is where the map has it."""
+        if self.put is not None and self.put.object == thing:
+            self._store(Stored(held=self.held))
+
+    def _store(self, stored: Stored) -> None:
         """Replace the file, so that it is whole at any time."""
-        if held == self.held:
+        if stored == self._stored:
             return
-        self.held, file = held, self._file
+        self._stored, file = stored, self._file
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
             part = file.with_suffix(".part")
-            part.write_bytes(msgspec.json.encode(held))
+            part.write_bytes(msgspec.json.encode(stored))
             part.replace(file)
         except OSError as error:
             log.warning("%s cannot be written: %s", file, error)

@@ -32,6 +32,25 @@ class Handling:
     def __init__(self, robot: Vehicle, gripper: Gripper, traveller: Traveller, reach: Reach) -> None:
         self._robot, self._gripper, self._traveller, self._reach = robot, gripper, traveller, reach
         self.is_lost = False
+        self._ending: asyncio.Task[None] | None = None
+        traveller.on_return = self._return_back
+
+    def _return_back(self) -> None:
+        """The robot can be reached again."""
+        if self._gripper.is_working and (self._ending is None or self._ending.done()):
+            self._ending = asyncio.create_task(self._end_work())
+
+    async def _end_work(self) -> None:
+        """End what the robot works on and nobody waits for, so that what it says of its gripper counts."""
+        await self._robot.interrupt()
+        self._gripper.is_working = False
+        self._traveller.renew_state()
+
+    async def settled(self) -> None:
+        """Wait until it is known what the robot holds, after its program or its connection had ended while it worked."""
+        self._return_back()
+        if self._ending is not None:
+            await asyncio.wait({self._ending})
 
     async def work(self, activity: str, work: Coroutine[object, object, object]) -> None:
         """Let the robot work where it stands: nobody asks it to make room. Raises RobotGaveUp."""
@@ -51,7 +70,7 @@ class Handling:
                 gripper.end()
             raise
         finally:
-            gripper.is_working, traveller.activity = False, None
+            traveller.activity = None
             traveller.tell_mobility()
             traveller.renew_state()
 
@@ -113,8 +132,7 @@ class Handling:
             if not is_unsure or failure.reason != "not-possible":
                 raise
             log.warning("%s cannot put %s on %s, so that it is taken to be there: %s", self._robot.name, thing, support, failure)
-        self._release()
-        return _put(building, thing, support, stand.spot)
+        return self._release(_put(building, thing, support, stand.spot))
 
     async def _set_down(self, thing: str) -> ObjectState:
         """Put what it holds down where the robot stands."""
@@ -125,11 +143,10 @@ class Handling:
 
         self._gripper.begin_drop(thing, THIS_SPOT)
         await self.work("PutDown", put_down())
-        self._release()
         ((x, y, z, place),) = spots
         if place in building.solids:
-            return ObjectState(object=thing, x=x, y=y, z=z, yaw=0.0, support=place)
-        return _laid(building, thing, (x, y), z)
+            return self._release(ObjectState(object=thing, x=x, y=y, z=z, yaw=0.0, support=place))
+        return self._release(_laid(building, thing, (x, y), z))
 
     async def _make_sure(self) -> ObjectState:
         """Put the thing of which nobody knows whether the robot holds it where it is otherwise: then it is there in either case."""
@@ -167,14 +184,16 @@ class Handling:
         """Say where the thing is that was put down when nobody heard of it."""
         state, level = self._traveller.state, self._traveller.level
         assert state is not None, "a robot that says what it carries was located"
-        self._release()
-        if target != THIS_SPOT:
-            return _put(building, thing, target, building.spot_on(target, (state.x, state.y)))
-        return _laid(building, thing, (state.x, state.y), level)
+        point = state.x, state.y
+        if target == THIS_SPOT:
+            return self._release(_laid(building, thing, point, level))
+        return self._release(_put(building, thing, target, building.spot_on(target, point)))
 
-    def _release(self) -> None:
-        self._gripper.release()
+    def _release(self, put: ObjectState) -> ObjectState:
+        """What it held is there now."""
+        self._gripper.release(put)
         self._traveller.renew_state()
+        return put
 
     def _problem(self, description: str) -> RobotGaveUp:
         return RobotGaveUp("not-possible", description, self._traveller.state)

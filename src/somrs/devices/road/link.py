@@ -58,7 +58,7 @@ class RoadLink(CommandLink):
     """The link to one robot. `on_state`: is told every state of it."""
 
     def __init__(self, robot: Vehicle, on_state: Callable[[RobotState], None]) -> None:
-        self.robot, self.silent = robot, False
+        self.robot, self.silent, self.remembers = robot, False, True
         self.gripper = Gripper(robot)
         self.traveller = Traveller(robot, self.gripper, on_state, self._end_at_once)
         self._handling = Handling(robot, self.gripper, self.traveller, self._reach)
@@ -104,12 +104,14 @@ class RoadLink(CommandLink):
     async def command(self, command: Command) -> CommandDone:
         if self.state is None or not self.connected:
             raise RobotGaveUp("link-lost", f"{self.robot.name} cannot be reached", self.state)
+        if self._current is None or self._current.done():
+            await self._handling.settled()
         if isinstance(command, Status):
             self.traveller.renew_state()
             return self._done()
         await self._end_current("stopped", f"{self.robot.name} received another command")
         if isinstance(command, Stop):
-            return self._done()
+            return self._done(*([self.gripper.put] if self.gripper.put is not None else []))
         self.traveller.activity, self._handling.is_lost = type(command).__name__, False
         self._current = task = asyncio.create_task(self._carry_out(command))
         await asyncio.wait({task})
@@ -186,6 +188,7 @@ class RoadLink(CommandLink):
         """Drive to where a thing or a support is within reach: to another stand if others stand in the way to one. Robots that move may go
         away: they are waited for a while."""
         self._stand, self.traveller.activity = None, Approach.__name__
+        self.gripper.forget(name)
         loop = asyncio.get_running_loop()
         start_time = loop.time()
         while True:

@@ -50,6 +50,10 @@ EndCommand = Callable[[str, str], None]
 """Ends the command that is carried out, for a reason and with a description as of `RobotGaveUp`."""
 
 
+def _do_nothing() -> None:
+    """Do nothing: no link is there yet."""
+
+
 def _tell_nobody(notice: object) -> None:
     """Do nothing: no program takes part in traffic for the robot."""
 
@@ -61,6 +65,8 @@ class Traveller:
     def __init__(self, robot: Vehicle, gripper: Gripper, on_state: Callable[[RobotState], None], end_command: EndCommand) -> None:
         self.robot, self._gripper, self._on_state, self._end_command = robot, gripper, on_state, end_command
         self.tell: Callable[[object], None] = _tell_nobody
+        self.on_return: Callable[[], None] = _do_nothing
+        """Called when the robot can be reached again."""
         self.state: RobotState | None = None
         """The last one that the robot reported."""
         self.activity: str | None = None
@@ -170,6 +176,7 @@ class Traveller:
         self.tell(SilenceChanged(not is_connected))
         if is_connected:
             self.connected.set()
+            self.on_return()
             if self._is_abandoned:
                 self._is_abandoned = False
                 self._begin_to_halt()
