@@ -168,7 +168,7 @@ class RoadRobot(MobileRobot):
         self.road.gave_up(description)
 
     def broken(self, reason: str | None) -> None:
-        """The robot cannot drive, for this reason, until somebody mends it; None: it can again."""
+        """The robot cannot drive, for this reason (`its stop is pressed`), until somebody mends it; None: it can again."""
         self.road.broken(reason)
 
     def heard(self, is_connected: bool) -> None:

@@ -170,6 +170,6 @@ def test_a_pressed_stop_button_breaks_the_robot(tmp_path: Path) -> None:
         async with robot(tmp_path) as (device, _, simulated):
             simulated.firmware.stop_button = True
             await wait_until(lambda: device.notes)
-            assert device.notes == ["broken: Robot1 cannot drive: its stop button is pressed"]
+            assert device.notes == ["broken: its stop button is pressed"]
 
     run(test())

@@ -152,7 +152,7 @@ class ArcosRobot(CarryingRobot):
             case GaveUp(description):
                 self.gave_up(f"{self.name} does not drive on: {description}")
             case Broken(reason):
-                self.broken(f"{self.name} cannot drive: {reason}" if reason is not None else None)
+                self.broken(reason)
             case Heard(is_connected):
                 self.heard(is_connected)
             case Holds(something):

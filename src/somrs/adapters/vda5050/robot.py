@@ -168,7 +168,7 @@ class Vda5050Vehicle(CarryingRobot):
             case GaveUp(description=description):
                 self.gave_up(f"{self.name} does not drive on: {description}")
             case Broken(reason=reason):
-                self.broken(f"{self.name} cannot drive: {reason}" if reason is not None else None)
+                self.broken(reason)
             case Reachable(is_connected=is_connected):
                 self.heard(is_connected)
             case Charged(level=level):

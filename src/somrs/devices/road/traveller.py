@@ -78,7 +78,8 @@ class Traveller:
         """The height of its floor, m."""
         self._last_point: tuple[float, float] | None = None
         self._faults: set[Fault] = set()
-        self._fault_reason = ""
+        self._trouble: str | None = None
+        """Why it cannot drive, as a sentence."""
         self._roadmap: RoadmapRead | None = None
         self._berths: dict[str, Berth] = {}
         self._way: tuple[Waypoint, ...] = ()
@@ -119,6 +120,7 @@ class Traveller:
             z=self.level,
             charge=self.robot.battery,
             hindrance=self.robot.hindrance,
+            trouble=self._trouble,
             remark=self.robot.remark,
         )
         if not self._says_whether_heard:
@@ -160,14 +162,16 @@ class Traveller:
 
     def broken(self, reason: str | None) -> None:
         was_broken = bool(self._faults)
-        self._faults, self._fault_reason = ({Fault.DRIVE}, reason) if reason is not None else (set(), "")
+        self._faults, self._trouble = set(), None
+        if reason is not None:
+            self._faults, self._trouble = {Fault.DRIVE}, f"{self.robot.name} cannot drive: {reason}"
         self.renew_state()
         if was_broken == bool(self._faults):
             return
         self.tell_mobility()
         self.tell(Astray())
-        if reason is not None:
-            self._end_command("drive-dead", reason)
+        if self._trouble is not None:
+            self._end_command("drive-dead", self._trouble)
 
     def heard(self, is_connected: bool) -> None:
         self._says_whether_heard = True
@@ -216,8 +220,8 @@ class Traveller:
 
     async def travel(self, stop: Berth | str, yaw: float | None = None) -> TripOver:
         """Go to a place or a berth. Returns how that ended; when it is cancelled, the robot stands still."""
-        if self._faults:
-            raise RobotGaveUp("drive-dead", self._fault_reason, self.state)
+        if self._trouble is not None:
+            raise RobotGaveUp("drive-dead", self._trouble, self.state)
         trip = f"{self.robot.name}/trip-{self._life}-{next(self._numbers)}"
         if self._stopping is not None:
             await asyncio.wait({self._stopping})

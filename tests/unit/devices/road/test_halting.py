@@ -32,3 +32,22 @@ def test_a_robot_that_is_being_stopped_drives_no_further_than_it_keeps(tmp_path:
         assert (robot.body.x, robot.body.y) == pytest.approx(building.point(place), abs=0.05)
 
     in_virtual_time(test())
+
+
+def test_a_robot_that_cannot_drive_says_why(tmp_path: Path) -> None:
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        await lab.start()
+        trip = asyncio.create_task(robot.link.approach("Jar1"))
+        await asyncio.sleep(1)
+        await robot.halt()  # somebody turns the key
+        robot.broken("its key switch is at MANUAL")
+        with pytest.raises(RobotGaveUp, match="Robot1 cannot drive: its key switch is at MANUAL"):
+            await trip
+        assert (await robot.link.status()).state.trouble == "Robot1 cannot drive: its key switch is at MANUAL"
+        robot.broken(None)
+        await robot.link.approach("Jar1")
+        assert (await robot.link.status()).state.trouble is None
+
+    in_virtual_time(test())

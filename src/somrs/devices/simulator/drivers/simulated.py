@@ -154,7 +154,7 @@ class SimulatedDevice(Device):
             raise Refusal(f"{self.name} does not answer: {error}", not_now=True) from None
         if state.faults:
             broken = " and ".join(_DISABLING.get(fault, fault) for fault in state.faults)
-            raise Refusal(f"{self.name} is out of order: {broken}", not_now=True)
+            raise Refusal(state.trouble or f"{self.name} is out of order: {broken}", not_now=True)
         return state
 
     async def retry_when_link_lost(self, work: Callable[[], Awaitable[T]]) -> T:

@@ -246,6 +246,8 @@ class RobotState(Struct, frozen=True, kw_only=True):
     """What keeps it from going on, and will pass without it: that the lift in which it stands does not work, for example."""
     obstructed: bool = False
     """Whether something stands in the way of the motion that it was told."""
+    trouble: str | None = None
+    """Why it has its faults, as a sentence; None: they say all."""
     remark: str | None = None
     """What it says of itself that does not keep it from going on: that a sensor is dirty, for example."""
 
