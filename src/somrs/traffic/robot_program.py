@@ -153,6 +153,8 @@ class RobotProgram:
             return
         match body:
             case Granted() as grant if participant.granted(grant):
+                if participant.way and self._mobility is not Mobility.FREE:
+                    yield self._report()  # it was granted before the robot had said that it works: it is given back
                 yield from self._go_on()
             case PassageOpen() as notice:
                 participant.opened(notice)
@@ -263,7 +265,8 @@ class RobotProgram:
             case TripGivenUp(halts):
                 self._halts, self._told = max(self._halts, halts), ()
                 yield from self._give_up()
-            case PlacePassed(number):
+            case PlacePassed(number, mobility):
+                self._mobility = mobility or self._mobility  # in the same report: nobody has the robot leave where it is to work
                 yield from self._pass(number)
             case MobilityChanged(mobility) if mobility is not self._mobility:
                 self._mobility = mobility

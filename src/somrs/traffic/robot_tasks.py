@@ -81,9 +81,10 @@ class TripGivenUp(Struct, frozen=True):
 
 
 class PlacePassed(Struct, frozen=True):
-    """The robot has come to the place of this number, or past it."""
+    """The robot has come to the place of this number, or past it. `mobility`: whether it can make room from now on; None: as it was."""
 
     number: int
+    mobility: Mobility | None = None
 
 
 class MobilityChanged(Struct, frozen=True):

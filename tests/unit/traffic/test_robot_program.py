@@ -68,7 +68,7 @@ def roadmap(pairs: list[tuple[str, str]], names: list[str]) -> Roadmap:
 
 
 class Robot:
-    """The hardware of a robot: it comes to one released place at each step."""
+    """The hardware of a robot: it comes to one released place at each step. `workplace`: where it stays when it comes there."""
 
     def __init__(self, hall: Hall, name: str, place: str) -> None:
         self.hall, self.name, self.place, self.number = hall, name, place, 0
@@ -76,6 +76,7 @@ class Robot:
         self.way: tuple[WayPlace, ...] = ()
         self.overs: dict[str, TripOver] = {}
         self.is_stuck = False
+        self.workplace = ""
         self.visited = [place]
 
     def carry_out(self, task: object) -> object:
@@ -99,7 +100,7 @@ class Robot:
             self.number, self.place = following.number, following.name
             self.visited.append(self.place)
             self.hall.check_apart()
-            self.notify(PlacePassed(self.number))
+            self.notify(PlacePassed(self.number, Mobility.BUSY if self.place == self.workplace else None))
 
     def notify(self, notice: object) -> None:
         self.hall.handle(self.name, Notified(notice))
@@ -232,6 +233,21 @@ def test_one_that_works_is_waited_for() -> None:
     hall.robots["Worker"].notify(MobilityChanged(Mobility.FREE))
     hall.run(30.0)
     assert hall.robots["Cart"].result("trip1") is TripResult.ARRIVED
+
+
+def test_one_that_comes_to_where_it_works_is_not_sent_away_before_it_has_begun() -> None:
+    hall = Hall(roadmap([("A", "B"), ("B", "C"), ("B", "Side")], ["A", "B", "C", "Side"]), {"Cart": "A", "Worker": "Side"})
+    hall.run(5.0)
+    worker = hall.robots["Worker"]
+    worker.workplace = "B"
+    worker.go("trip1", "B")
+    hall.robots["Cart"].go("trip2", "C")
+    hall.run(30.0)
+    assert worker.result("trip1") is TripResult.ARRIVED
+    assert worker.visited == ["Side", "B"]
+    worker.notify(MobilityChanged(Mobility.FREE))
+    hall.run(60.0)
+    assert hall.robots["Cart"].result("trip2") is TripResult.ARRIVED
 
 
 def test_a_trip_that_is_given_up_gives_its_way_back() -> None:

@@ -111,6 +111,7 @@ class RoadLink(CommandLink):
             return self._done()
         await self._end_current("stopped", f"{self.robot.name} received another command")
         if isinstance(command, Stop):
+            self.traveller.end_stay()
             return self._done(*([self.gripper.put] if self.gripper.put is not None else []))
         self.traveller.activity, self._handling.is_lost = type(command).__name__, False
         self._current = task = asyncio.create_task(self._carry_out(command))
@@ -140,6 +141,7 @@ class RoadLink(CommandLink):
             await asyncio.wait({task})
 
     async def _carry_out(self, command: Command) -> CommandDone:
+        is_ready = False
         try:
             match command:
                 case DriveTo(x=x, y=y, z=z):
@@ -147,6 +149,7 @@ class RoadLink(CommandLink):
                     return self._done()
                 case Approach(object=name):
                     await self._approach(name)
+                    is_ready = True
                     return self._done()
                 case Grip(object=name):
                     return self._done(await self._handling.grip(name))
@@ -159,6 +162,8 @@ class RoadLink(CommandLink):
             raise RobotGaveUp("not-possible", f"{self.robot.name} cannot do {type(command).__name__}", self.state)
         finally:
             self.traveller.activity = None
+            if not is_ready:  # the command to work where it stands is next otherwise
+                self.traveller.end_stay()
             self.traveller.renew_state()
 
     def _done(self, *object_states: ObjectState) -> CommandDone:
@@ -176,12 +181,12 @@ class RoadLink(CommandLink):
             raise RobotGaveUp("unreachable", description, self.state)
         await self._travel(stop, goal)
 
-    async def _travel(self, stop: Berth | str, goal: Point, yaw: float | None = None) -> None:
+    async def _travel(self, stop: Berth | str, goal: Point, yaw: float | None = None, *, to_work: bool = False) -> None:
         """Go there, and learn how long that takes."""
         loop, driver = asyncio.get_running_loop(), self.traveller.driver()
         (way,) = self._legs(self.robot.building, (StandAt(x=goal[0], y=goal[1], z=driver.level),)).lengths
         start_time = loop.time()
-        self._check(await self.traveller.travel(stop, yaw), goal)
+        self._check(await self.traveller.travel(stop, yaw, to_work=to_work), goal)
         self.robot.experience.learn((way or 0.0) / driver.solid.speed, loop.time() - start_time)
 
     async def _approach(self, name: str) -> None:
@@ -212,7 +217,7 @@ class RoadLink(CommandLink):
             if stop is None:
                 continue
             try:
-                await self._travel(stop, stand.base, stand.yaw)
+                await self._travel(stop, stand.base, stand.yaw, to_work=True)
             except RobotGaveUp as failure:
                 if failure.reason not in ("blocked", "unreachable"):
                     raise

@@ -71,6 +71,10 @@ class Traveller:
         """The last one that the robot reported."""
         self.activity: str | None = None
         """The command that is carried out."""
+        self.stays = False
+        """Whether it is where it is to work: nobody asks it to make room."""
+        self._workplace: str | None = None
+        """The place or berth at which it is to work, if it drives to one."""
         self.connected = asyncio.Event()
         self._says_whether_heard = False
         self._lost_at = self._still_since = 0.0
@@ -132,7 +136,8 @@ class Traveller:
             self.located(self.state.x, self.state.y, self.state.yaw, None)
 
     def passed(self, number: int) -> None:
-        self.tell(PlacePassed(number))
+        self.stays = self.stays or (bool(self._way) and self._way[-1].number == number and self._way[-1].name == self._workplace)
+        self.tell(PlacePassed(number, self._mobility))
 
     def gave_up(self, description: str) -> None:
         """The robot stands, and cannot drive on."""
@@ -218,8 +223,9 @@ class Traveller:
 
     # Trips
 
-    async def travel(self, stop: Berth | str, yaw: float | None = None) -> TripOver:
-        """Go to a place or a berth. Returns how that ended; when it is cancelled, the robot stands still."""
+    async def travel(self, stop: Berth | str, yaw: float | None = None, *, to_work: bool = False) -> TripOver:
+        """Go to a place or a berth. Returns how that ended; when it is cancelled, the robot stands still. `to_work`: it stays there from
+        when it has come there, until `end_stay`."""
         if self._trouble is not None:
             raise RobotGaveUp("drive-dead", self._trouble, self.state)
         trip = f"{self.robot.name}/trip-{self._life}-{next(self._numbers)}"
@@ -229,13 +235,17 @@ class Traveller:
             self._remember(stop, yaw)
         over: asyncio.Future[TripOver] = asyncio.get_running_loop().create_future()
         self._trips[trip] = over
-        self._is_abandoned = False
+        self._is_abandoned, self.stays = False, False
+        self._workplace = (stop.name if isinstance(stop, Berth) else stop) if to_work else None
         try:
             self._end_rest()
             self.tell_mobility()
             self.tell(TripWanted(trip, stop))
             ended = await over
             await self._stands_still()
+            if to_work:
+                self.stays = True
+                self.tell_mobility()
             return ended
         except asyncio.CancelledError:
             if not self.connected.is_set():
@@ -250,9 +260,20 @@ class Traveller:
             self._trips.pop(trip, None)
 
     def tell_mobility(self) -> None:
-        is_busy = self.activity in ("Grip", "Place", "PutDown", "Charge")
-        cannot_move = self._faults or self._rest is not None
-        self.tell(MobilityChanged(Mobility.IMMOBILE if cannot_move else Mobility.BUSY if is_busy else Mobility.FREE))
+        self.tell(MobilityChanged(self._mobility))
+
+    @property
+    def _mobility(self) -> Mobility:
+        if self._faults or self._rest is not None:
+            return Mobility.IMMOBILE
+        is_busy = self.stays or self.activity in ("Grip", "Place", "PutDown", "Charge")
+        return Mobility.BUSY if is_busy else Mobility.FREE
+
+    def end_stay(self) -> None:
+        """The robot does not work where it stands, any more."""
+        if self.stays:
+            self.stays = False
+            self.tell_mobility()
 
     # The program in traffic
 
