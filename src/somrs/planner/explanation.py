@@ -146,7 +146,7 @@ class _Reasons:
         offered = [available for available in self.problem.services if self.world.providers[available.service_type.name]]
         helpful = [offer for offer in offered if self._can_bring_about(offer, literal)]
         if not helpful:
-            self._explain_no_provider(literal, {available.service_type.name for available in offered})
+            self._explain_no_provider(literal, {available.service_type.name: available.service_type for available in offered})
             return
         if len(helpful) > 1 and self._explain_common_hindrance(literal, [offer.service_type for offer in helpful]):
             return
@@ -250,11 +250,30 @@ class _Reasons:
         words = {value for attribute in self.problem.ontology.attributes.values() for value in attribute.values}
         return (name for name in names(literal) if name not in words or name in self.problem.map.objects)
 
-    def _explain_no_provider(self, literal: Literal, offered_names: set[str]) -> None:
+    def _explain_named_provider(self, literal: Literal, offered: Iterable[ServiceType]) -> bool:
+        """Explain why the device that the literal names does not do what others offer. Returns whether there is such a device."""
+        texts: list[str] = []
+        for service in offered:
+            matching = (match.get(PROVIDER) for match in self._matches(service, literal))
+            providers = [*dict.fromkeys(provider.name for provider in matching if isinstance(provider, Name))]
+            concerned = [loss for loss in self.problem.lost if loss.service in {f"{name}.{service.name}" for name in providers}]
+            excluded_names = [name for name in providers if name in self.problem.excluded]
+            if excluded_names:
+                self.obstacles.update(exclusion_obstacles(excluded_names, self.problem))
+                texts.append(f"{service.name}, but {exclusion_text(excluded_names, self.problem)}")
+            elif concerned:
+                self.lost.update((loss.service, None) for loss in concerned)
+                texts.append(f"{service.name}, but no service is left ({losses_text(concerned)})")
+            elif providers:
+                self._note_unoffered([service.name])
+                resting = [loss for loss in self.problem.resting if loss.service in {f"{name}.{service.name}" for name in providers}]
+                texts.append(f"{service.name}, which {' and '.join(providers)} does not offer now{resting_text(resting)}")
+        self.texts.update((f"{_format_literal(literal)} could be brought about by {text}", None) for text in texts)
+        return bool(texts)
+
+    def _explain_no_provider(self, literal: Literal, offered: Mapping[str, ServiceType]) -> None:
         service_types = self._known_service_types()
-        fitting = {
-            name: service for name, service in service_types.items() if name not in offered_names and self._could_help(service, literal)
-        }
+        fitting = {name: service for name, service in service_types.items() if name not in offered and self._could_help(service, literal)}
         conceivable = self._conceivable
         hindrances = {name: conceivable.hindrance(service, literal) for name, service in fitting.items()}
         capable = {name: service for name, service in fitting.items() if hindrances[name] is None}
@@ -279,7 +298,7 @@ class _Reasons:
             self._note_unoffered(unoffered_names)
             text = f"{' or '.join(unoffered_names)}, which {self._not_offered(unoffered_names)}"
             self.texts[f"{_format_literal(literal)} could be brought about by {text}"] = None
-        if not absent and not self._explain_unknown_values(literal):
+        if not absent and not self._explain_unknown_values(literal) and not self._explain_named_provider(literal, offered.values()):
             lacking = {name: hindrance for name, hindrance in hindrances.items() if hindrance is not None}
             self._explain_no_service_type(literal, service_types.values(), lacking)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from msgspec import structs
 
@@ -328,6 +330,35 @@ def test_a_program_that_nobody_runs_now_is_named() -> None:
     assert result.unoffered == ("AssignShelf",)
     named = refused(structs.replace(make_problem("Shelf1 isFor Jar001", TRANSFER), ontology=ontology))
     assert named.unoffered == (), "the program picks the shelf itself"
+
+
+MOVE = ServiceType(name="Move", inputs=(Parameter(name="Room", type="Space"),), effect="?Provider isInside ?Room")
+
+
+@pytest.mark.parametrize(
+    ("changes", "text", "rest"),
+    [
+        ({}, "Move, which Robot1 does not offer now", {"unoffered": ("Move",)}),
+        (
+            {"resting": (LostService(MOVE, "Robot1.Move", "Robot1 is out of service"),)},
+            "Move, which Robot1 does not offer now (Robot1 is out of service)",
+            {"unoffered": ("Move",)},
+        ),
+        (
+            {"lost": (LostService(MOVE, "Robot1.Move", "its key switch is at MANUAL"),)},
+            "Move, but no service is left (Robot1.Move: its key switch is at MANUAL)",
+            {"lost": ("Robot1.Move",)},
+        ),
+    ],
+)
+def test_a_device_that_does_not_do_what_others_offer_is_named(changes: dict[str, Any], text: str, rest: dict[str, Any]) -> None:
+    robots = [ObjectAdded(Object(name=name, type="MobileRobot")) for name in ("Robot1", "Robot2")]
+    problem = make_problem("Robot1 isInside RoomB")
+    problem = structs.replace(problem, map=problem.map.changed(robots), services=(AvailableService(MOVE, ("Robot2",)),), **changes)
+    result = refused(problem)
+    assert result.separate_reasons == (f"Robot1 isInside RoomB could be brought about by {text}",)
+    for name, value in rest.items():
+        assert getattr(result, name) == value
 
 
 def test_a_service_for_its_own_door_only_does_not_hide_the_service_for_any_door() -> None:
