@@ -136,7 +136,7 @@ class Traveller:
             self.located(self.state.x, self.state.y, self.state.yaw, None)
 
     def passed(self, number: int) -> None:
-        self.stays = self.stays or (bool(self._way) and self._way[-1].number == number and self._way[-1].name == self._workplace)
+        self.stays = self.stays or any(waypoint.number == number and waypoint.name == self._workplace for waypoint in self._way)
         self.tell(PlacePassed(number, self._mobility))
 
     def gave_up(self, description: str) -> None:
@@ -257,6 +257,7 @@ class Traveller:
                 await asyncio.shield(self._begin_to_halt())
             raise
         finally:
+            self._workplace = None
             self._trips.pop(trip, None)
 
     def tell_mobility(self) -> None:
@@ -332,6 +333,8 @@ class Traveller:
             if waypoint is None:
                 break  # of an earlier roadmap
             waypoints.append(waypoint)
+            if waypoint.name == self._workplace:
+                break  # it stops there, whatever it was granted besides
         self._way = tuple(waypoints)
         if waypoints and not self._is_paused:
             await self.robot.follow(self._way)
