@@ -182,6 +182,12 @@ class CarryingRobot(RoadRobot, Manipulator):
     type = "MobileManipulator"
     can_carry: bool = True
     """Whether it can pick and drop things."""
+    carrying_patience: float = 120.0
+    """Seconds for which a robot that cannot be reached keeps its task while it carries something: nobody else can go on with that."""
+
+    @property
+    def lost_link_patience(self) -> float:
+        return self.carrying_patience if self.holding is not None else self.reconnect_timeout
 
     async def open(self) -> None:
         await super().open()

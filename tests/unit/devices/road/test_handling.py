@@ -96,6 +96,23 @@ def test_where_another_robot_has_put_something_meanwhile_nothing_is_put(tmp_path
     in_virtual_time(test())
 
 
+def test_a_robot_that_carries_something_keeps_its_task_longer_while_it_cannot_be_reached(tmp_path: Path) -> None:
+    """Seen with vehicles whose broker was started anew: the task failed, because no plan takes a thing out of a gripper."""
+
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        await lab.start()
+        assert robot.lost_link_patience < 10
+        await carrying(lab, robot)
+        robot.go_away()
+        returning = asyncio.create_task(asyncio.sleep(60))
+        returning.add_done_callback(lambda _: robot.return_back())
+        assert await robot.link.wait_reconnected(robot.lost_link_patience)
+
+    in_virtual_time(test())
+
+
 def test_a_robot_that_puts_nothing_down_where_it_stands_brings_it_back(tmp_path: Path) -> None:
     async def test() -> None:
         lab = RoadLab(tmp_path)

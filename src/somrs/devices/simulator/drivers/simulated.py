@@ -157,6 +157,11 @@ class SimulatedDevice(Device):
             raise Refusal(state.trouble or f"{self.name} is out of order: {broken}", not_now=True)
         return state
 
+    @property
+    def lost_link_patience(self) -> float:
+        """Seconds after which work fails whose robot cannot be reached."""
+        return self.reconnect_timeout
+
     async def retry_when_link_lost(self, work: Callable[[], Awaitable[T]]) -> T:
         """Run `work`, and run it again if the link is lost and soon connected again. Raises RobotGaveUp.
 
@@ -168,7 +173,7 @@ class SimulatedDevice(Device):
                 try:
                     return await work()
                 except RobotGaveUp as failure:
-                    if failure.reason != "link-lost" or not await self._link.wait_reconnected(self.reconnect_timeout):
+                    if failure.reason != "link-lost" or not await self._link.wait_reconnected(self.lost_link_patience):
                         raise
             return await work()
         finally:
