@@ -16,7 +16,7 @@ from somrs.devices.road.building import Building, RoadDriver, standing
 from somrs.devices.road.gripper import Gripper
 from somrs.devices.road.hardware import Vehicle
 from somrs.devices.road.vain_trips import VainTrips
-from somrs.devices.road.waypoints import Waypoint
+from somrs.devices.road.waypoints import Waypoint, with_slow_zones
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.errors import RemoteError
@@ -335,7 +335,7 @@ class Traveller:
             waypoints.append(waypoint)
             if waypoint.name == self._workplace:
                 break  # it stops there, whatever it was granted besides
-        self._way = tuple(waypoints)
+        self._way = with_slow_zones(waypoints, building.zones)
         if waypoints and not self._is_paused:
             await self.robot.follow(self._way)
 

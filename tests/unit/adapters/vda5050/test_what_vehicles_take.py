@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.adapters.vda5050.control.exchange import Follow, GaveUp, Halted
-from somrs.adapters.vda5050.messages.factsheets import Factsheet, StringLengths
+from somrs.adapters.vda5050.control.exchange import Follow, GaveUp, Halted, Refused
+from somrs.adapters.vda5050.messages.factsheets import Factsheet, OptionalParameter, StringLengths
 from somrs.adapters.vda5050.messages.header import Version
 from somrs.adapters.vda5050.messages.identifiers import fitting_id, plain_id
 from somrs.adapters.vda5050.simulated.factsheet import factsheet
@@ -37,6 +37,17 @@ def test_what_the_vehicle_does_not_take_is_not_sent(version: Version) -> None:
     pair.run(5)
     assert pair.body.x == 2.0, "its order began where it stood"
     assert pair.of(GaveUp) == []
+
+
+def test_lengths_are_sent_to_who_takes_them_and_what_is_required_and_not_sent_is_named() -> None:
+    sheet = factsheet()
+    features = sheet.protocol_features
+    needs = tuple(OptionalParameter(parameter=f"order.edges.{name}", support="REQUIRED") for name in ("length", "direction"))
+    features = msgspec.structs.replace(features, optional_parameters=(*features.optional_parameters, *needs))
+    pair = Pair(Version.V3_0, sheet=msgspec.structs.replace(sheet, protocol_features=features))
+    assert pair.of(Refused) == [Refused(description="requires order.edges.direction, which fleet control does not send")]
+    pair.follow("A", "B")
+    assert [edge.length for order in pair.orders() for edge in order.edges] == [2.0]
 
 
 @VERSIONS

@@ -14,12 +14,13 @@ from somrs.adapters.vda5050.control.exchange import (
     Loaded,
     Located,
     Reachable,
+    Refused,
     Remarked,
     Tolerated,
     Warned,
 )
 from somrs.adapters.vda5050.control.headers import HeaderLog
-from somrs.adapters.vda5050.control.orders import OPTIONAL, USEFUL, OrderWriter
+from somrs.adapters.vda5050.control.orders import OPTIONAL, SENT, USEFUL, OrderWriter
 from somrs.adapters.vda5050.control.outbox import Outbox
 from somrs.adapters.vda5050.frames import Frames, Pose
 from somrs.adapters.vda5050.messages.factsheets import Factsheet, StringLengths
@@ -62,6 +63,7 @@ class Listener:
         self.was_heard = False
         """Whether it has said anything since the broker is there."""
         self._tolerated: set[str] = set()
+        self._examined: Factsheet | None = None
         self.remark: str | None = None
         """What else it says of itself; None: nothing."""
 
@@ -81,6 +83,7 @@ class Listener:
             case Factsheet() as factsheet:
                 self.factsheet = factsheet
                 self._outbox.limits = self.limits
+                self._name_unmet_needs(factsheet)
                 self._outbox.add(Described(factsheet=factsheet))
             case Visualization(mobile_robot_position=Position() as position):
                 self._locate(position)
@@ -125,6 +128,14 @@ class Listener:
     def order_writer(self) -> OrderWriter:
         """Writes orders for the vehicle as it is now."""
         return OrderWriter(frames=self.frames, map_id=self.map_id, pose=self.pose, parameters=self.optional_parameters, limits=self.limits)
+
+    def _name_unmet_needs(self, factsheet: Factsheet) -> None:
+        """Name the optional parameters of orders that the vehicle requires, and that are not sent."""
+        required = [item.parameter for item in factsheet.protocol_features.optional_parameters if item.support == "REQUIRED"]
+        unmet = [name for name in required if name.startswith("order") and name.rpartition(".")[2] not in SENT]
+        if unmet and factsheet != self._examined:
+            self._outbox.add(Refused(description=f"requires {', '.join(unmet)}, which fleet control does not send"))
+        self._examined = factsheet
 
     @property
     def limits(self) -> StringLengths | None:

@@ -31,8 +31,11 @@ NEAR = 0.1
 USEFUL = frozenset({"theta", "allowedDeviationXY", "maximumSpeed", "orientation", "orientationType"})
 """The optional parameters of orders that are sent to a vehicle that does not say which it takes."""
 
-OPTIONAL = USEFUL | {"trajectory"}
+OPTIONAL = USEFUL | {"trajectory", "length"}
 """The optional parameters that are sent to a vehicle that takes them. Positions of nodes are always sent: vehicles know no other places."""
+
+SENT = OPTIONAL | {"nodePosition", "actionParameters"}
+"""All optional parameters that are sent if they are of use."""
 
 
 @dataclass(kw_only=True)
@@ -148,6 +151,7 @@ class OrderWriter:
             orientation=orientation,
             orientation_type="TANGENTIAL" if orientation is not None else None,
             trajectory=self._line(start, end) if "trajectory" in self.parameters else None,
+            length=round(math.dist((start.x, start.y), (end.x, end.y)), 3) if "length" in self.parameters else None,
         )
 
     def _line(self, start: Waypoint, end: Waypoint) -> Trajectory | None:
