@@ -297,6 +297,10 @@ class RobotConnection:
         self._subscriptions.append(self._session.subscribe(name, bound.type, observer, latched=bound.latched, interval=interval))
 
     def _take_presence(self, present: bool) -> None:
+        if present and self._driving.pose is None:
+            source = self._binding.pose.topic if self._binding.pose is not None else self._binding.transform.tf
+            name = full_name(source, self._settings.namespace)
+            log.warning("%s: its navigation is there, but nothing on %s has said yet where it is on %s", self.name, name, self._level.frame)
         self._speed_limit = None  # another node may be behind it, which knows nothing
         self._robot.heard(present)
         self._handle(NavigatorPresent(present))

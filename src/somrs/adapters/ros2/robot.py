@@ -65,8 +65,8 @@ class Ros2Robot(CarryingRobot):
 
     def hindered(self, hindrance: str | None) -> None:
         """What keeps the robot from doing what it is told."""
-        if hindrance != self.hindrance:
-            self.hindrance = hindrance
+        if hindrance != self.remark:
+            self.remark = hindrance
             if hindrance is not None:
                 log.warning("%s", hindrance)
             self.road.renew_state()

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from somrs.sites.occupancy.corners import with_corners
 from somrs.sites.occupancy.grid import Cell, Mask, OccupancyGrid, Points
 from somrs.sites.occupancy.lines import aligned, find_lines, free_share, joined, main_direction, widened
 from somrs.sites.plan import Box, cleared
@@ -63,7 +64,7 @@ def find_structure(grid: OccupancyGrid) -> Structure:
     lines = [line for line in lines if not any(obstacle.gap((line.x, line.y)) < grid.resolution for obstacle in obstacles)]
     fronts = list(_against_walls(lines, grid))
     lines = [line for line in lines if not any(_belongs_to(line, front, grid.resolution) for front in fronts)]
-    walls = joined([_as_thick_as_walls(line, grid) for line in lines], grid, _LONGEST_HIDDEN)
+    walls = with_corners(joined([_as_thick_as_walls(line, grid) for line in lines], grid, _LONGEST_HIDDEN), grid)
     standing = [box for obstacle in (*obstacles, *fronts) if (box := _beside_walls(obstacle, walls)) is not None]
     return Structure(walls=walls, obstacles=standing, direction=direction)
 

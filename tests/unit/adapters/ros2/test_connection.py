@@ -331,3 +331,20 @@ async def test_goals_through_poses_and_along_paths_lead_around_corners() -> None
             assert max(math.dist(one, two) for one, two in itertools.pairwise(points)) <= 0.05 + 1e-9
         else:
             assert len(points) == 2
+
+
+@in_event_loop
+async def test_a_step_that_is_not_cancelled_is_said_and_waited_for() -> None:
+    conversation = Conversation({"pick": [ARM], "drop": [ARM]})
+    picking = asyncio.create_task(conversation.connection.pick("Jar1", "Table1", Pose(5, 0, 0)))
+    goal = await conversation.goal()
+    interrupting = asyncio.create_task(conversation.connection.interrupt())
+    assert isinstance(await conversation.request(), CancelGoal)
+    conversation.session.handle(CancelRejected(id=goal.id))
+    await asyncio.sleep(0)
+    assert not interrupting.done()
+    assert conversation.witness.hindrances == ["Robot1 goes on with arm: it does not cancel it"]
+    conversation.end(goal, success=True)
+    await interrupting
+    await picking
+    assert conversation.witness.hindrances[-1] is None

@@ -130,3 +130,16 @@ def test_a_grid_without_margins_and_with_larger_cells_has_everything_in_its_plac
     assert (smaller.state_at(smaller.to_local(points)) == Cell.OCCUPIED).all()
     known_points = grid.to_map(grid.centres(grid.mask(Cell.FREE)))
     assert (smaller.state_at(smaller.to_local(known_points)) != Cell.UNKNOWN).all()
+
+
+def test_walls_meet_in_a_corner_that_something_hides() -> None:
+    plan = rooms_in_rows([6.0], [5.0], 0.1, [])
+    states = grid_of(plan).states.copy()
+    grid = grid_of(plan)
+    local = grid.centres(np.ones(grid.shape, dtype=bool))
+    on_map = grid.to_map(local).reshape(*grid.shape, 2)
+    is_hidden = (on_map[..., 0] > 5.0) & (on_map[..., 1] > 3.8)
+    states[is_hidden] = Cell.UNKNOWN
+    building = building_of(OccupancyGrid(states=states, resolution=grid.resolution, x=grid.x, y=grid.y, yaw=grid.yaw))
+    assert share_within(np.vstack([points_along(wall) for wall in plan.walls]), building.walls, 0.1) >= 0.98
+    assert len(building.walls) == 4
