@@ -50,7 +50,8 @@ class Ros2Robot(CarryingRobot):
         await self._connection.pick(thing, support, self._object_pose(thing))
 
     async def drop(self, thing: str, support: str) -> None:
-        await self._connection.drop(thing, support, self._object_pose(support))
+        pose = self._object_pose(support)
+        await self._connection.drop(thing, support, Pose(*self.spot, pose.yaw) if self.spot is not None else pose)
 
     async def put_down(self, thing: str) -> tuple[float, float, float, str]:
         return (*await self._connection.put_down(thing), "")
