@@ -7,6 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 
+def sent_angle(radians: float) -> float:
+    """An angle as it is sent: to four decimals, and between -π and π (3.0, 7.3). Rounded, π would be more than that."""
+    return max(-math.pi, min(math.pi, round(math.remainder(radians, math.tau), 4)))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
     """`x`, `y` in metres and `yaw` in radians on the map of the site; `level`: the height of the floor in metres, None: as before."""
@@ -39,7 +44,7 @@ class Frame:
 
 
 class Frames:
-    """All maps of the vehicles of a site. A map that is not among them is the map of the site itself."""
+    """All maps of the vehicles of a site. If there are none, each map of a vehicle is the map of the site itself."""
 
     def __init__(self, frames: Sequence[Frame] = ()) -> None:
         self._frames: Mapping[str, Frame] = {frame.map_id: frame for frame in frames}
@@ -48,6 +53,10 @@ class Frames:
     def all(self) -> tuple[Frame, ...]:
         """Those that the settings name."""
         return tuple(self._frames.values())
+
+    def has(self, map_id: str) -> bool:
+        """Whether it is known where this map lies."""
+        return not self._frames or map_id in self._frames
 
     def frame(self, map_id: str) -> Frame:
         return self._frames.get(map_id) or Frame(map_id=map_id)

@@ -177,6 +177,7 @@ class Vda5050Vehicle(CarryingRobot):
                 self.carries = count > 0
             case Delayed(reason=reason):
                 self.hindrance = f"{self.name} {reason}" if reason is not None else None
+                self.road.renew_state()  # a silent vehicle sends none
             case Remarked(text=text):
                 self.remark = text
             case ActionEnded(failure=failure) if self._ended is not None and not self._ended.done():

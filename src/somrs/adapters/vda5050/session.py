@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 import logging
+import re
 import time
 import uuid
 from collections.abc import Callable, Sequence
 
-from somrs.adapters.vda5050.control.exchange import Arrived, Disconnected, Effect, Input, Refused, Send, Subscribed, Tolerated, Warned
+from somrs.adapters.vda5050.control.exchange import (
+    Arrived,
+    Broken,
+    Disconnected,
+    Effect,
+    GaveUp,
+    Input,
+    Refused,
+    Send,
+    Subscribed,
+    Tolerated,
+    Warned,
+)
 from somrs.adapters.vda5050.control.provision import MapPackage
 from somrs.adapters.vda5050.control.vehicle import VehicleControl
 from somrs.adapters.vda5050.frames import Frames
@@ -18,6 +31,9 @@ from somrs.adapters.vda5050.topics import HeaderWriter, VehicleAddress
 from somrs.errors import InputError
 
 log = logging.getLogger(__name__)
+
+NUMBERS = re.compile(r"\d+")
+"""What differs between two messages that cannot be read for the same reason."""
 
 
 def _ignore(effect: Effect) -> None:
@@ -43,8 +59,9 @@ class VehicleSession:
         try:
             received = decode(topic, payload, self.control.vehicle.version)
         except InputError as error:
-            if str(error) not in self._complaints:
-                self._complaints.add(str(error))
+            gist = NUMBERS.sub("#", str(error))
+            if gist not in self._complaints:
+                self._complaints.add(gist)
                 log.warning("%s: a message cannot be read: %s", self.address, error)
             return
         self.give(Arrived(topic=topic, received=received))
@@ -64,10 +81,12 @@ class VehicleSession:
                     self._send(self.address.topic(topic), payload)
                 case Tolerated(deviation=deviation):
                     log.warning("%s: is not as VDA 5050 has it: %s", self.address, deviation)
-                case Refused(description=description):
+                case Refused(description=description) | Warned(description=description):
                     log.warning("%s: %s", self.address, description)
-                case Warned(description=description, is_urgent=is_urgent):
-                    log.log(logging.WARNING if is_urgent else logging.INFO, "%s: %s", self.address, description)
+                case GaveUp(description=description):
+                    log.warning("%s: does not drive on: %s", self.address, description)
+                case Broken(reason=str(reason)):
+                    log.warning("%s: cannot drive: %s", self.address, reason)
             try:
                 self.on_effect(effect)
             except Exception:  # a defect in what has to do with one vehicle is no reason to leave all others alone

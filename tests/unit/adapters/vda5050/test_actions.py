@@ -190,16 +190,16 @@ def header(header_id: int, seconds: float) -> Header:
 
 def test_headers_tell_what_is_late() -> None:
     log = HeaderLog()
-    assert not log.is_old(Topic.STATE, header(10, 100.0))
-    assert log.is_old(Topic.STATE, header(10, 100.0)), "repeated"
-    assert log.is_old(Topic.STATE, header(9, 99.0)), "out of order"
-    assert not log.is_old(Topic.STATE, header(14, 101.0))
+    assert not log.is_old(Topic.STATE, header(10, 100.0), 0.0)
+    assert log.is_old(Topic.STATE, header(10, 100.0), 0.0), "repeated"
+    assert log.is_old(Topic.STATE, header(9, 99.0), 0.0), "out of order"
+    assert not log.is_old(Topic.STATE, header(14, 101.0), 0.0)
     assert log.lost == 3
-    assert not log.is_old(Topic.STATE, header(0, 102.0)), "the vehicle has restarted"
-    assert not log.is_old(Topic.STATE, header(2**32 - 1, 103.0))
-    assert not log.is_old(Topic.STATE, header(0, 104.0)), "the counter begins anew"
-    assert not log.is_old(Topic.CONNECTION, header(5, 0.0))
-    assert not log.is_old(Topic.CONNECTION, header(5, 0.0)), "a last will has the header of when the vehicle connected"
+    assert not log.is_old(Topic.STATE, header(0, 102.0), 0.0), "the vehicle has restarted"
+    assert not log.is_old(Topic.STATE, header(2**32 - 1, 103.0), 0.0)
+    assert not log.is_old(Topic.STATE, header(0, 104.0), 0.0), "the counter begins anew"
+    assert not log.is_old(Topic.CONNECTION, header(5, 0.0), 0.0)
+    assert not log.is_old(Topic.CONNECTION, header(5, 0.0), 0.0), "a last will has the header of when the vehicle connected"
 
 
 def test_a_state_proves_that_the_vehicle_is_there_whatever_a_late_last_will_says() -> None:

@@ -29,6 +29,8 @@ class Driving:
         self.way: Way = ()
         self.order: SentOrder | None = None
         self._place: Waypoint | None = None
+        self._sending_time = -math.inf
+        """When the last order was sent."""
 
     def follow(self, way: Way) -> None:
         self.way = way
@@ -40,15 +42,18 @@ class Driving:
         vehicle = self._vehicle
         return {vehicle.frames.frame_at(waypoint.level, vehicle.map_id).map_id for waypoint in self.way}
 
-    def see(self, order: SentOrder, state: State) -> str | None:
+    def see(self, order: SentOrder, state: State, now: float) -> str | None:
         """Take in what a state says about the order. Returns why the vehicle does not carry it out, if it does not."""
         message = order.message
         if state.order_id == message.order_id:
-            if state.order_update_id >= message.order_update_id:
+            if state.order_update_id >= message.order_update_id and not order.is_acknowledged:
                 order.is_acknowledged = True
+                self._vehicle.refusals.clear()
             self.see_progress(order, state)
         if not order.is_acknowledged:
             error = rejection(state, message.order_id, message.order_update_id, order.earlier_errors)
+            if error is not None:
+                self._vehicle.refusals.add(str(error), state, now)
             return str(error) if error is not None else None
         if (error := failure(state, order.earlier_errors)) is not None:
             return str(error)
@@ -79,17 +84,19 @@ class Driving:
         state, order = self._vehicle.state, self.order
         if state is None or not self.way or (order is not None and (not order.is_acknowledged or order.action_id is not None)):
             return
+        if self._is_too_soon(now) or (order is not None and order.cleared):
+            return
         if order is not None and self.is_complete() and base_end(self.way).number > order.decision_point.number:
             order = self.order = None
         if order is not None:
             self._extend(order, now)
-        elif is_idle(state):
-            self._send_order(self._rest(), now)
+        elif is_idle(state) and base_end(rest := self._rest()) is not rest[0]:  # nobody has to be told to stay where it is
+            self._send_order(rest, now)
 
     def perform(self, action: Action, now: float) -> None:
         """Send an action in an order of its own, at the place of the vehicle; at first an end to the order that it has."""
         state, order = self._vehicle.state, self.order
-        if state is None or (order is not None and not order.is_acknowledged):
+        if state is None or self._is_too_soon(now) or (order is not None and not order.is_acknowledged):
             return
         if order is not None and order.horizon:
             self._update(order, (order.decision_point,), now)
@@ -98,8 +105,12 @@ class Driving:
 
     def resend(self, order: SentOrder, now: float) -> None:
         """Send the last message again, as it was: a vehicle that knows it ignores it (3.0, 6.1.4.5)."""
-        order.sending_time = now
+        order.sending_time = self._sending_time = now
         self._outbox.add(Send(topic=Topic.ORDER, message=order.message))
+
+    def _is_too_soon(self, now: float) -> bool:
+        """Whether the vehicle does not take another order yet (2.1, 6.14; 3.0, 7.10: minimumOrderInterval)."""
+        return now < self._sending_time + self._vehicle.order_interval()
 
     def _has_dropped(self, order: SentOrder, state: State) -> bool:
         """Whether the vehicle has another order or none, although it has not come to the end of this one."""
@@ -149,11 +160,10 @@ class Driving:
             earlier_errors=state.errors,
         )
         self.order.remember()
+        self._sending_time = now
         self._outbox.add(Send(topic=Topic.ORDER, message=message))
 
     def _extend(self, order: SentOrder, now: float) -> None:
-        if now < order.sending_time + self._vehicle.order_interval():
-            return
         end = order.decision_point
         way = (end, *(waypoint for waypoint in self.way if waypoint.number > end.number))[: self._vehicle.most_nodes()]
         if end.number >= self.way[0].number and way[1:] != order.horizon:
@@ -169,4 +179,5 @@ class Driving:
         order.horizon = tuple(waypoint for waypoint in way if waypoint.number > order.decision_point.number)
         order.earlier_errors = state.errors
         order.remember()
+        self._sending_time = now
         self._outbox.add(Send(topic=Topic.ORDER, message=order.message))

@@ -149,7 +149,7 @@ class Tolerated(Struct, frozen=True, kw_only=True):
 
 
 class Refused(Struct, frozen=True, kw_only=True):
-    """The vehicle asks for what it does not get, or does not take what it is to have. Told once."""
+    """The vehicle asks for what it does not get, does not take what it is to have, or says nothing. Told once."""
 
     description: str
 

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 from somrs.adapters.vda5050.messages.header import Header, Topic, seconds_of
+
+SEVERAL = "shares its manufacturer and serial number with another vehicle, or starts anew all the time"
+
+RESTARTS, RESTARTS_SPAN = 3, 60.0
+"""How often the numbers of a vehicle's messages go back, within how many seconds, until it is taken for two."""
 
 WINDOW = 1000
 """Header ids that are lower by as much are late; those of a vehicle that has restarted are lower by more, or have a later timestamp."""
@@ -15,8 +22,11 @@ class HeaderLog:
     def __init__(self) -> None:
         self._headers: dict[Topic, Header] = {}
         self.lost = 0
+        self._restarts: deque[float] = deque(maxlen=RESTARTS)
+        self.doubt: str | None = None
+        """Why it is not clear which vehicle speaks; None: it is."""
 
-    def is_old(self, topic: Topic, header: Header) -> bool:
+    def is_old(self, topic: Topic, header: Header, now: float) -> bool:
         """Whether a message was sent before one that has already come, or has come itself. Notes the header if not.
 
         A connection message never is: the broker sends a last will with the header that it had when the vehicle connected (3.0, 6.5).
@@ -27,7 +37,11 @@ class HeaderLog:
             moment, previous_moment = seconds_of(header.timestamp) or 0.0, seconds_of(previous.timestamp) or 0.0
             if (lag == 0 and header.timestamp == previous.timestamp) or (0 < lag < WINDOW and moment <= previous_moment):
                 return True
+            if 0 < lag < 2**31 and topic is Topic.STATE:
+                self._restarts.append(now)
             gap = (header.header_id - previous.header_id) % 2**32
             self.lost += gap - 1 if 1 < gap < WINDOW else 0
         self._headers[topic] = header
+        is_doubled = len(self._restarts) == RESTARTS and now < self._restarts[0] + RESTARTS_SPAN
+        self.doubt = f"{SEVERAL}: the numbers of its messages go back again and again" if is_doubled else None
         return False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from somrs.adapters.vda5050.control.listener import Listener
+from somrs.adapters.vda5050.control.listener import SILENCE, Listener
 from somrs.adapters.vda5050.control.outbox import RESEND, Outbox
 
 UNANSWERED = 3
@@ -31,17 +31,22 @@ class Inquiry:
         if now < self._asking_time + RESEND or not vehicle.takes_instant_actions:
             return
         self._asking_time = now
-        if not vehicle.is_connected:
+        if not vehicle.is_connected and not vehicle.is_outdated:
             if not vehicle.was_heard and self._greetings:
                 self._greetings -= 1
                 self._outbox.instant("stateRequest")
                 self._outbox.instant("factsheetRequest")
             return
-        if vehicle.state is None and self._states:
+        is_missing = vehicle.state is None or vehicle.is_outdated
+        if is_missing and self._states:
             self._states -= 1
             self._outbox.instant("stateRequest")
-        elif vehicle.state is None:
+        elif is_missing:
             vehicle.assume_idle()
+        else:
+            self._states = UNANSWERED
+            if vehicle.silence(now) >= SILENCE:
+                self._outbox.instant("stateRequest")
         if vehicle.factsheet is None and self._factsheets:
             self._factsheets -= 1
             self._outbox.instant("factsheetRequest")

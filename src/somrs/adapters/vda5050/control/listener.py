@@ -21,7 +21,8 @@ from somrs.adapters.vda5050.control.exchange import (
 )
 from somrs.adapters.vda5050.control.headers import HeaderLog
 from somrs.adapters.vda5050.control.orders import OPTIONAL, SENT, USEFUL, OrderWriter
-from somrs.adapters.vda5050.control.outbox import Outbox
+from somrs.adapters.vda5050.control.outbox import RESEND, Outbox
+from somrs.adapters.vda5050.control.refusals import Refusals
 from somrs.adapters.vda5050.frames import Frames, Pose
 from somrs.adapters.vda5050.messages.factsheets import Factsheet, StringLengths
 from somrs.adapters.vda5050.messages.header import Version, seconds_of
@@ -38,6 +39,11 @@ from somrs.adapters.vda5050.messages.states import (
     State,
     Visualization,
 )
+
+SILENCE = 30.0
+"""Seconds after which a vehicle has to send a state, whatever happens (2.1, 6.10; 3.0, 6.6)."""
+
+QUIET = f"has sent no state that can be read for {SILENCE:.0f} s"
 
 REACH = 0.5
 """How far a vehicle extends around its middle whose factsheet does not say it, m."""
@@ -62,6 +68,12 @@ class Listener:
         """By how many seconds its clock is ahead of that of this program."""
         self.was_heard = False
         """Whether it has said anything since the broker is there."""
+        self.is_outdated = False
+        """Whether it has said that it is there, and not yet how it is now."""
+        self.refusals = Refusals()
+        self._state_time: float | None = None
+        """When its last state came, or it has been waited for since."""
+        self._is_silent = False
         self._tolerated: set[str] = set()
         self._examined: Factsheet | None = None
         self.remark: str | None = None
@@ -73,10 +85,12 @@ class Listener:
         self.was_heard = True
         for deviation in received.deviations:
             self._tolerate(deviation)
-        if self.headers.is_old(arrived.topic, received.header):
+        if self.headers.is_old(arrived.topic, received.header, now):
             return None
-        if received.header.version:
-            self.version = Version.closest(received.header.version, self.version.major)
+        if version := received.header.version:
+            self.version = Version.closest(version, self.version.major)
+            if version.partition(".")[0] != str(self.version.major):
+                self._tolerate(f"version is {version!r} at topics of v{self.version.major}")
         match received.message:
             case Connection(connection_state=connection_state):
                 self._hear_connection(connection_state)
@@ -90,13 +104,29 @@ class Listener:
             case State() as state:
                 moment = seconds_of(received.header.timestamp)
                 self.clock_lead = moment - now if moment is not None else 0.0
+                self._state_time, self.is_outdated = now, False
                 self._reach()
-                self._hear_state(state)
+                self._hear_state(state, now)
                 return state
         return None
 
+    def silence(self, now: float) -> float:
+        """For how many seconds a vehicle that is there has sent no state that can be read."""
+        return now - self._state_time if self.is_connected and self._state_time is not None else 0.0
+
+    def notice_time(self, now: float) -> None:
+        """Time has passed, in which the vehicle may have sent nothing."""
+        if self._state_time is None or not self.is_connected:
+            self._state_time = now
+        self.refusals.review(self.state, now)
+        self.judge()
+        self._judge_delay(now)
+
     def assume_idle(self) -> None:
-        """Take the vehicle for one without an order, although it does not say so."""
+        """Take the vehicle for one without an order, although it does not say so; or for one whose order is as it was."""
+        self.is_outdated = False
+        if self.state is not None:
+            return
         self._tolerate("state: is not sent before the vehicle has an order")
         self.state = State(
             order_id="",
@@ -180,8 +210,10 @@ class Listener:
         if connection_state is ConnectionState.ONLINE:
             if self.state is None:
                 self._reach()
+            self.refusals.clear()
             if self.takes_instant_actions:
-                self._outbox.instant("stateRequest")  # until it answers, nobody knows what it has done meanwhile
+                self.is_outdated = True  # until it answers, nobody knows what it has done meanwhile
+                self._outbox.instant("stateRequest")
         else:
             self.lose()
 
@@ -190,8 +222,14 @@ class Listener:
         """Whether instant actions may be sent, as far as its last state says (3.0, table 11)."""
         return self.state is None or self.state.operating_mode in IN_CONTROL
 
+    @property
+    def takes_orders(self) -> bool:
+        """Whether orders may be sent: it is there, can drive, and has said how it is since it is there."""
+        return self.is_connected and self.hindrance is None and not self.is_outdated
+
     def lose(self) -> None:
         """The vehicle cannot be reached."""
+        self.is_outdated = False
         if self.is_connected:
             self.is_connected = False
             self._outbox.add(Reachable(is_connected=False))
@@ -206,21 +244,17 @@ class Listener:
 
     def _locate(self, position: Position) -> None:
         self.map_id = position.map_id
-        if position.localized:
+        if position.localized and self.frames.has(position.map_id):
             self.pose = self.frames.frame(position.map_id).to_site(position.x, position.y, position.theta)
             self._outbox.add(Located(pose=self.pose))
 
-    def _hear_state(self, state: State) -> None:
+    def _hear_state(self, state: State, now: float) -> None:
         previous, self.state = self.state, state
         if state.operating_mode is not OperatingMode.STARTUP:  # what else it says may not be valid then (3.0, table 10)
             self._hear_body(state, previous)
-        reason = hindrance(state)
-        if reason != self.hindrance:
-            self.hindrance = reason
-            self._outbox.add(Broken(reason=reason))
-        if (passing := delay(state)) != self.delay:
-            self.delay = passing
-            self._outbox.add(Delayed(reason=passing))
+        self.refusals.review(state, now)
+        self.judge()
+        self._judge_delay(now)
         earlier_words = {str(error) for error in warnings(previous)} if previous is not None else set()
         for error in warnings(state):
             if str(error) not in earlier_words:
@@ -228,6 +262,35 @@ class Listener:
         if (words := remark(state)) != self.remark:
             self.remark = words
             self._outbox.add(Remarked(text=words))
+
+    def judge(self) -> None:
+        """Find out whether the vehicle can be sent orders."""
+        if self.state is None:
+            return
+        reasons = [hindrance(self.state), self.headers.doubt, self._foreign_map(self.state), self.refusals.reason]
+        reason = "; ".join(reason for reason in reasons if reason is not None) or None
+        if reason != self.hindrance:
+            self.hindrance = reason
+            self._outbox.add(Broken(reason=reason))
+
+    def _foreign_map(self, state: State) -> str | None:
+        position = state.mobile_robot_position
+        if position is None or self.frames.has(position.map_id):
+            return None
+        return f"is on the map {position.map_id}, and the settings have only {', '.join(frame.map_id for frame in self.frames.all)}"
+
+    def _judge_delay(self, now: float) -> None:
+        reasons = [words] if self.state is not None and (words := delay(self.state)) is not None else []
+        is_silent = self.silence(now) >= SILENCE + RESEND
+        if is_silent:
+            reasons.append(QUIET)
+            if not self._is_silent:
+                self._outbox.add(Refused(description=QUIET))
+        self._is_silent = is_silent
+        reason = "; ".join(reasons) or None
+        if reason != self.delay:
+            self.delay = reason
+            self._outbox.add(Delayed(reason=reason))
 
     def _hear_body(self, state: State, previous: State | None) -> None:
         if state.loads is not None and (previous is None or previous.loads is None or len(previous.loads) != len(state.loads)):

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import msgspec
 
-from somrs.adapters.vda5050.frames import Frames, Pose
+from somrs.adapters.vda5050.frames import Frames, Pose, sent_angle
 from somrs.adapters.vda5050.messages.factsheets import StringLengths
 from somrs.adapters.vda5050.messages.identifiers import fitting_id
 from somrs.adapters.vda5050.messages.orders import (
@@ -111,7 +111,7 @@ class OrderWriter:
         frame = self.frames.frame_at(waypoint.level, self.map_id)
         x, y = frame.from_site(waypoint.x, waypoint.y)
         yaw = waypoint.yaw if is_end and "theta" in self.parameters else None
-        theta = round(math.remainder(yaw - frame.yaw, math.tau), 4) if yaw is not None else None
+        theta = sent_angle(yaw - frame.yaw) if yaw is not None else None
         return Node(
             node_id=fitting_id(waypoint.name, self.limits),
             sequence_id=2 * (waypoint.number - first),
@@ -139,7 +139,7 @@ class OrderWriter:
 
     def _edge(self, start: Waypoint, end: Waypoint, first: int) -> Edge:
         turns = {"orientation", "orientationType"} <= self.parameters
-        orientation = {"Forward": 0.0, "Backward": 3.14159265}.get(end.travel or "") if turns else None
+        orientation = {"Forward": 0.0, "Backward": sent_angle(math.pi)}.get(end.travel or "") if turns else None
         return Edge(
             edge_id=fitting_id(f"{start.name}-{end.name}", self.limits),
             sequence_id=2 * (end.number - first) - 1,

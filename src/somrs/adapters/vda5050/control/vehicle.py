@@ -91,6 +91,7 @@ class VehicleControl:
             case BuildingChanged(zones=zones):
                 self._zones = zones
             case Tick():
+                self.vehicle.notice_time(now)
                 self._repeat(now)
         self._reconcile(now)
         return self._outbox.effects
@@ -129,9 +130,10 @@ class VehicleControl:
                 self._cancel(now)
 
     def _see_order(self, order: SentOrder, state: State, now: float) -> None:
-        reason = self._driving.see(order, state)
+        reason = self._driving.see(order, state, now)
         if reason is not None:
             self._fail(order, reason, state, now)
+            self.vehicle.judge()
         elif order.is_acknowledged and order.action_id is not None and self._job is not None:
             self._see_action(self._job, order, state)
 
@@ -234,7 +236,7 @@ class VehicleControl:
     # What the vehicle is told.
 
     def _reconcile(self, now: float) -> None:
-        if not self.vehicle.is_connected or self.vehicle.hindrance is not None:
+        if not self.vehicle.takes_orders:
             return
         if self.vehicle.state is not None:
             self._pausing.reconcile(self.vehicle.state, now)
@@ -288,5 +290,5 @@ class VehicleControl:
         elif charging is not None and charging.stop_id is not None:
             if now >= charging.sending_time + RESEND and state.action(charging.stop_id) is None:
                 self._stop_charging(charging, now)
-        elif order is not None and not order.is_acknowledged and self.vehicle.hindrance is None and now >= order.sending_time + RESEND:
+        elif order is not None and not order.is_acknowledged and now >= order.sending_time + RESEND and self.vehicle.takes_orders:
             self._driving.resend(order, now)

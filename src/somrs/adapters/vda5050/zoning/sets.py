@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Sequence
 
 import msgspec
 
-from somrs.adapters.vda5050.frames import Frame
+from somrs.adapters.vda5050.frames import Frame, sent_angle
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.identifiers import fitting_id
 from somrs.adapters.vda5050.messages.orders import Vertex, Zone, ZoneSetContent, ZoneType
@@ -68,6 +67,6 @@ def _written(zone: SiteZone, zone_type: ZoneType, frame: Frame, zone_id: str) ->
         vertices=tuple(Vertex(x=round(x, CENTIMETRES), y=round(y, CENTIMETRES)) for x, y in corners),
         maximum_speed=zone.maximum_speed,
         release_loss_behavior="CONTINUE" if zone_type is ZoneType.RELEASE else None,
-        direction=round(math.remainder(direction - frame.yaw, math.tau), 4) if direction is not None else None,
+        direction=sent_angle(direction - frame.yaw) if direction is not None else None,
         directed_limitation="RESTRICTED" if zone_type is ZoneType.DIRECTED else None,
     )
