@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+import msgspec
 import pytest
 
 from somrs.adapters.vda5050.control.exchange import ActionEnded, Arrived, Charge, Follow, Halted, Perform, Reachable, Send, Tick, Tolerated
@@ -25,6 +26,7 @@ from somrs.adapters.vda5050.messages.states import (
     ZoneRequest,
 )
 from somrs.adapters.vda5050.simulated.exchange import Faulted, Restarted
+from somrs.adapters.vda5050.simulated.factsheet import factsheet
 from tests.support.vda5050_pair import Pair, way
 
 VERSIONS = pytest.mark.parametrize("version", [Version.V2_1, Version.V3_0])
@@ -238,3 +240,26 @@ def test_maps_of_vehicles_are_turned_and_moved() -> None:
     assert frames.frame_at(2.9, "ground").map_id == "upstairs"
     assert frames.frame_at(0.1, "upstairs").map_id == "ground"
     assert Frames().frame_at(0.1, "any").map_id == "any"
+
+
+@VERSIONS
+def test_a_vehicle_that_charges_by_an_instant_action_only_gets_one(version: Version) -> None:
+    sheet = factsheet()
+    features = sheet.protocol_features
+    actions = tuple(
+        msgspec.structs.replace(action, action_scopes=("INSTANT",)) if action.action_type == "startCharging" else action
+        for action in features.mobile_robot_actions
+    )
+    sheet = msgspec.structs.replace(sheet, protocol_features=msgspec.structs.replace(features, mobile_robot_actions=actions))
+    pair = Pair(version, sheet=sheet)
+    pair.follow("A", "B")
+    pair.do(Charge())
+    pair.run(3)
+    assert pair.vehicle.state().power_supply.charging
+    pair.halt()
+    pair.run_until(Halted)
+    assert not pair.vehicle.state().power_supply.charging
+    pair.do(Charge())
+    assert pair.run_until(ActionEnded) == ActionEnded(failure=None)
+    assert pair.body.charge > 98.0
+    assert [order.actions for order in pair.orders()] == [()] * len(pair.orders())

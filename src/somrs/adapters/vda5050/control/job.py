@@ -10,11 +10,13 @@ from somrs.adapters.vda5050.messages.orders import Action
 
 @dataclass(kw_only=True)
 class Job:
-    """An action at the place of the vehicle, in an order of its own. `charges`: it goes on until the battery is full. `skipped`: the id of
-    the instant action that has told the vehicle not to wait for another try."""
+    """An action at the place of the vehicle: in an order of its own, or `is_instant`, sent at `sending_time`. `charges`: it goes on until
+    the battery is full. `skipped`: the id of the instant action that has told the vehicle not to wait for another try."""
 
     action: Action
     charges: bool = False
+    is_instant: bool = False
+    sending_time: float | None = None
     skipped: str | None = None
 
 

@@ -179,6 +179,11 @@ class Listener:
             return USEFUL
         return frozenset(parameter for parameter in OPTIONAL if self.factsheet.takes(parameter))
 
+    def scopes(self, action_type: str) -> set[str]:
+        """Where an action may be used, as far as the factsheet says it."""
+        supported = self.factsheet.action(action_type) if self.factsheet is not None else None
+        return set(supported.action_scopes) if supported is not None else set()
+
     def blocking_type(self, action_type: str) -> BlockingType:
         """What an action of the vehicle excludes: everything, if the vehicle can do that."""
         supported = self.factsheet.action(action_type) if self.factsheet is not None else None

@@ -87,7 +87,7 @@ class VehicleControl:
                 self._job = Job(action=self._outbox.action(action_type, self.vehicle.blocking_type(action_type), parameters))
             case Charge():
                 self._driving.way = ()
-                self._job = Job(action=self._outbox.action("startCharging", self.vehicle.blocking_type("startCharging")), charges=True)
+                self._job = self._charging_job()
             case BuildingChanged(zones=zones):
                 self._zones = zones
             case Tick():
@@ -95,6 +95,12 @@ class VehicleControl:
                 self._repeat(now)
         self._reconcile(now)
         return self._outbox.effects
+
+    def _charging_job(self) -> Job:
+        """To begin to charge: at a node, or by an instant action for a vehicle that cannot do so at nodes."""
+        is_instant = self.vehicle.scopes("startCharging") == {"INSTANT"}
+        blocking = BlockingType.NONE if is_instant else self.vehicle.blocking_type("startCharging")
+        return Job(action=self._outbox.action("startCharging", blocking), charges=True, is_instant=is_instant)
 
     def _see(self, state: State, now: float) -> None:
         if self.vehicle.hindrance is not None:
@@ -104,6 +110,8 @@ class VehicleControl:
             self._see_cancellation(self._cancellation, state, now)
         elif order is not None:
             self._see_order(order, state, now)
+        elif self._job is not None and self._job.sending_time is not None:
+            self._see_action(self._job, state)
         elif self._charging is None and self.vehicle.hindrance is None and state.order_id and not is_idle(state):
             # An order from before this program was started, or one that came after its end.
             self._cancel(now)
@@ -135,7 +143,10 @@ class VehicleControl:
             self._fail(order, reason, state, now)
             self.vehicle.judge()
         elif order.is_acknowledged and order.action_id is not None and self._job is not None:
-            self._see_action(self._job, order, state)
+            if state.order_id != order.message.order_id:
+                self._end_job("the vehicle has lost the order")
+            else:
+                self._see_action(self._job, state)
 
     def _fail(self, order: SentOrder, reason: str, state: State, now: float) -> None:
         """End the trip or the action, when the vehicle stands."""
@@ -149,13 +160,11 @@ class VehicleControl:
         else:
             self._cancel(now, effect)
 
-    def _see_action(self, job: Job, order: SentOrder, state: State) -> None:
+    def _see_action(self, job: Job, state: State) -> None:
         action = state.action(job.action.action_id)
-        if state.order_id != order.message.order_id:
-            self._end_job("the vehicle has lost the order")
-        elif action is None:
+        if action is None:
             return
-        elif action.action_status is ActionStatus.FAILED:
+        if action.action_status is ActionStatus.FAILED:
             self._end_job(words_about(state, action.action_id))
         elif action.action_status is ActionStatus.RETRIABLE and job.skipped is None:
             job.skipped = self._outbox.instant("skipRetry", ActionParameter(key="actionId", value=action.action_id))
@@ -193,6 +202,8 @@ class VehicleControl:
 
     def _halt(self, now: float) -> None:
         state, driving = self.vehicle.state, self._driving
+        if self._job is not None and self._job.sending_time is not None:
+            self._charging = Charging(full=self.vehicle.full_charge())  # it may have begun
         driving.way, self._job = (), None
         if self._charging is not None:
             self._charging.is_interrupted = True
@@ -248,8 +259,21 @@ class VehicleControl:
         if self._job is None:
             if not self._lacks_map(now):
                 self._driving.reconcile(now)
+        elif self._job.is_instant:
+            self._begin_at_once(self._job, now)
         elif self._driving.order is None or self._driving.order.action_id != self._job.action.action_id:
             self._driving.perform(self._job.action, now)
+
+    def _begin_at_once(self, job: Job, now: float) -> None:
+        """Send the instant action of a job when the vehicle has nothing else to do; again if it is lost."""
+        state, driving = self.vehicle.state, self._driving
+        if state is None or not is_idle(state) or (driving.order is not None and not driving.is_complete()):
+            return
+        driving.order = None
+        is_lost = job.sending_time is not None and now >= job.sending_time + RESEND and state.action(job.action.action_id) is None
+        if job.sending_time is None or is_lost:
+            job.sending_time = now
+            self._outbox.send_action(job.action)
 
     def _lacks_map(self, now: float) -> bool:
         """Give the trip up if it leads to a map that the vehicle does not have: it would reject the order (3.0, 6.1.4.10)."""

@@ -11,15 +11,12 @@ from msgspec import Struct
 
 from somrs.adapters.vda5050.messages.factsheets import Factsheet, StringLengths
 from somrs.adapters.vda5050.messages.header import Version
-from somrs.adapters.vda5050.messages.orders import Node, Order
+from somrs.adapters.vda5050.messages.orders import Action, Node, Order
 from somrs.adapters.vda5050.messages.states import OperatingMode
 from somrs.adapters.vda5050.simulated.problems import Problem
 
 TOLERANCE = 0.25
 """Distance in metres within which a vehicle stands on a node that has no deviation of its own."""
-
-ACTIONS = frozenset({"pick", "drop", "startCharging", "stopCharging", "waitForTrigger", "finePositioning", "detectObject"})
-"""Actions that the vehicle performs at nodes and on edges."""
 
 REQUIRED_IN_2 = {"start_node_id", "end_node_id"}
 """Fields that 3.0 does not have."""
@@ -51,7 +48,7 @@ def objection(order: Order, situation: Situation) -> tuple[Problem, str] | None:
         (Problem.MALFORMED, _malformed(order, situation.version)),
         (Problem.MALFORMED, _unfit_id(order, situation.sheet.protocol_limits.maximum_string_lengths)),
         (Problem.UNSUPPORTED_FIELD, _unsupported_field(order, situation.sheet)),
-        (Problem.UNSUPPORTED_ACTION, _unsupported_action(order)),
+        (Problem.UNSUPPORTED_ACTION, _unsupported_action(order, situation.sheet)),
         (Problem.UNKNOWN_MAP, _unknown_map(order, situation.maps)),
         (Problem.NOT_AVAILABLE, None if situation.is_available else "the vehicle takes no orders now"),
     ):
@@ -140,8 +137,23 @@ def _unsupported_field(order: Order, sheet: Factsheet) -> str | None:
     return None
 
 
-def _unsupported_action(order: Order) -> str | None:
-    return next((action.action_type for action in order.actions if action.action_type not in ACTIONS), None)
+def _unsupported_action(order: Order, sheet: Factsheet) -> str | None:
+    """An action that the vehicle does not perform there."""
+    at_nodes = ((action, "NODE") for node in order.nodes for action in node.actions)
+    on_edges = ((action, "EDGE") for edge in order.edges for action in edge.actions)
+    return next((action.action_type for action, scope in (*at_nodes, *on_edges) if not _has_scope(action, scope, sheet)), None)
+
+
+def instant_objection(action: Action, mode: OperatingMode, sheet: Factsheet) -> str | None:
+    """Why the vehicle does not carry out an instant action (3.0, 6.2.1 and table 11). None: it does."""
+    if mode in CLEARING or (mode is OperatingMode.INTERVENED and action.action_type != "cancelOrder"):
+        return f"the vehicle is in the mode {mode}"
+    return None if _has_scope(action, "INSTANT", sheet) else f"{action.action_type} is not supported"
+
+
+def _has_scope(action: Action, scope: str, sheet: Factsheet) -> bool:
+    supported = sheet.action(action.action_type)
+    return supported is not None and scope in supported.action_scopes
 
 
 def _unknown_map(order: Order, maps: Collection[str]) -> str | None:

@@ -26,7 +26,7 @@ from somrs.adapters.vda5050.messages.states import (
     SafetyState,
     State,
 )
-from somrs.adapters.vda5050.simulated.acceptance import CLEARING, ORDERS_ALLOWED, Situation, is_repetition, objection
+from somrs.adapters.vda5050.simulated.acceptance import CLEARING, ORDERS_ALLOWED, Situation, instant_objection, is_repetition, objection
 from somrs.adapters.vda5050.simulated.body import Charge, Command, Drive, Drop, Pick, Rest, Sensed
 from somrs.adapters.vda5050.simulated.complaints import Complaints
 from somrs.adapters.vda5050.simulated.exchange import (
@@ -69,9 +69,7 @@ class SimulatedVehicle:
     ) -> None:
         self.version, self._factsheet, self.map_id, self._interval = version, sheet, map_id, interval
         self.storage, self.zones = Storage({map_id, *maps}), ZoneGuard(contour=contour)
-        self.progress = Progress()
-        self.mode = OperatingMode.AUTOMATIC
-        self._paused = False
+        self.progress, self.mode, self._paused = Progress(), OperatingMode.AUTOMATIC, False
         self._complaints, self._instant = Complaints(version), InstantLog()
         self._sensed: Sensed | None = None
         self._load: str | None = None
@@ -177,8 +175,8 @@ class SimulatedVehicle:
     # Instant actions (3.0, 6.2.1).
 
     def _instruct(self, action: Action, now: float) -> None:
-        if self.mode in CLEARING or (self.mode is OperatingMode.INTERVENED and action.action_type != "cancelOrder"):
-            self._complaints.add(Problem.INVALID_INSTANT_ACTION, f"the vehicle is in the mode {self.mode}", actionId=action.action_id)
+        if (words := instant_objection(action, self.mode, self._factsheet)) is not None:
+            self._complaints.add(Problem.INVALID_INSTANT_ACTION, words, actionId=action.action_id)
             self._instant.note(action, ActionStatus.FAILED)
             return
         status, ending = ActionStatus.FINISHED, None
@@ -196,6 +194,8 @@ class SimulatedVehicle:
                 self._published_at = -math.inf
             case "factsheetRequest":
                 self._effects.append(Publish(topic=Topic.FACTSHEET, message=self._factsheet))
+            case "startCharging":
+                self._begin(Charge())
             case "stopCharging":
                 self._begin(Rest())
                 status, ending = ActionStatus.RUNNING, Ending.IS_DISCONNECTED
