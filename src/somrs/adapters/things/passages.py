@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import cast
 
 import msgspec
 
 from somrs.adapters.things.connector import Rejection
 from somrs.adapters.things.http import HttpConnector
-from somrs.adapters.things.hub import Hub
-from somrs.adapters.things.model import Door, Session, Source, Thing
+from somrs.adapters.things.hub import Hub, connections_of
+from somrs.adapters.things.model import Command, Door, Session, Source, Thing
 from somrs.adapters.things.mqtt import MqttConnector
 from somrs.adapters.things.session import REPEAT, PassageSession
 from somrs.adapters.things.session_messages import SessionRequest
@@ -25,32 +25,60 @@ log = logging.getLogger(__name__)
 
 
 class MappedDoor(DoorDevice):
-    """A door that messages open and close."""
+    """A door that messages open and close. While it is wanted, and does not say that it is open, the messages are sent again."""
 
     def __init__(self, thing: Thing, door: Door, hub: Hub) -> None:
         super().__init__(thing.name)
         self.values, self._thing = thing.values, thing
         self._door, self._hub = door, hub
+        self._connections = connections_of(thing) | {command.connection for command in (*door.open, *door.close)}
         self._news = asyncio.Event()
+        self._is_wanted = False
+        self._repeater: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
         self.situation = await whereabouts(self.map, self._thing)
         self._hub.observe(self.name, self._heard)
+        self._hub.reach_observers.append(self._reached)
+        self._repeater = asyncio.create_task(self._repeat())
         self._heard()
 
     async def close(self) -> None:
         self._hub.unobserve(self.name, self._heard)
+        if self._reached in self._hub.reach_observers:
+            self._hub.reach_observers.remove(self._reached)
+        if self._repeater is not None:
+            self._repeater.cancel()
+            await asyncio.gather(self._repeater, return_exceptions=True)
 
     async def serve(self, call: PassageCall) -> None:
-        for command in self._door.open:
-            await self._hub.send(command, {})
-        while not self._is_open:
-            self._news.clear()
-            await self._news.wait()
+        self._is_wanted = True
+        try:
+            await self._send(self._door.open)
+            while not self._is_open:
+                self._news.clear()
+                await self._news.wait()
+        except asyncio.CancelledError:
+            self._is_wanted = False  # until the next call, which may have come already
+            raise
 
     async def release(self) -> None:
-        for command in self._door.close:
+        self._is_wanted = False
+        await self._send(self._door.close)
+
+    async def _send(self, commands: Sequence[Command]) -> None:
+        for command in commands:
             await self._hub.send(command, {})
+
+    async def _repeat(self) -> None:
+        """Open it again: the message may be lost, and a door may close by itself."""
+        while True:
+            await asyncio.sleep(REPEAT)
+            if self._is_wanted and not self._is_open:
+                try:
+                    await self._send(self._door.open)
+                except Rejection as error:
+                    log.warning("%s: %s", self.name, error)
 
     @property
     def _is_open(self) -> bool:
@@ -60,9 +88,14 @@ class MappedDoor(DoorDevice):
     def _heard(self) -> None:
         self._news.set()
         state = self._hub.states.get(self.name)
-        is_working = state is not None and state.is_online is not False and "Open" in state.values
+        is_reachable = self._connections.isdisjoint(self._hub.lost_connections)
+        is_working = is_reachable and state is not None and state.is_online is not False and "Open" in state.values
         if self.current_status is None or self.current_status.working != is_working:
             self.status(working=is_working)
+
+    def _reached(self, connection: str, is_reached: bool) -> None:
+        if connection in self._connections:
+            self._heard()
 
 
 class SessionLink:
@@ -73,7 +106,6 @@ class SessionLink:
         self.session = PassageSession(f"somrs-{thing.name}", {})
         self._news = asyncio.Event()
         self._last_complaint = ""
-        self._is_reached = True
         self._senders: set[asyncio.Task[None]] = set()
         self._repeater: asyncio.Task[None] | None = None
 
@@ -125,7 +157,7 @@ class SessionLink:
 
     def _tell(self) -> None:
         state = self._hub.states.get(self._device.name)
-        self.session.is_reachable = state is not None and state.is_online is not False and self._is_reached
+        self.session.is_reachable = state is not None and state.is_online is not False and not self._is_lost
         status = self.session.status()
         if status != self._device.current_status:
             self._device.status(level=status.level, working=status.working, shared=status.shared)
@@ -133,8 +165,11 @@ class SessionLink:
 
     def _reached(self, connection: str, is_reached: bool) -> None:
         if connection == self._settings.connection:
-            self._is_reached = is_reached
             self._tell()
+
+    @property
+    def _is_lost(self) -> bool:
+        return self._settings.connection in self._hub.lost_connections
 
     async def _repeat(self) -> None:
         """Send a request again that has no effect, although no state says so."""
