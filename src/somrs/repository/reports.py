@@ -32,6 +32,7 @@ from somrs.ontology.check import check
 from somrs.ontology.effects import changes as changes_by
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Change, Fact, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import PART_OF, PHYSICAL, UNKNOWN, Ontology, Value
 from somrs.protocol.messages.knowledge import Merging
 from somrs.protocol.messages.observations import Observation, Reception
@@ -229,7 +230,8 @@ class _Report:
 
     def _if_newer(self, part: Formula, aspect: Aspect, *, news: Aspect | None = None, about: str | None = None) -> Iterator[Formula]:
         if self.provenance.time(aspect) > self.at:
-            self.superseded.append(str(part))
+            if not formula_holds(part, self.map, self.ontology):
+                self.superseded.append(str(part))
         else:
             self._note(news or aspect, about)
             yield part

@@ -141,6 +141,12 @@ def test_older_news_does_not_replace_newer(lab: Reporting) -> None:
     assert lab.place("Jar1") == "Floor1"
 
 
+def test_older_news_that_the_map_has_anyway_is_not_old_news(lab: Reporting) -> None:
+    lab.report("Jar1.Color = Red", as_of=50.0)
+    assert lab.reception("Jar1.Color = Red", as_of=40.0).superseded == ()
+    assert lab.reception("Jar1.Color = Blue", as_of=40.0).superseded == ("Jar1.Color = Blue",)
+
+
 def test_a_report_without_a_time_holds_when_it_arrives(lab: Reporting) -> None:
     lab.report("Jar1 isOn Table2", now=50.0)
     assert lab.reception("Jar1 isOn Floor1", now=60.0, as_of=49.0).superseded == ("Jar1 isOn Floor1",)
