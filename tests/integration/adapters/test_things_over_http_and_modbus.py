@@ -44,7 +44,7 @@ things:
       Temperature: {{register: holding 0, as: int16, scale: 0.1, poll: 200 ms}}
       TargetTemperature: {{register: holding 1, as: float32, poll: 200 ms}}
     services:
-      SetTemperature: {{write: [{{register: holding 1, as: float32, payload: '?Temperature'}}]}}
+      SetTemperature: {{write: [{{register: holding 1, as: float32, payload: '?Temperature', convert: {{Temperature: {{range: [5, 90]}}}}}}]}}
 """
 
 DESCRIPTION = {
@@ -170,6 +170,9 @@ def test_a_boiler_with_modbus_heats_to_a_temperature(tmp_path: Path) -> None:
             async with things_lab(tmp_path, {"mappings": ["boiler.yaml"]}) as lab:
                 await lab.until("Boiler1.Temperature = 18.5 AND Boiler1.TargetTemperature = 0 AND Boiler1.Working = TRUE")
                 assert (await accomplish(lab.client, "Boiler1.TargetTemperature = 60.5")).outcome is Outcome.ACCOMPLISHED
+                view = await accomplish(lab.client, "Boiler1.TargetTemperature = 200")
+                assert view.outcome is Outcome.FAILED, "it does not wait for what can never be"
+                assert "200 is beyond range: 5 to 90" in str(view)
                 client = AsyncModbusTcpClient("127.0.0.1", port=port)
                 await client.connect()
                 answer = await client.read_holding_registers(1, count=2)

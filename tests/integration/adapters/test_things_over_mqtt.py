@@ -6,18 +6,20 @@ import asyncio
 import contextlib
 import json
 import socket
+import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 
 import aiomqtt
 
+from somrs.protocol.messages.findings import Sighting
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
 from tests.support.accomplishing import accomplish, finished
 from tests.support.hang import HANG_TIME
 from tests.support.mqtt_broker import MqttBroker
 from tests.support.small_system import Porter
-from tests.support.things_lab import things_lab
+from tests.support.things_lab import ThingsLab, things_lab
 from tests.support.virtual_system import SITE
 
 MAPPING = """
@@ -164,7 +166,13 @@ def test_a_sensor_is_put_on_the_map_with_its_values_and_a_lost_broker_is_found_a
                 async with mqtt_client(broker) as client:
                     await client.publish("sensors/1", "68", qos=1, retain=True)
                     await lab.until("Sensor1.Temperature = 20 AND Sensor1.PositionZ = 2")
+                heard_by = time.time()
+                seen = await sighting(lab)
+                assert seen is not None
+                assert seen.at <= heard_by
                 broker.kill()
+                while (seen := await sighting(lab)) is not None:
+                    assert seen.at <= heard_by
                 broker.start()
                 async with mqtt_client(broker) as client:
                     await client.publish("sensors/1", "no number", qos=1, retain=True)
@@ -172,6 +180,14 @@ def test_a_sensor_is_put_on_the_map_with_its_values_and_a_lost_broker_is_found_a
                     await lab.until("Sensor1.Temperature = 25")
 
     asyncio.run(asyncio.wait_for(test(), HANG_TIME))
+
+
+async def sighting(lab: ThingsLab) -> Sighting | None:
+    """What is seen of the sensor when somebody asks; None: it cannot be seen."""
+    question = Submit(effect="Sensor1.Temperature > 0", recognise=True, waits=False)
+    view = await finished(lab.client, await lab.client.submit(question))
+    answers = view.findings.answers if view.findings is not None else ()
+    return answers[0].sightings[0] if answers and answers[0].sightings else None
 
 
 TIN = "Tin001: {type: Tin, at: [1, 1.3, 0.8], Shape: {Form: Cylinder, Radius: 0.04, Height: 0.1}}"

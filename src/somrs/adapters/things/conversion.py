@@ -20,7 +20,8 @@ class Conversion(Struct, frozen=True, kw_only=True):
     """How the values of one attribute, or of one input of a service, are written in messages.
 
     `values`: the value for a text of the message; then nothing else is understood. Otherwise, a number is `raw * scale + offset`, in
-    `unit` (None: that of the attribute). `decimals`: to which the number in the message is rounded (None: not at all).
+    `unit` (None: that of the attribute). `decimals`: to which the number in the message is rounded (None: not at all). `minimum`,
+    `maximum`: of the number, in the unit of the attribute; what is read beyond them is not believed, and nothing beyond them is written.
     """
 
     attribute: AttributeType
@@ -29,6 +30,8 @@ class Conversion(Struct, frozen=True, kw_only=True):
     offset: float = 0.0
     unit: str | None = None
     decimals: int | None = None
+    minimum: float = -math.inf
+    maximum: float = math.inf
 
     def read(self, raw: object) -> Value:
         """The value of the attribute, a number in its unit. Raises ValueError, which says what was expected."""
@@ -58,7 +61,7 @@ class Conversion(Struct, frozen=True, kw_only=True):
             raise ValueError(f"there is nothing to write for {value}; values: has {', '.join(str(v) for v in self.values.values())}")
         if isinstance(value, bool) or not isinstance(value, float | int):
             return value
-        number = float(value)
+        number = self._within_range(float(value))
         if self.unit is not None and self.attribute.unit is not None:
             converted = convert_unit(number, self.attribute.unit, self.unit)
             assert converted is not None, "the units are checked when the mapping is read"
@@ -75,10 +78,16 @@ class Conversion(Struct, frozen=True, kw_only=True):
             raise ValueError(f"{text} is not a finite number")
         number = _short(number * self.scale + self.offset)
         if self.unit is None or self.attribute.unit is None:
-            return number
+            return self._within_range(number)
         converted = convert_unit(number, self.unit, self.attribute.unit)
         assert converted is not None, "the units are checked when the mapping is read"
-        return _short(converted)
+        return self._within_range(_short(converted))
+
+    def _within_range(self, number: float) -> float:
+        if self.minimum <= number <= self.maximum:
+            return number
+        unit = f" {self.attribute.unit}" if self.attribute.unit is not None else ""
+        raise ValueError(f"{number:g}{unit} is beyond range: {self.minimum:g} to {self.maximum:g}{unit}")
 
 
 def _short(number: float) -> float:

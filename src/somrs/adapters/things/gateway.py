@@ -15,8 +15,9 @@ from somrs.errors import RemoteError
 from somrs.ontology.objects import Object, ObjectAdded
 from somrs.ontology.types import Definition, Value
 from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.service_manager.sdk.device import Device, Situation, Task, service
-from somrs.service_manager.sdk.orders import Refusal
+from somrs.protocol.messages.observations import Observation
+from somrs.service_manager.sdk.device import Device, Result, Task, service
+from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
 log = logging.getLogger(__name__)
 
@@ -29,12 +30,12 @@ ABSENT = 1.0
 
 
 def _is_its_thing(device: GatewayDevice, task: Task) -> None:
-    """Check that the order is about a thing that has said something. Raises Refusal."""
+    """Check that the order is about a thing of which it is known how it is now. Raises Refusal."""
     name = str(task.inputs["Object"])
     if name not in device.hub.states:
         raise Refusal(f"{device.name} does not connect {name}")
-    if not device.hub.states[name].values:
-        raise Refusal(f"{name} has not said anything yet", not_now=True)
+    if (silence := device.hub.silence(name)) is not None:
+        raise Refusal(silence, not_now=True)
 
 
 class GatewayDevice(Device):
@@ -64,11 +65,16 @@ class GatewayDevice(Device):
         await asyncio.gather(*self._workers, return_exceptions=True)
 
     @service("RecognizeSituation", duration="1 s", able=_is_its_thing, occupies=False, inputs=("Object",))
-    async def recognize(self, task: Task) -> Situation:
-        """Say what the thing has said: its messages are its state."""
+    async def recognize(self, task: Task) -> Result:
+        """Report what the thing has said, as of when it said it: its messages are its state."""
         name = str(task.inputs["Object"])
-        readings = self.hub.states[name].situation() if name in self.hub.states else None
-        return conjunction(*(part for part in (readings, task.effect) if part is not None))
+        if (silence := self.hub.silence(name)) is not None:
+            raise ServiceFailed(silence)
+        state = self.hub.states[name]
+        for heard_at in sorted({*state.heard_at.values()}):
+            paths = [path for path, at_time in state.heard_at.items() if at_time == heard_at]
+            await self.report(str(state.situation(paths)), Observation(as_of=heard_at))
+        return Result(situation=task.effect, observation=Observation(as_of=state.known_at))
 
     async def _report_all(self) -> None:
         """Report what is due, until it is cancelled."""

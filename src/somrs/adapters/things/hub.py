@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
@@ -91,7 +92,7 @@ class Hub:
             observer(key, payload)
         elif self._router.reads(key):
             names: dict[str, None] = {}
-            for news in self._router.received(key, payload):
+            for news in self._router.received(key, payload, time.time()):
                 self._take(news)
                 names[news.state.thing.name] = None
             for name in names:
@@ -142,6 +143,21 @@ class Hub:
                 state.is_online = is_reached
                 self._sample(thing, WORKING, is_reached)
                 self._tell(thing.name)
+
+    def silence(self, name: str) -> str | None:
+        """Why it is not known how a thing is now, although it may have said something; None: it is known."""
+        state = self.states.get(name)
+        if state is None:
+            return f"{name} has gone"
+        if state.is_online is False:
+            return f"{name} does not work"
+        if lost := sorted(connections_of(state.thing) & self.lost_connections):
+            return f"the connection {lost[0]} of {name} is not there"
+        if not state.values:
+            return f"{name} has not said anything yet"
+        if state.values.keys() <= state.misread:
+            return f"what {name} says of {', '.join(sorted(state.misread))} is not understood"
+        return None
 
     def observe_messages(self, key: SourceKey, observer: MessageObserver) -> None:
         """Pass the messages of a source on."""

@@ -49,6 +49,12 @@ class ConversionEntry(_Entry):
     scale: float = Field(default=1.0, description="The value is what was read, times scale, plus offset")
     offset: float = 0.0
     unit: str | None = Field(default=None, description="The unit of the value, if it is not that of the attribute: degF")
+    range: list[float] | None = Field(
+        default=None,
+        min_length=2,
+        max_length=2,
+        description="The least and the greatest value: what is read beyond it is not believed, and nothing beyond it is written",
+    )
     decimals: float | None = Field(default=None, ge=0, multiple_of=1, description="To how many decimals numbers are rounded in messages")
 
 

@@ -27,6 +27,13 @@ def render(command: Command, inputs: Mapping[str, str]) -> Raw:
     return PLACEHOLDER.sub(lambda match: _in_text(raws[match[1]]), command.payload)
 
 
+def check_message(command: Command, inputs: Mapping[str, str]) -> None:
+    """Check that a command can be written with these inputs. Raises InputError."""
+    raw = render(command, inputs)
+    if command.register is not None:
+        register_words(command, raw)
+
+
 def payload_text(raw: Raw) -> str:
     """The payload of a topic or a request."""
     return raw if isinstance(raw, str) else raw_text(raw)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Iterator, Mapping
 from urllib.parse import urlsplit
@@ -196,6 +197,9 @@ class Resolver:
             return None
         if entry.scale == 0:
             self._problem((*key, "scale"), "scale is not 0")
+        minimum, maximum = entry.range or (-math.inf, math.inf)
+        if minimum > maximum:
+            self._problem((*key, "range"), "write the least value first")
         kinds = {Kind.NUMBER: float, Kind.TRUTH: bool}
         for text, value in entry.values.items():
             if not isinstance(value, kinds.get(attribute.kind, str)) or (
@@ -205,7 +209,14 @@ class Resolver:
                 self._problem((*key, "values", text), f"{attribute.name} is {expected}, not {value}")
         decimals = int(entry.decimals) if entry.decimals is not None else None
         return Conversion(
-            attribute=attribute, values=dict(entry.values), scale=entry.scale, offset=entry.offset, unit=entry.unit, decimals=decimals
+            attribute=attribute,
+            values=dict(entry.values),
+            scale=entry.scale,
+            offset=entry.offset,
+            unit=entry.unit,
+            decimals=decimals,
+            minimum=minimum,
+            maximum=maximum,
         )
 
     # What is written
@@ -297,7 +308,10 @@ class Resolver:
             hint = nearest(way.inverse_of, thing.attributes) or "write scale:, values: or decimals: instead"
             self._problem(key, f"no message says {way.inverse_of}; {hint}")
             return None
-        return self._conversion(("attributes", way.inverse_of), thing.attributes[way.inverse_of], self._attributes[way.inverse_of])
+        attribute, read = self._attributes[way.inverse_of], thing.attributes[way.inverse_of]
+        if way.range is None:
+            return self._conversion(("attributes", way.inverse_of), read, attribute)
+        return self._conversion(key, read.model_copy(update={"range": way.range}), attribute)
 
     # Doors and lifts
 

@@ -20,6 +20,8 @@ from somrs.ontology.values import constant
 Payload = bytes | str | float | bool
 """Of a message: bytes of a topic or an answer, or the value of a register."""
 SourceKey = tuple[str, str, object]
+LONGEST_QUOTE = 80
+"""Characters of a message that are shown."""
 
 
 def source_key(source: Source) -> SourceKey:
@@ -28,17 +30,27 @@ def source_key(source: Source) -> SourceKey:
 
 
 class ThingState:
-    """The values of a thing by paths, as it said them last. `is_online` None: it has not said whether it works."""
+    """The values of a thing by paths, as it said them last. `heard_at`: when, in seconds since 1970. `is_online` None: it has not said
+    whether it works. `misread`: the paths whose last message was not understood, or not believed."""
 
     def __init__(self, thing: Thing, ontology: Ontology) -> None:
         self.thing, self._ontology = thing, ontology
         self.values: dict[str, Value] = {}
+        self.heard_at: dict[str, float] = {}
+        self.misread: set[str] = set()
         self.is_online: bool | None = None
 
     def holds(self, formula: Formula) -> bool:
         """Whether the formula holds with what the thing said. It is not, if it is about something that the thing has not said."""
         map = Map([Object(name=self.thing.name, type=self.thing.type, values=self.values)])
         return formula_holds(formula, map, self._ontology)
+
+    @property
+    def known_at(self) -> float | None:
+        """When it was known last how it is, in seconds since 1970: at its last message; or at that before the first that was not
+        understood. None: never."""
+        misread_times = [self.heard_at[path] for path in self.misread if path in self.heard_at]
+        return min(misread_times) if misread_times else max(self.heard_at.values(), default=None)
 
     def situation(self, paths: Iterable[str] | None = None) -> Formula | None:
         """What the thing said, as a formula; None if it said nothing."""
@@ -66,13 +78,12 @@ class News(Struct, frozen=True, kw_only=True):
 
 
 class Router:
-    """Finds out what a message says of which things. `complaint`: of what is not understood, once for each source and text."""
+    """Finds out what a message says of which things."""
 
     def __init__(self) -> None:
         self._readers: dict[SourceKey, list[tuple[ThingState, Signal | Availability]]] = {}
-        self._complaints: dict[tuple[str, str], str] = {}
         self.complaints: list[str] = []
-        """What was not understood; whoever reads it empties it."""
+        """What was not understood, or not believed, once until it is again; whoever reads it empties it."""
 
     def add(self, state: ThingState) -> None:
         """Let a thing receive messages."""
@@ -90,45 +101,62 @@ class Router:
         """Whether a thing needs the messages of a source."""
         return key in self._readers
 
-    def received(self, key: SourceKey, payload: Payload) -> Iterator[News]:
-        """What a message says."""
+    def received(self, key: SourceKey, payload: Payload, now: float) -> Iterator[News]:
+        """What a message says that comes at the time `now`, in seconds since 1970."""
         text = payload.decode("utf-8", "replace") if isinstance(payload, bytes) else payload
-        document: object = None
-        is_parsed = False
-        for state, reader in self._readers.get(key, ()):
-            if reader.steps is not None and not is_parsed:
-                document, is_parsed = _parsed(text), True
-            raw = json_value(document, reader.steps) if reader.steps is not None else text
-            news = self._news(state, reader, raw, reader.steps)
-            if news is not None:
-                yield news
+        readers = self._readers.get(key, ())
+        has_documents = any(reader.steps is not None for _, reader in readers)
+        document = _Document(text) if has_documents else None
+        for state, reader in readers:
+            try:
+                raw = text if reader.steps is None or document is None else document.value(reader.steps)
+                news = _news(state, reader, raw)
+            except ValueError as error:
+                self._misread(state, reader, str(error))
+                continue
+            if news is None:
+                continue
+            state.misread.discard(_name_of(reader))
+            if isinstance(reader, Signal):
+                state.heard_at[reader.path] = now
+            yield news
 
-    def _news(self, state: ThingState, reader: Signal | Availability, raw: object, steps: Steps | None) -> News | None:
-        if raw is None:
-            return None  # the message is about something else
-        name = reader.path if isinstance(reader, Signal) else "available"
+    def _misread(self, state: ThingState, reader: Signal | Availability, problem: str) -> None:
+        name = _name_of(reader)
+        if name not in state.misread:
+            state.misread.add(name)
+            self.complaints.append(f"{state.thing.name}: {name} from {reader.source}: {problem}")
+
+
+def _news(state: ThingState, reader: Signal | Availability, raw: object) -> News | None:
+    """What a value in a message says; None: it is about something else. Raises ValueError."""
+    if raw is None:
+        return None
+    if isinstance(reader, Availability):
+        state.is_online = raw_text(raw) == reader.online
+        return News(state=state, value=state.is_online)
+    value = state.values[reader.path] = reader.conversion.read(raw)
+    return News(state=state, signal=reader, value=value)
+
+
+def _name_of(reader: Signal | Availability) -> str:
+    return reader.path if isinstance(reader, Signal) else "available"
+
+
+class _Document:
+    """A message in JSON."""
+
+    def __init__(self, text: Payload) -> None:
+        self._text = text
+        self._document: object = None
+        self._is_json = True
         try:
-            if isinstance(reader, Availability):
-                is_online = raw_text(raw) == reader.online
-                state.is_online = is_online
-                return News(state=state, value=is_online)
-            value = reader.conversion.read(raw)
-        except ValueError as error:
-            complaint = f"{state.thing.name}: {name} from {reader.source}: {error}"
-            if self._complaints.get((state.thing.name, name)) != complaint:
-                self._complaints[state.thing.name, name] = complaint
-                self.complaints.append(complaint)
-            return None
-        self._complaints.pop((state.thing.name, name), None)
-        state.values[reader.path] = value
-        return News(state=state, signal=reader, value=value)
+            self._document = json.loads(text) if isinstance(text, str) else text
+        except (ValueError, RecursionError):
+            self._is_json = False
 
-
-def _parsed(text: object) -> object:
-    if not isinstance(text, str):
-        return None
-    try:
-        document: object = json.loads(text)
-    except (ValueError, RecursionError):
-        return None
-    return document
+    def value(self, steps: Steps) -> object:
+        """The value at a path; None without one. Raises ValueError, if the message is not JSON."""
+        if not self._is_json:
+            raise ValueError(f"{str(self._text)[:LONGEST_QUOTE]!r} is not JSON")
+        return json_value(self._document, steps)

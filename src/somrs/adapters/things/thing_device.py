@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 from somrs.adapters.things.connector import Rejection
 from somrs.adapters.things.hub import Hub
+from somrs.adapters.things.messages import check_message
 from somrs.adapters.things.model import Command, Thing, ThingService
 from somrs.adapters.things.thing_objects import whereabouts
 from somrs.entish.formula import Formula
@@ -40,9 +41,16 @@ class ThingDevice(Device):
             raise Refusal(f"{self.name} has gone", not_now=True)
         if state.is_online is False:
             raise Refusal(f"{self.name} does not work", not_now=True)
+        if state.is_online is None and self.thing.availability is not None:
+            raise Refusal(f"{self.name} has not said yet that it works, at {self.thing.availability.source}", not_now=True)
         for connection in dict.fromkeys(command.connection for command in plan.commands):
             if connection in self.hub.lost_connections:
                 raise Refusal(f"the connection {connection} of {self.name} is not there", not_now=True)
+        for command in plan.commands:
+            try:
+                check_message(command, task.order.inputs)
+            except InputError as error:
+                raise Refusal(f"{self.name}: {error}") from error
         if plan.demand is not None and not await task.map.holds(demand := self._formula(plan.demand, task)):
             raise Refusal(f"{demand} does not hold", condition=demand)
         if plan.condition is not None and not state.holds(self._formula(plan.condition, task)):

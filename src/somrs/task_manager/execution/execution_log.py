@@ -49,6 +49,8 @@ class Work(Struct, kw_only=True, eq=False):
     result: State | None = None
     """How the work ended. Compensation changes `state`, but not `result`."""
     ended: float | None = None
+    observed_at: float | None = None
+    """When that was so which an observation reported, if it says so."""
     situation: str | None = None
     note: str = ""
     price: float | None = None

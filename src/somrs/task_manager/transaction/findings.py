@@ -49,7 +49,7 @@ def _sightings(answer: Formula, observations: Iterable[Work]) -> Iterable[Sighti
     """What was observed of the objects that the answer is about."""
     objects = set(names(answer))
     for work in observations:
-        situation, at = work.situation or "", work.ended or work.started_at
+        situation, at = work.situation or "", work.observed_at or work.ended or work.started_at
         if not objects.isdisjoint(_subjects(situation)):
             yield Sighting(service=work.service, at=at, situation=situation)
 

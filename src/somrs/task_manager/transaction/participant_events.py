@@ -190,6 +190,7 @@ class ParticipantEvents:
             if member.state is not State.STRANDED and work.state not in (State.COMPENSATED, State.STRANDED):
                 work.state = member.state
             work.situation = situation or work.situation
+            work.observed_at = observation.as_of if observation is not None else None
             work.note = trouble or work.note
         for goal_execution in self._state.executions:
             yield from self._executor(goal_execution).invalidate_plan(f"{member.offer.service} reported during planning")

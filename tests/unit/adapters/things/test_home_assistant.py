@@ -49,7 +49,7 @@ def values_after(thing: Thing, *messages: tuple[str, str]) -> dict[str, Value]:
     state, router = ThingState(thing, ontology()), Router()
     router.add(state)
     for topic, payload in messages:
-        list(router.received(("house", topic, None), payload.encode()))
+        list(router.received(("house", topic, None), payload.encode(), 0.0))
     return state.values
 
 
