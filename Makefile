@@ -100,7 +100,7 @@ benchmarks: setup
 
 # Kills adapters, the other ends of their wires, and brokers, while robots drive.
 adapter-runs: setup
-	@$(BIN)/python -m verification.adapter_runs --runs $(or $(N),9) --first $(or $(SEED_BASE),0)
+	@$(BIN)/python -m verification.adapter_runs $(if $(N),--runs $(N)) $(if $(SEED_BASE),--first $(SEED_BASE))
 
 # Kills real processes at every type of message of the protocol; SEED=17 plays one run once more.
 kill-runs: setup
