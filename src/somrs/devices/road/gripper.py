@@ -31,11 +31,11 @@ class Held(Struct, frozen=True, kw_only=True):
 
 
 class Stored(Struct, frozen=True, kw_only=True):
-    """What is stored. `put`: the last thing that was put somewhere, until the robot is to fetch it again: who has it carried may not
-    have heard of it."""
+    """What is stored. `place`: where the last thing is with which the robot had to do, if it is not in its gripper: where the map had it
+    when the robot was sent to it, or where the robot put it. Who has it carried may not know: the map forgets what may have changed."""
 
     held: Held | None = None
-    put: ObjectState | None = None
+    place: ObjectState | None = None
 
 
 class Gripper:
@@ -53,8 +53,8 @@ class Gripper:
         return self._stored.held
 
     @property
-    def put(self) -> ObjectState | None:
-        return self._stored.put
+    def place(self) -> ObjectState | None:
+        return self._stored.place
 
     @property
     def _file(self) -> Path:
@@ -92,45 +92,45 @@ class Gripper:
         elif carries is False and (held.is_sure or held.target is None):
             if held.is_sure:
                 log.warning("%s does not hold %s any more", self._robot.name, held.thing)
-            self.release()
+            self.release(self.place if not held.is_sure else None)
         else:
             self._robot.holding = held.thing
 
     def begin_pick(self, thing: str, origin: str | None) -> None:
-        self._begin(Held(thing=thing, origin=origin, is_sure=False))
+        self._begin(Held(thing=thing, origin=origin, is_sure=False), self.place)
 
     def begin_drop(self, thing: str, target: str) -> None:
         origin = self.held.origin if self.held is not None and self.held.thing == thing else None
         self._begin(Held(thing=thing, origin=origin, target=target, is_sure=False))
 
-    def _begin(self, held: Held) -> None:
+    def _begin(self, held: Held, place: ObjectState | None = None) -> None:
         self.is_working = True
-        self._store(Stored(held=held))
+        self._store(Stored(held=held, place=place))
 
-    def end(self) -> None:
-        """What was begun has ended without success, and the robot says what it holds."""
+    def end(self, *, is_lost: bool = False) -> None:
+        """What was begun has ended without success, and the robot says what it holds. `is_lost`: the thing may be elsewhere now."""
         held, carries = self.held, self._robot.carries
         if not self.is_working:
             return
         if held is not None and (carries or (carries is None and self._robot.holding == held.thing)):
             self.hold(held.thing, held.origin)
         else:
-            self.release()
+            self.release(self.place if not is_lost else None)
 
     def hold(self, thing: str, origin: str | None) -> None:
         """The thing is in the gripper."""
         self._robot.holding, self.is_working = thing, False
         self._store(Stored(held=Held(thing=thing, origin=origin)))
 
-    def release(self, put: ObjectState | None = None) -> None:
-        """Nothing is in the gripper. `put`: where what was in it is now; None: not known."""
+    def release(self, place: ObjectState | None = None) -> None:
+        """Nothing is in the gripper. `place`: where the thing is with which the robot had to do; None: not known."""
         self._robot.holding, self.is_working = None, False
-        self._store(Stored(put=put))
+        self._store(Stored(place=place))
 
-    def forget(self, thing: str) -> None:
-        """The thing is to be fetched: it is where the map has it."""
-        if self.put is not None and self.put.object == thing:
-            self._store(Stored(held=self.held))
+    def note(self, place: ObjectState) -> None:
+        """The robot is sent to a thing, which is there."""
+        if self.held is None:
+            self._store(Stored(place=place))
 
     def _store(self, stored: Stored) -> None:
         """Replace the file, so that it is whole at any time."""

@@ -61,7 +61,7 @@ class Handling:
             await work
         except RobotFailed as failure:
             self.is_lost = failure.is_lost
-            gripper.end()
+            gripper.end(is_lost=self.is_lost)
             raise self._problem(failure.description) from None
         except asyncio.CancelledError:
             if traveller.connected.is_set():

@@ -6,6 +6,7 @@ The driver is the same as that of simulated robots; so are its services, its quo
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Callable
 from types import TracebackType
@@ -35,7 +36,7 @@ from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Legs, PathStop, StandAt, Stops
 from somrs.devices.simulator.motion.driving import why_not_arrived
 from somrs.devices.simulator.motion.legs import find_legs
-from somrs.errors import UsageError
+from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.traffic import Berth
 from somrs.space.solids import Point, Role
 from somrs.traffic.robot_tasks import TripOver
@@ -58,7 +59,7 @@ class RoadLink(CommandLink):
     """The link to one robot. `on_state`: is told every state of it."""
 
     def __init__(self, robot: Vehicle, on_state: Callable[[RobotState], None]) -> None:
-        self.robot, self.silent, self.remembers = robot, False, True
+        self.robot, self.silent = robot, False
         self.gripper = Gripper(robot)
         self.traveller = Traveller(robot, self.gripper, on_state, self._end_at_once)
         self._handling = Handling(robot, self.gripper, self.traveller, self._reach)
@@ -112,7 +113,7 @@ class RoadLink(CommandLink):
         await self._end_current("stopped", f"{self.robot.name} received another command")
         if isinstance(command, Stop):
             self.traveller.end_stay()
-            return self._done(*([self.gripper.put] if self.gripper.put is not None else []))
+            return self._done(*await self._known_places())
         self.traveller.activity, self._handling.is_lost = type(command).__name__, False
         self._current = task = asyncio.create_task(self._carry_out(command))
         await asyncio.wait({task})
@@ -125,13 +126,31 @@ class RoadLink(CommandLink):
             states = failure.object_states or self._untouched(command)
             raise RobotGaveUp(failure.reason, failure.description, self.state, states) from None
 
+    async def _known_places(self) -> list[ObjectState]:
+        """Where the thing is with which the robot had to do: as the map has it, or, where that has forgotten it, as the robot remembers."""
+        place = self.gripper.place
+        if place is None:
+            return []
+        with contextlib.suppress(RemoteError):
+            await self.traveller.building()
+            on_map = self._place_on_map(place.object)
+            place = on_map if on_map is not None and on_map.support is not None else place
+        return [place]
+
     def _untouched(self, command: Command) -> tuple[ObjectState, ...]:
         """The thing that the robot was to take and has not touched: it is where the map has it. Empty if the command was for none."""
-        solids, name = self.robot.building.solids, command.object if isinstance(command, Approach | Grip) else ""
-        if name not in solids or solids[name].role is not Role.THING or self.robot.holding is not None or self._handling.is_lost:
+        if self.robot.holding is not None or self._handling.is_lost or not isinstance(command, Approach | Grip):
             return ()
-        x, y, z, yaw = self.robot.building.pose(name)
-        return (ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self.robot.building.support_of(name)),)
+        place = self._place_on_map(command.object)
+        return (place,) if place is not None else ()
+
+    def _place_on_map(self, name: str) -> ObjectState | None:
+        """Where the map has a thing; None if it does not, or if it is no thing that robots carry."""
+        building = self.robot.building
+        if name not in building.solids or building.solids[name].role is not Role.THING:
+            return None
+        (x, y, z, yaw), support = building.pose(name), building.support_of(name)
+        return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=support)
 
     async def _end_current(self, reason: str, description: str) -> None:
         task, self._current = self._current, None
@@ -193,7 +212,9 @@ class RoadLink(CommandLink):
         """Drive to where a thing or a support is within reach: to another stand if others stand in the way to one. Robots that move may go
         away: they are waited for a while."""
         self._stand, self.traveller.activity = None, Approach.__name__
-        self.gripper.forget(name)
+        await self.traveller.building()
+        if (place := self._place_on_map(name)) is not None:
+            self.gripper.note(place)
         loop = asyncio.get_running_loop()
         start_time = loop.time()
         while True:

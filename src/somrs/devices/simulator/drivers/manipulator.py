@@ -198,9 +198,8 @@ class Manipulator(OpeningRobot):
                 failure.description, await self._situation(failure.state or self._link.state, object, failure.object_states)
             ) from failure
         situation = await self._situation(result.state, object, result.object_states)
-        has_put = any(state.object == object for state in result.object_states)
-        is_untouched = self._on_way_to == object or (self._link.remembers and not has_put)
-        if not is_untouched or result.state.holding is not None:
+        is_placed = any(state.object == object for state in result.object_states)
+        if self._on_way_to != object or is_placed or result.state.holding is not None:
             return situation
         return " AND ".join([*await self._place_on_map(task, object), situation])
 

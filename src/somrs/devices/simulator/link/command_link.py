@@ -44,9 +44,6 @@ class CommandLink(ABC):
     silent: bool = False
     """Whether nothing has been heard of the robot for too long."""
 
-    remembers: bool = False
-    """Whether it knows what the robot has taken and put, also under an earlier program: the result of `Stop` has what it put last."""
-
     @abstractmethod
     async def __aenter__(self) -> Self: ...
 
