@@ -44,7 +44,8 @@ things:
       Temperature: {{register: holding 0, as: int16, scale: 0.1, poll: 200 ms}}
       TargetTemperature: {{register: holding 1, as: float32, poll: 200 ms}}
     services:
-      SetTemperature: {{write: [{{register: holding 1, as: float32, payload: '?Temperature', convert: {{Temperature: {{range: [5, 90]}}}}}}]}}
+      SetTemperature:
+        write: [{{register: holding 1, as: float32, payload: '?Temperature', convert: {{Temperature: {{range: [5, 90]}}}}}}]
 """
 
 DESCRIPTION = {
