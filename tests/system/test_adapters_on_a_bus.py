@@ -15,6 +15,7 @@ import pytest
 
 from somrs.client.client import Client
 from somrs.client.credentials import credentials_for
+from somrs.deployment.supervision import keep_running
 from somrs.deployment.system import BUS, OWN_BUS, System
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
@@ -120,7 +121,7 @@ def test_tasks_go_on_after_the_server_of_the_bus_was_killed_on_the_way(tmp_path:
             assert system.addresses.simulator is not None
             lamp = Identity(name="Lamp1", roles=frozenset({Role.THING}), topics=frozenset({"lamps/1/#"}))
             being_lamp = asyncio.create_task(be_a_lamp(system.addresses.mqtt, await enrolled(system, tmp_path / "lamp", lamp)))
-            keeping = asyncio.create_task(system.keep_running(notices.append))
+            keeping = asyncio.create_task(keep_running(system, notices.append))
             while not {"Robot1", "Lamp1"} <= {offer.provider for offer in await client.services()}:
                 await asyncio.sleep(0.1)
             working = asyncio.create_task(accomplish(client, "Robot1 isAt Exit"))

@@ -9,6 +9,7 @@ import pytest
 
 from somrs.client.client import Client
 from somrs.deployment.backup import back_up, restore
+from somrs.deployment.supervision import keep_running
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
@@ -36,7 +37,7 @@ def test_a_system_goes_on_from_a_backup_that_was_made_while_it_ran(tmp_path: Pat
     async def run() -> None:
         async with asyncio.timeout(HANG_TIME):
             async with system(tmp_path / "data") as running, Client(running.addresses) as client:
-                supervisor = asyncio.create_task(running.keep_running(lambda text: None))
+                supervisor = asyncio.create_task(keep_running(running, lambda text: None))
                 before = await client.submit(Submit(effect="Jar002 isOn Platform001"))
                 assert await is_accomplished(client, before)
                 map_before = await client.map()

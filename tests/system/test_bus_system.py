@@ -13,6 +13,7 @@ from somrs.client.api_client import local_token_reader
 from somrs.client.client import Client
 from somrs.client.credentials import credentials_in
 from somrs.deployment.bus import find_site
+from somrs.deployment.supervision import keep_running
 from somrs.deployment.system import OWN_BUS, System
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.protocol.messages.frp import Outcome
@@ -39,7 +40,7 @@ def test_a_system_on_a_bus_goes_on_when_the_server_of_the_bus_or_the_gateway_is_
             assert {address.rpartition("/")[0] for address in (system.addresses.repository, system.addresses.task_manager)} == {bus.gateway}
             assert await find_site(bus.servers, credentials=credentials_in(tmp_path, bus.servers)) == system.addresses
             notices: list[str] = []
-            supervisor = asyncio.create_task(system.keep_running(notices.append))
+            supervisor = asyncio.create_task(keep_running(system, notices.append))
             for number, (program, effect) in enumerate((("bus", "Jar002 isOn Platform001"), ("gateway", "Jar002 isOn Table001")), start=1):
                 task = await client.submit(Submit(effect=effect))
                 while not any(step.state == "Executing" for view in await client.tasks(running=True) for step in view.steps):

@@ -10,6 +10,7 @@ import pytest
 
 from somrs.client.client import Client
 from somrs.client.trace import Follower
+from somrs.deployment.supervision import keep_running
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
@@ -47,7 +48,7 @@ def test_tasks_outlive_their_task_manager(tmp_path: Path) -> None:
             Client(system.addresses) as client,
         ):
             notices: list[str] = []
-            supervisor = asyncio.create_task(system.keep_running(notices.append))
+            supervisor = asyncio.create_task(keep_running(system, notices.append))
             manager = system.programs["task-manager"]
             address_before = manager.address
             follower = Follower(tmp_path / "messages.jsonl")

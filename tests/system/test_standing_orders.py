@@ -14,6 +14,7 @@ import pytest
 from somrs.api.remote import Api, api_of
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
+from somrs.deployment.supervision import keep_running
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import RemoteError, UsageError
@@ -45,7 +46,7 @@ def test_an_order_is_stated_once_each_time_though_the_scheduler_is_killed(tmp_pa
             System([SCENARIO_1], tmp_path / "run", speed="max", world=WorldKind.KINEMATIC, launcher=warm.launcher()) as system,
             Client(system.addresses) as client,
         ):
-            supervisor = asyncio.create_task(system.keep_running(lambda text: None))
+            supervisor = asyncio.create_task(keep_running(system, lambda text: None))
             async with api_of(system.data) as api:
                 request = Submit(effect="Jar002 isOn ?Shelf: Cupboard")  # as it is
                 saved_order = OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=request, by="Ada", skip=False)

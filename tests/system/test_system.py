@@ -24,6 +24,7 @@ from somrs.client.client import Client
 from somrs.client.simulator_link import operator_link
 from somrs.client.trace import Line
 from somrs.demo.scenarios import play
+from somrs.deployment.supervision import keep_running
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
@@ -276,7 +277,7 @@ def test_whatever_is_killed_is_started_again(tmp_path: Path) -> None:
     async def run() -> None:
         async with running(tmp_path / "run", SCENARIO_1, world=WorldKind.KINEMATIC) as (system, client, _):
             notices: list[str] = []
-            supervisor = asyncio.create_task(system.keep_running(notices.append))
+            supervisor = asyncio.create_task(keep_running(system, notices.append))
             for name, program in system.programs.items():
                 program.process.kill()
                 async with asyncio.timeout(HANG_TIME):
@@ -336,7 +337,7 @@ def test_devices_that_share_a_process_come_back_with_it_and_one_that_does_not_st
             addresses = {offer.provider: offer.address for offer in await client.services()}
             assert set(addresses) == {"Robot1", "Robot2"}
             notices: list[str] = []
-            supervisor = asyncio.create_task(system.keep_running(notices.append))
+            supervisor = asyncio.create_task(keep_running(system, notices.append))
             (data / "on").touch()
             system.programs["devices-1"].process.kill()
             async with asyncio.timeout(HANG_TIME):

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from somrs.client.client import Client
-from somrs.deployment import system as systems
-from somrs.deployment import watchdog
+from somrs.deployment import supervision, watchdog
 from somrs.deployment.incidents import read_incidents
+from somrs.deployment.supervision import keep_running
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
 from tests.support import warm
@@ -48,7 +48,7 @@ async def until(condition: Callable[[], bool]) -> None:
 
 def test_a_program_that_hangs_is_started_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(watchdog, "MOST_CPU", 2.0)
-    monkeypatch.setattr(systems, "LOOK_PAUSE", 0.2)
+    monkeypatch.setattr(supervision, "LOOK_PAUSE", 0.2)
     (tmp_path / "clock.py").write_text(PROGRAM)
     site = tmp_path / "site.yaml"
     place = "Clock1: {type: Clock, at: [1, 1, 0], Shape: {Form: Box, Width: 1, Depth: 1, Height: 1}}"
@@ -65,7 +65,7 @@ def test_a_program_that_hangs_is_started_again(tmp_path: Path, monkeypatch: pyte
             System([site], data, world=WorldKind.KINEMATIC, launcher=warm.launcher()) as system,
             Client(system.addresses) as client,
         ):
-            supervisor = asyncio.create_task(system.keep_running(notices.append))
+            supervisor = asyncio.create_task(keep_running(system, notices.append))
             await until(lambda: is_back("Clock1"))
             await until(lambda: system.programs["registry"].beat_file.exists())
             os.kill(system.programs["registry"].process.pid, signal.SIGSTOP)

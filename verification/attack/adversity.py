@@ -18,6 +18,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 
+from somrs.deployment.supervision import keep_running
 from somrs.errors import SomrsError, UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Stateful
@@ -55,7 +56,7 @@ MACHINE = Path(__file__).with_name("machine.c")
 async def stopped_programs_are_replaced(target: Target) -> None:
     """A program that stands still (SIGSTOP) holds up no other one, and is replaced."""
     notices: list[str] = []
-    supervising = asyncio.create_task(target.system.keep_running(notices.append))
+    supervising = asyncio.create_task(keep_running(target.system, notices.append))
     try:
         for name in [*target.system.programs]:
             await _stop(target, name, notices)

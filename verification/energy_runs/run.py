@@ -11,6 +11,7 @@ from pathlib import Path
 from somrs.client.client import Client
 from somrs.client.simulator_link import operator_link
 from somrs.deployment.launcher import Launcher
+from somrs.deployment.supervision import keep_running
 from somrs.deployment.system import System
 from somrs.devices.simulator.drivers.charging import ENOUGH
 from somrs.devices.simulator.link.link import OperatorLink
@@ -76,7 +77,7 @@ class EnergyRun:
             Client(system.addresses) as client,
             operator_link(system.addresses) as operator,
         ):
-            supervisor = asyncio.create_task(system.keep_running(self.result.explanations.append))
+            supervisor = asyncio.create_task(keep_running(system, self.result.explanations.append))
             carriers = [asyncio.create_task(self._carry_boxes(client)) for _ in range(self._carried_at_once)]
             try:
                 await self._watch(operator)

@@ -183,7 +183,9 @@ def _print_open_ports(system: System, console: Console) -> None:
 
 async def _supervise(system: System, report: Callable[[str], None], stopped: asyncio.Task[str]) -> None:
     """Keep the programs of a system running until it is asked to stop. `report` receives what happens, and why it stops."""
-    supervisor, rotation = asyncio.create_task(system.keep_running(report)), asyncio.create_task(system.bound_logs())
+    from somrs.deployment.supervision import bound_logs, keep_running
+
+    supervisor, rotation = asyncio.create_task(keep_running(system, report)), asyncio.create_task(bound_logs(system.data))
     try:
         await asyncio.wait([supervisor, stopped], return_when=asyncio.FIRST_COMPLETED)
         if supervisor.done():

@@ -1,4 +1,4 @@
-"""A whole system on one machine: several processes that are started and stopped together (`somrs up`)."""
+"""A whole system on one machine: processes that are started and stopped together (`somrs up`). `supervision.py` keeps them running."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import logging
 import signal
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -19,28 +19,24 @@ from somrs.access.oidc_settings import check_oidc
 from somrs.access.store import AccessStore, access_files
 from somrs.client.addresses import LAST_FILE, SYSTEM_FILE, Addresses
 from somrs.client.client import Client
-from somrs.deployment.backup import serve_request
 from somrs.deployment.bus import bus_address, check_reachable, discard_site, list_site, mqtt_url, site_name
 from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.devices_of_map import DevicePrograms, Selection, devices, is_symbolic, of_one_world, unsimulated
-from somrs.deployment.incidents import add_incident
 from somrs.deployment.launcher import Launcher, Process
 from somrs.deployment.ports_of_programs import Part, Ports, ports_before, reserve_ports
 from somrs.deployment.private_files import discard, make_private
 from somrs.deployment.program import Program
 from somrs.deployment.program_certificates import ProgramCertificates, certificates_of_programs
-from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, has_windows
+from somrs.deployment.programs import has_windows
 from somrs.deployment.site_adapters import SiteAdapters
 from somrs.deployment.task_managers import task_manager_count
 from somrs.deployment.watchdog import BEAT_VARIABLE
 from somrs.devices.link_security import SCHEME
 from somrs.devices.simulator.world.kinds import WorldKind
-from somrs.errors import SomrsError, UsageError
-from somrs.limits import limits
+from somrs.errors import UsageError
 from somrs.ports import RESERVED, Reservation, check_address, until_listening
 from somrs.runtime.bus_address import BusAddress
 from somrs.storage.locking import is_in_use
-from somrs.storage.log_files import empty_if_full
 from somrs.trust.credentials import FOLDER, VARIABLE, Credentials
 
 log = logging.getLogger(__name__)
@@ -59,12 +55,6 @@ _SETTINGS = {"SOMRS_BUS", "SOMRS_MQTT", "SOMRS_OIDC", "SOMRS_NAME", "SOMRS_SITE"
 
 OWN_BUS = "own"
 """A bus that is started with the system."""
-
-LOOK_PAUSE = 2.0
-"""Seconds between two looks whether a program hangs."""
-
-LOG_CHECK = 10.0
-"""Seconds between two looks at the size of the logs."""
 
 
 def site_of(data: Path) -> list[Path] | None:
@@ -153,7 +143,7 @@ class System:
         self._chosen_certificates = partial(
             certificates_of_programs, data, host, site_name(self.site), certificates, secure=secure, neighbours=neighbours
         )
-        self._certificates: ProgramCertificates | None = None
+        self.certificates: ProgramCertificates | None = None
         self._launcher = launcher or Launcher()
 
     @property
@@ -182,23 +172,23 @@ class System:
     async def discard(self) -> None:
         """Delete what its data folder and its bus have kept of it. Raises UsageError if it runs."""
         if self._bus is not None and self._bus != OWN_BUS:
-            self._certificates = self._chosen_certificates()
+            self.certificates = self._chosen_certificates()
             await discard_site(self._bus, self._name or site_name(self.site), self._bus_credentials())
         discard(self.data, keep=[*self.site, *access_files(self.data), self.data / FOLDER])
 
     def _prepare_access(self) -> None:
         """Make what its own programs prove with who they are. Raises UsageError."""
-        self._certificates = self._chosen_certificates()
+        self.certificates = self._chosen_certificates()
         if self.secure:
             AccessStore(self.data).renew_local_token()
         if self._oidc is not None:
             check_oidc(self._oidc, secure=self.secure)
-        if self._certificates is not None:
-            self._certificates.prepare()
+        if self.certificates is not None:
+            self.certificates.prepare()
 
     def _bus_credentials(self) -> Credentials | None:
         """With what this process uses the bus, if programs have certificates."""
-        return self._certificates.of_bus() if self._certificates is not None else None
+        return self.certificates.of_bus() if self.certificates is not None else None
 
     async def start(self) -> None:
         """Start all programs. Return when all devices offer their services."""
@@ -237,7 +227,7 @@ class System:
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         first = [self._start_one_of(REGISTRY, number, port, *neighbours) for number, port in enumerate(ports.registries, 1)]
         first += [self._start_one_of(TASK_MANAGER, number, port) for number, port in enumerate(ports.task_managers, 1)]
-        first += [self._start("trust", "--port", str(ports[Part.TRUST]))] if self._certificates is not None else []
+        first += [self._start("trust", "--port", str(ports[Part.TRUST]))] if self.certificates is not None else []
         if not has_world:
             first.append(self._start("traffic", "--port", str(ports[Part.TRAFFIC])))
         elif self._world_address is None:
@@ -266,7 +256,7 @@ class System:
 
     def _address_of_world(self, map: str) -> str:
         """Where the map is in the world of a simulator that others run, which may have several; empty without such a simulator."""
-        scheme, part = SCHEME if self._certificates is not None else "", f"/{map}" if map else ""
+        scheme, part = SCHEME if self.certificates is not None else "", f"/{map}" if map else ""
         return f"{scheme}{self._world_address}{part}" if self._world_address is not None else ""
 
     def _selected(self, selection: Selection) -> list[tuple[str, str]]:
@@ -291,7 +281,7 @@ class System:
         )
         count = len(Part) + managers - 1 + registries - 1
         self._reservation = reserve_ports(self.host, count, preferred_ports, self._first_port)
-        return Ports(self.host, self._reservation.ports, registries, self._certificates.folder if self._certificates is not None else None)
+        return Ports(self.host, self._reservation.ports, registries, self.certificates.folder if self.certificates is not None else None)
 
     async def _start_bus(self, ports: Ports) -> BusAddress | None:
         """Start the bus, if it is to be the system's own, and the site's gateway. Returns where the bus is, if there is one."""
@@ -299,7 +289,7 @@ class System:
             return None
         name = self._name or site_name(self.site)
         server_port, gateway_port = ports[Part.BUS], ports[Part.GATEWAY]
-        bus_scheme, gateway_scheme = ("nats", "http") if self._certificates is None else ("tls", "https")
+        bus_scheme, gateway_scheme = ("nats", "http") if self.certificates is None else ("tls", "https")
         servers = f"{bus_scheme}://{self.host}:{server_port}" if self._bus == OWN_BUS else self._bus
         bus = bus_address(servers, name, f"{gateway_scheme}://{self.host}:{gateway_port}")
         if self._bus == OWN_BUS:
@@ -316,7 +306,7 @@ class System:
         """Where the bus is a broker for MQTT; None if it is none, as far as is known. Raises UsageError for a wrong address."""
         own_address = f"{self.host}:{ports[Part.MQTT]}" if self._bus == OWN_BUS else None
         address = self._mqtt or own_address
-        return mqtt_url(address, secure=self._certificates is not None) if self._bus is not None and address is not None else None
+        return mqtt_url(address, secure=self.certificates is not None) if self._bus is not None and address is not None else None
 
     async def _start_one_of(self, command: str, number: int, port: int, *arguments: str) -> Program:
         """Start the component with this number, of which a system may have several."""
@@ -355,61 +345,9 @@ class System:
         environment = {name: value for name, value in self._reservation.environment.items() if name not in _SETTINGS}
         environment[RESERVED] = ",".join([environment[RESERVED], *map(str, self._adapters.ports)])
         beat_file.unlink(missing_ok=True)
-        if self._certificates is not None:
-            environment |= self._certificates.environment(output.stem, arguments)
+        if self.certificates is not None:
+            environment |= self.certificates.environment(output.stem, arguments)
         return await self._launcher.start(arguments, output, environment | {BEAT_VARIABLE: str(beat_file)})
-
-    async def bound_logs(self) -> None:
-        """Keep the logs of the programs from filling the disk, until cancelled."""
-        most_bytes = limits().log_bytes
-        while True:
-            await asyncio.sleep(LOG_CHECK)
-            for file in (self.data / "logs").glob("*.log"):
-                empty_if_full(file, most_bytes)
-
-    async def keep_running(self, report: Callable[[str], None]) -> None:
-        """Start programs again when they end or hang, until cancelled; they continue from their journals. `report` receives texts for
-        people."""
-
-        def note(text: str) -> None:
-            report(text)
-            add_incident(self.data, text)
-
-        looking = asyncio.create_task(self._end_what_hangs(note))
-        try:
-            await self._start_what_ended(note)
-        finally:
-            looking.cancel()
-
-    async def _end_what_hangs(self, report: Callable[[str], None]) -> None:
-        while True:
-            await asyncio.sleep(LOOK_PAUSE)
-            await serve_request(self.data, [*self.programs.values()])
-            if self._certificates is not None:
-                self._certificates.renew()
-            for program in self.programs.values():
-                if program.process.returncode is None and (reason := program.hang_text()) is not None:
-                    report(f"{program.name} hangs: {reason}; ending it, so that it is started again")
-                    program.process.kill()
-
-    async def _start_what_ended(self, report: Callable[[str], None]) -> None:
-        while True:
-            ends = [asyncio.create_task(program.process.wait()) for program in self.programs.values()]
-            try:
-                await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for waiting in ends:
-                    waiting.cancel()
-            # In the order of their first start: several may have ended at once, and devices need the Repository.
-            for program in [program for program in self.programs.values() if program.process.returncode is not None]:
-                report(f"{program.name} ended ({program.exit_text}; see {program.log}); starting it again")
-                await asyncio.sleep(min(FIRST_PAUSE * 2**program.restarts, MOST_PAUSE))
-                try:
-                    await self.restart(program.name)
-                except SomrsError as error:
-                    report(str(error))
-                else:
-                    report(f"{program.name} is back")
 
     async def restart(self, name: str) -> None:
         """Start a program again after its end, and wait until it is ready. Raises UsageError or RemoteError when that fails."""
