@@ -139,7 +139,7 @@ async def run_system(site: Sequence[Path], data: Path, make_system: Callable[[Se
             f"Running. In another terminal: somrs do FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C stops it."
         )
         console.print(f"The API: {system.addresses.api}")
-        for broker in filter(None, (system.addresses.mqtt, system.broker)):
+        for broker in filter(None, (system.addresses.mqtt, system.addresses.broker)):
             console.print(f"The broker for MQTT: {broker}")
         if system.addresses.gui is not None:
             console.print(f"In the browser: {system.addresses.gui}")

@@ -34,6 +34,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     neighbours: Sequence[NeighbourView] = ()
     neighbouring_maps: Sequence[MapNeighbourView] = ()
     incidents: Sequence[Incident] = ()
+    brokers: Sequence[str] = ()
+    """Where brokers for MQTT are that belong to the system."""
 
 
 async def status(addresses: Addresses, data: Path, *, json: bool) -> None:
@@ -47,24 +49,31 @@ async def status(addresses: Addresses, data: Path, *, json: bool) -> None:
         terminal.console().print(processes_table(status.processes) if addresses.bus is not None else _render_parts(status.parts))
         _print_neighbours(status.neighbours)
         _print_neighbouring_maps(status.neighbouring_maps)
+        for broker in status.brokers:
+            print(f"the broker for MQTT: {broker}")
         for incident in status.incidents:
             print(f"{terminal.moment(incident.at)} {incident.text}")
 
 
 async def _read(addresses: Addresses, data: Path) -> Status:
+    brokers = [broker for broker in (addresses.mqtt, addresses.broker) if broker is not None]
     if addresses.bus is None:
         async with open_api_service(addresses, data) as service:
             system = await service.system.read()
         return Status(
-            parts=system.parts, neighbours=system.neighbours, neighbouring_maps=system.neighbouring_maps, incidents=system.incidents
+            parts=system.parts,
+            neighbours=system.neighbours,
+            neighbouring_maps=system.neighbouring_maps,
+            incidents=system.incidents,
+            brokers=brokers,
         )
     processes = await running_components(addresses.bus, credentials_for(addresses))
     if processes:
         with contextlib.suppress(RemoteError):  # the table says what does not run
             async with Client(addresses) as client:
                 neighbours, maps = await client.neighbours(), (await client.map_neighbours()).neighbours
-                return Status(processes=processes, neighbours=neighbours, neighbouring_maps=maps)
-    return Status(processes=processes)
+                return Status(processes=processes, neighbours=neighbours, neighbouring_maps=maps, brokers=brokers)
+    return Status(processes=processes, brokers=brokers)
 
 
 def _print_neighbours(neighbours: Sequence[NeighbourView]) -> None:

@@ -122,7 +122,7 @@ async def play(folder: Path, seed: int | None, console: Console, launcher: Launc
             await system.start()
         async with Client(system.addresses) as client, operator_link(system.addresses) as operator:
             player = _Player(system, client, operator, folder, console, breaks)
-            async with _recording(system.broker, wires):
+            async with _recording(system.addresses.broker or "", wires):
                 record = await player.play()
             map, ontology = await client.map(), await client.ontology()
             supports = {thing: (await operator.observe(thing)).support for thing in GOALS}

@@ -44,7 +44,8 @@ OWN = {
 
 
 OWN_BROKER, BUS_BROKER = "own", "bus"
-"""What the setting `broker` names besides addresses: a broker that is started with the system, and the servers of its bus."""
+"""What the setting `broker` names besides addresses: a broker that is started with the system, and the servers of its bus. `own HOST:PORT`
+says where the former is to listen."""
 
 
 class AdapterSettings(Struct, frozen=True):
@@ -64,9 +65,14 @@ class AdapterSettings(Struct, frozen=True):
         adapter: Adapter = adapter_class(self.name, Path(self.folder))(self.settings, Path(self.folder))
         return adapter
 
+    def own_broker(self) -> str | None:
+        """Where the system's own broker is to listen for this adapter: HOST:PORT, or empty for any port; None if it needs none."""
+        name, _, place = str(self.settings.get("broker", "")).partition(" ")
+        return place.strip() if name == OWN_BROKER else None
+
     def with_broker(self, name: str, url: str, **further: object) -> AdapterSettings:
         """The same with the address of a broker, and with further settings, in place of this name, if that is its broker."""
-        is_named = self.settings.get("broker") == name
+        is_named = str(self.settings.get("broker", "")).partition(" ")[0] == name
         return structs.replace(self, settings={**self.settings, "broker": url, **further}) if is_named else self
 
     def at_bus(self, url: str | None, credentials: Credentials | None = None) -> AdapterSettings:

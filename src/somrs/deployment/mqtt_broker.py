@@ -12,6 +12,21 @@ from somrs.errors import RemoteError
 from somrs.limits import limits
 from somrs.ports import check_free, until_listening
 
+CONFIGURATION = "server.conf"
+
+
+def earlier_port(data: Path) -> int:
+    """The port at which the broker of an earlier run was; 0 if there was none."""
+    try:
+        port = json.loads((_folder(data) / CONFIGURATION).read_text())["mqtt"]["port"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0
+    return port if isinstance(port, int) else 0
+
+
+def _folder(data: Path) -> Path:
+    return data / "broker"
+
 
 async def run_broker(data: Path, host: str, port: int) -> None:
     """Run the broker until this process is asked to stop. What is retained is in the folder `broker` of the data folder.
@@ -19,7 +34,7 @@ async def run_broker(data: Path, host: str, port: int) -> None:
     Raises UsageError when there is no NATS server on this machine, or when the port is taken, and RemoteError when it ends.
     """
     check_free(host, port)
-    folder = (data / "broker").resolve()
+    folder = _folder(data).resolve()
     folder.mkdir(parents=True, exist_ok=True)
     settings = {
         "host": host,
@@ -30,8 +45,8 @@ async def run_broker(data: Path, host: str, port: int) -> None:
         "jetstream": {"store_dir": str(folder)},
         "mqtt": {"host": host, "port": port},
     }
-    (folder / "server.conf").write_text(json.dumps(settings, indent=2))
-    process = await asyncio.create_subprocess_exec(nats_server(), "--config", str(folder / "server.conf"), preexec_fn=end_with_parent)
+    (folder / CONFIGURATION).write_text(json.dumps(settings, indent=2))
+    process = await asyncio.create_subprocess_exec(nats_server(), "--config", str(folder / CONFIGURATION), preexec_fn=end_with_parent)
     ending = asyncio.create_task(process.wait())
     listening = asyncio.create_task(until_listening(f"{host}:{port}"))
     try:

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from somrs.errors import UsageError
 from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
-from somrs.ports import Reservation
+from somrs.ports import Reservation, host_and_port
 
 if TYPE_CHECKING:
     from somrs.adapters.adapter import Adapter
@@ -28,7 +29,8 @@ class SiteAdapters:
         self._reservation: Reservation | None = None
         self.needs_broker = False
         """Whether a broker is to be started."""
-        self.broker_port = 0
+        self.broker_place = (host, 0)
+        """The host and the port at which it listens."""
 
     def prepare(self, map: Map, ontology: Ontology, mqtt: str | None) -> set[str]:
         """Read the settings, and make what the programs read. Returns the objects of the map that adapters serve. Raises InputError.
@@ -40,21 +42,39 @@ class SiteAdapters:
         chosen = dict(self._chosen)
         pioneers = [name for name, object in sorted(map.objects.items()) if ontology.is_subtype(object.type, PIONEER)]
         if self._with_arcos and pioneers:
-            self._reservation = Reservation(self._host, len(pioneers) + 1)
+            self._reservation = Reservation(self._host, len(pioneers) + 1, self._preferred_ports)
             ports = dict(zip(pioneers, self._reservation.ports[1:], strict=True))
             robots = {name: {"port": f"tcp://{self._host}:{port}", "simulated": True} for name, port in ports.items()}
             chosen["arcos"] = {**chosen.get("arcos", {}), "robots": robots}
         entries = adapters_of(self._site, chosen)
-        self.needs_broker = any(entry.settings.get("broker") == OWN_BROKER for entry in entries)
+        broker_places = {place for entry in entries if (place := entry.own_broker()) is not None}
+        self.needs_broker = bool(broker_places)
         if self.needs_broker:
-            self._reservation = self._reservation or Reservation(self._host, 1)
-            self.broker_port = self._reservation.ports[0]
+            self._place_broker(sorted(broker_places - {""}))
             entries = [entry.with_broker(OWN_BROKER, self.broker) for entry in entries]
-            self._reservation.release(self.broker_port)
         store_adapters(entries, self._data)
         self._labels = {entry.name: entry.label for entry in entries}
         self._adapters = {entry.name: entry.at_bus(mqtt).make() for entry in entries}
         return {name for adapter in self._adapters.values() for name in adapter.names}
+
+    @property
+    def _preferred_ports(self) -> Sequence[int]:
+        """The port of the broker of the last run: things may have it as their setting."""
+        from somrs.deployment.mqtt_broker import earlier_port
+
+        port = earlier_port(self._data)
+        return [port] if port else []
+
+    def _place_broker(self, places: Sequence[str]) -> None:
+        """Choose where the broker listens. `places`: those that settings name. Raises UsageError."""
+        if len(places) > 1:
+            raise UsageError(f"adapters: broker: own: there is one broker, and not one at {' and one at '.join(places)}; write one of them")
+        if places:
+            self.broker_place = host_and_port(places[0])
+            return
+        self._reservation = self._reservation or Reservation(self._host, 1, self._preferred_ports)
+        self.broker_place = (self._host, self._reservation.ports[0])
+        self._reservation.release(self._reservation.ports[0])
 
     def programs(self) -> Iterator[tuple[str, list[str]]]:
         """The labels of the programs to start, and their arguments: the other ends first."""
@@ -67,7 +87,8 @@ class SiteAdapters:
     @property
     def broker(self) -> str:
         """The address of the system's own broker; empty if there is none."""
-        return f"mqtt://{self._host}:{self.broker_port}" if self.needs_broker else ""
+        host, port = self.broker_place
+        return f"mqtt://{f'[{host}]' if ':' in host else host}:{port}" if self.needs_broker else ""
 
     @property
     def ports(self) -> Sequence[int]:

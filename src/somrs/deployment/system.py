@@ -146,11 +146,6 @@ class System:
         self.certificates: ProgramCertificates | None = None
         self._launcher = launcher or Launcher()
 
-    @property
-    def broker(self) -> str:
-        """The address of the broker that is started with the system; empty if there is none."""
-        return self._adapters.broker
-
     def _check_site(self) -> None:
         """Check that others can reach the host, and that the map of an earlier run was made from the same site files. Raises UsageError."""
         check_address(self.host)
@@ -220,6 +215,7 @@ class System:
             world=world_address if bodiless else None,
             simulator=world_address if has_world and not bodiless else None,
             traffic=traffic_address,
+            broker=self._adapters.broker or None,
         )
         # Not earlier: while another system uses this data folder, its addresses must stay in the file.
         self.addresses.write(self.data)
@@ -237,7 +233,8 @@ class System:
         if self._world_address is not None:
             await until_listening(self._world_address)
         if self._adapters.needs_broker:
-            await self._start(BROKER, "--port", str(self._adapters.broker_port))
+            host, port = self._adapters.broker_place
+            await self._start(BROKER, "--host", host, "--port", str(port))
         device_starts = [self._start_devices(group) for group in group_devices(driven, self._devices_per_process)]
         device_starts += [self._start_adapter(label, arguments) for label, arguments in self._adapters.programs()]
         access = "--secure" if self.secure else "--insecure"
@@ -333,7 +330,8 @@ class System:
         name = label or command
         output = self.data / "logs" / f"{name}.log"
         output.parent.mkdir(exist_ok=True)
-        line = ["run", command, *arguments, *(() if command == GATEWAY else ("--data", str(self.data))), "--host", self.host]
+        line = ["run", command, *arguments, *(() if command == GATEWAY else ("--data", str(self.data)))]
+        line += [] if "--host" in arguments else ["--host", self.host]
         output.unlink(missing_ok=True)
         beat_file = output.with_suffix(".beat")
         program = self.programs[name] = Program(name, line, await self._process(line, output, beat_file), output, beat_file)

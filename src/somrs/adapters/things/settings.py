@@ -30,7 +30,8 @@ class Settings(_Entry):
     mappings: list[str] = Field(default=[], description="Mapping files")
     uses: list[str] = Field(default=[], description="Files with definitions that are used besides")
     broker: str | None = Field(
-        default=None, description="The address of a broker, as the connection `broker`; own: one that is started; bus: that of the bus"
+        default=None,
+        description="The address of a broker, as the connection `broker`; own, or own HOST:PORT: one that is started; bus: that of the bus",
     )
     certificates: Certificates = Field(default=Certificates(), description="With which TLS is used at that broker")
     connections: dict[str, ConnectionEntry] = {}

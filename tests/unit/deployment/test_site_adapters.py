@@ -1,0 +1,50 @@
+"""Where the broker is that is started for the adapters of a site."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from somrs.deployment.site_adapters import SiteAdapters
+from somrs.errors import UsageError
+from somrs.ontology.files.loading import upper
+from somrs.ontology.map import Map
+from tests.support.free_ports import free_port
+
+HOST = "127.0.0.1"
+
+
+def broker(folder: Path, *settings: str) -> str:
+    """The address of the broker, for adapters that have these settings of theirs."""
+    names = ("things", "vda5050")
+    (folder / "site.yaml").write_text(
+        "adapters:\n" + "".join(f"  {name}: {{broker: {setting}}}\n" for name, setting in zip(names, settings, strict=False))
+    )
+    adapters = SiteAdapters([folder / "site.yaml"], folder, HOST, {}, with_arcos=False)
+    try:
+        adapters.prepare(Map(), upper(), None)
+        return adapters.broker
+    finally:
+        adapters.close()
+
+
+def test_the_broker_is_where_the_site_says(tmp_path: Path) -> None:
+    assert broker(tmp_path, "own 0.0.0.0:1883") == "mqtt://0.0.0.0:1883"
+    assert broker(tmp_path, "own", "own 10.0.0.5:1883") == "mqtt://10.0.0.5:1883"
+    assert broker(tmp_path, "mqtt://10.0.0.5") == ""
+
+
+def test_a_broker_without_an_address_stays_where_it_was(tmp_path: Path) -> None:
+    port = free_port()
+    (tmp_path / "broker").mkdir()
+    (tmp_path / "broker" / "server.conf").write_text(json.dumps({"mqtt": {"host": HOST, "port": port}}))
+    assert broker(tmp_path, "own") == f"mqtt://{HOST}:{port}"
+
+
+def test_there_is_one_broker(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"not one at 10\.0\.0\.5:1883 and one at 10\.0\.0\.6:1883"):
+        broker(tmp_path, "own 10.0.0.5:1883", "own 10.0.0.6:1883")
+    with pytest.raises(UsageError, match="'1883' is no address"):
+        broker(tmp_path, "own 1883")
