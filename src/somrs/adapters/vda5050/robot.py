@@ -55,7 +55,7 @@ class Vda5050Vehicle(CarryingRobot):
         self.can_carry = {"pick", "drop"} <= actions
         self.can_charge = "startCharging" in actions
         state = session.control.vehicle.state
-        self.battery = state.power_supply.state_of_charge if state is not None else None
+        self.battery = session.control.vehicle.charge(state) if state is not None else None
         self.values = described(session)
         self._ended: asyncio.Future[str | None] | None = None
         self._halts: list[asyncio.Future[None]] = []

@@ -7,7 +7,19 @@ import itertools
 import msgspec
 import pytest
 
-from somrs.adapters.vda5050.control.exchange import ActionEnded, Arrived, Charge, Follow, Halted, Perform, Reachable, Send, Tick, Tolerated
+from somrs.adapters.vda5050.control.exchange import (
+    ActionEnded,
+    Arrived,
+    Charge,
+    Charged,
+    Follow,
+    Halted,
+    Perform,
+    Reachable,
+    Send,
+    Tick,
+    Tolerated,
+)
 from somrs.adapters.vda5050.control.headers import HeaderLog
 from somrs.adapters.vda5050.control.vehicle import VehicleControl
 from somrs.adapters.vda5050.frames import Frame, Frames
@@ -263,3 +275,13 @@ def test_a_vehicle_that_charges_by_an_instant_action_only_gets_one(version: Vers
     assert pair.run_until(ActionEnded) == ActionEnded(failure=None)
     assert pair.body.charge > 98.0
     assert [order.actions for order in pair.orders()] == [()] * len(pair.orders())
+
+
+@VERSIONS
+def test_a_battery_that_is_charged_no_further_is_full(version: Version) -> None:
+    pair = Pair(version)
+    pair.do(Charge())
+    pair.run_until(ActionEnded)
+    levels = [effect.level for effect in pair.effects if isinstance(effect, Charged)]
+    assert pair.body.charge < 100.0
+    assert (levels[0], levels[-1]) == (80.8, 100.0)

@@ -155,7 +155,7 @@ class Refused(Struct, frozen=True, kw_only=True):
 
 
 class Charged(Struct, frozen=True, kw_only=True):
-    """The state of charge, 0 to 100."""
+    """The charge, in percent of that to which the battery is charged."""
 
     level: float
 

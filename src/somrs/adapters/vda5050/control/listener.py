@@ -45,6 +45,8 @@ SILENCE = 30.0
 
 QUIET = f"has sent no state that can be read for {SILENCE:.0f} s"
 
+FULL = 99.0
+"""The state of charge at which the battery of a vehicle is full whose factsheet does not say it."""
 REACH = 0.5
 """How far a vehicle extends around its middle whose factsheet does not say it, m."""
 
@@ -98,6 +100,8 @@ class Listener:
                 self.factsheet = factsheet
                 self._outbox.limits = self.limits
                 self._name_unmet_needs(factsheet)
+                if self.state is not None:
+                    self._outbox.add(Charged(level=self.charge(self.state)))
                 self._outbox.add(Described(factsheet=factsheet))
             case Visualization(mobile_robot_position=Position() as position):
                 self._locate(position)
@@ -149,11 +153,16 @@ class Listener:
             self._tolerated.add(deviation)
             self._outbox.add(Tolerated(deviation=deviation))
 
+    def charge(self, state: State) -> float:
+        """The charge in percent of that to which the battery is charged: a battery that is charged no further is full."""
+        return round(min(100.0, 100.0 * state.power_supply.state_of_charge / self.full_charge()), 1)
+
     def full_charge(self) -> float:
         """The state of charge to which the battery is charged, 0 to 100."""
         configuration = self.factsheet.mobile_robot_configuration if self.factsheet is not None else None
         charging = configuration.battery_charging if configuration is not None else None
-        return (charging.maximum_desired_charging_level if charging is not None else None) or 99.0
+        level = charging.maximum_desired_charging_level if charging is not None else None
+        return level if level is not None and 0.0 < level <= 100.0 else FULL
 
     def order_writer(self) -> OrderWriter:
         """Writes orders for the vehicle as it is now."""
@@ -303,4 +312,4 @@ class Listener:
         if state.mobile_robot_position is not None:
             self._locate(state.mobile_robot_position)
         if previous is None or previous.power_supply.state_of_charge != state.power_supply.state_of_charge:
-            self._outbox.add(Charged(level=state.power_supply.state_of_charge))
+            self._outbox.add(Charged(level=self.charge(state)))
