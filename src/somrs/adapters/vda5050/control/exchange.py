@@ -6,7 +6,6 @@ from msgspec import Struct
 
 from somrs.adapters.vda5050.frames import Pose
 from somrs.adapters.vda5050.messages.decoding import Received
-from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.header import Topic
 from somrs.adapters.vda5050.messages.orders import ActionParameter, InstantActions, Order, Responses, ZoneSet
 from somrs.adapters.vda5050.zoning.site import SiteZone
@@ -136,12 +135,6 @@ class Delayed(Struct, frozen=True, kw_only=True):
     reason: str | None
 
 
-class Described(Struct, frozen=True, kw_only=True):
-    """The vehicle has said what it is."""
-
-    factsheet: Factsheet
-
-
 class Tolerated(Struct, frozen=True, kw_only=True):
     """The vehicle did something that its version does not have, for the first time."""
 
@@ -178,7 +171,6 @@ Effect = (
     | Warned
     | Remarked
     | Delayed
-    | Described
     | Tolerated
     | Refused
     | Charged

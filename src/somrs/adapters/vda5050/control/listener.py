@@ -10,7 +10,6 @@ from somrs.adapters.vda5050.control.exchange import (
     Broken,
     Charged,
     Delayed,
-    Described,
     Loaded,
     Located,
     Reachable,
@@ -102,7 +101,6 @@ class Listener:
                 self._name_unmet_needs(factsheet)
                 if self.state is not None:
                     self._outbox.add(Charged(level=self.charge(self.state)))
-                self._outbox.add(Described(factsheet=factsheet))
             case Visualization(mobile_robot_position=Position() as position):
                 self._locate(position)
             case State() as state:
