@@ -4,7 +4,6 @@ on: the thing's state is had nevertheless."""
 from __future__ import annotations
 
 import asyncio
-from pathlib import Path
 
 import pytest
 
@@ -58,7 +57,7 @@ def test_what_a_broker_has_lost_comes_with_a_later_subscription(monkeypatch: pyt
         broker = LosingBroker(first_kept)
         server = await asyncio.start_server(broker.serve, "127.0.0.1", 0)
         port = server.sockets[0].getsockname()[1]
-        connector = MqttConnector(Connection(name="house", scheme="mqtt", host="127.0.0.1", port=port), ear := Ear(), Path())
+        connector = MqttConnector(Connection(name="house", scheme="mqtt", host="127.0.0.1", port=port), ear := Ear())
         connector.follow(Source(connection="house", place="lamps/1/status"))
         running = asyncio.create_task(connector.run())
         assert await ear.heard == (("house", "lamps/1/status", None), b"online")

@@ -11,6 +11,7 @@ from typing import Any
 import aiohttp
 
 from somrs.adapters.adapter import Fleet
+from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.adapters.things.described_things import ResolvedThing, load_description, resolve_description, resolve_discovered
 from somrs.adapters.things.gateway import gateway
@@ -22,7 +23,6 @@ from somrs.adapters.things.mapping_file import LoadedMapping, read_mapping
 from somrs.adapters.things.model import Connection, Session, Thing
 from somrs.adapters.things.mqtt import MqttConnector
 from somrs.adapters.things.passages import passage_device
-from somrs.adapters.things.resolving import parse_connection
 from somrs.adapters.things.settings import HomeAssistantEntry, read_settings
 from somrs.adapters.things.state import Payload, SourceKey
 from somrs.adapters.things.thing_device import thing_device
@@ -49,7 +49,7 @@ class ThingsAdapter:
         broker = {"broker": ConnectionEntry(url=url, certificates=certificates)} if url is not None else {}
         for name, entry in {**broker, **self.settings.connections}.items():
             try:
-                self.connections[name] = parse_connection(name, entry)
+                self.connections[name] = parse_connection(name, entry, folder)
             except InputError as error:
                 raise InputError(f"adapters: things: connections.{name}: {error}") from error
         self.mappings = [self._read(Path(name)) for name in self.settings.mappings]
@@ -100,7 +100,7 @@ class ThingsAdapter:
         for name, heights in self.settings.simulated.items():
             session = self._sessions[name]
             passages.append(SimulatedPassage(name, self.connections[session.connection], session.place, heights))
-        await serve_passages(passages, simulator, self._folder)
+        await serve_passages(passages, simulator)
 
     @property
     def _sessions(self) -> dict[str, Session]:
@@ -122,7 +122,7 @@ class _Run:
 
     def __init__(self, adapter: ThingsAdapter, fleet: Fleet, group: asyncio.TaskGroup, folder: Path) -> None:
         self._adapter, self._fleet, self._group, self._folder = adapter, fleet, group, folder
-        self._hub = Hub(folder)
+        self._hub = Hub()
         self._definitions: dict[DefinitionKey, Definition] = {}
         """That the gateway brings."""
         self._mapped_names = frozenset(adapter.names) | {thing.name for mapping in adapter.mappings for thing in mapping.things}

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import logging
-import ssl
-from pathlib import Path
 from typing import Protocol
 
 from somrs.adapters.things.conversion import Raw
 from somrs.adapters.things.model import Command, Connection, Source
 from somrs.adapters.things.state import Payload, SourceKey
-from somrs.errors import InputError, SomrsError
+from somrs.errors import SomrsError
 
 log = logging.getLogger(__name__)
 
@@ -50,33 +48,6 @@ class Connector(Protocol):
 
     async def send(self, command: Command, raw: Raw) -> None:
         """Send a message, as soon as the connection is there, and return when it has been taken. Raises Rejection and InputError."""
-
-
-def read_password(connection: Connection, folder: Path) -> str | None:
-    """The password for a connection, without the end of its line. Raises InputError."""
-    if connection.password_file is None:
-        return None
-    try:
-        return (folder / connection.password_file).read_text("utf-8").rstrip("\r\n")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"the password of {connection.name} cannot be read: {error}") from error
-
-
-def security(connection: Connection, folder: Path) -> ssl.SSLContext | None:
-    """The TLS context for a connection, with the files as they are now; None: it is without TLS. Raises InputError."""
-    if connection.scheme not in ("mqtts", "https"):
-        return None
-    authority, certificate, key = (
-        str(folder / file) if file is not None else None for file in (connection.authority, connection.certificate, connection.key)
-    )
-    try:
-        context = ssl.create_default_context(cafile=authority)
-        if certificate is not None:
-            context.load_cert_chain(certificate, key)
-    except (OSError, ssl.SSLError) as error:
-        advice = "name `authority`, `certificate` and `key` as PEM files, relative to the site file"
-        raise InputError(f"the certificates of {connection.name} cannot be used: {error}; {advice}") from error
-    return context
 
 
 class ConnectionNotes:

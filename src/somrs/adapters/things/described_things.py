@@ -9,9 +9,10 @@ from pathlib import Path
 import aiohttp
 from msgspec import Struct, structs
 
+from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.home_assistant import Discovered
 from somrs.adapters.things.model import Connection, Thing
-from somrs.adapters.things.resolving import Resolver, parse_connection
+from somrs.adapters.things.resolving import Resolver
 from somrs.adapters.things.thing_description import Described, read_description
 from somrs.errors import InputError
 from somrs.ontology.types import Ontology

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from pathlib import Path
 
 import aiohttp
 
-from somrs.adapters.things.connector import FIRST_PAUSE, ConnectionNotes, Listener, Rejection, read_password
+from somrs.adapters.things.connections import read_password, security
+from somrs.adapters.things.connector import FIRST_PAUSE, ConnectionNotes, Listener, Rejection
 from somrs.adapters.things.conversion import Raw
 from somrs.adapters.things.messages import payload_text
 from somrs.adapters.things.model import Command, Connection, Source
@@ -21,9 +21,9 @@ MOST_BYTES = 1 << 20
 class HttpConnector:
     """A server."""
 
-    def __init__(self, connection: Connection, listener: Listener, folder: Path = Path()) -> None:
+    def __init__(self, connection: Connection, listener: Listener) -> None:
         self._connection, self._listener = connection, listener
-        self._password = read_password(connection, folder)
+        self._password = read_password(connection)
         self._notes = ConnectionNotes(connection)
         self._sources: dict[str, Source] = {}
         self._pollers: dict[str, asyncio.Task[None]] = {}
@@ -47,7 +47,8 @@ class HttpConnector:
         connection = self._connection
         authorization = aiohttp.BasicAuth(connection.user, self._password or "") if connection.user is not None else None
         headers = {"Authorization": f"Bearer {self._password}"} if authorization is None and self._password is not None else None
-        async with aiohttp.ClientSession(auth=authorization, headers=headers) as session:
+        connector = aiohttp.TCPConnector(ssl=security(connection) or True)
+        async with aiohttp.ClientSession(auth=authorization, headers=headers, connector=connector) as session:
             self._session = session
             self._opened.set()
             for source in self._sources.values():

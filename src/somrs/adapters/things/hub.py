@@ -6,7 +6,6 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
 
 from somrs.adapters.things.connector import Connector
 from somrs.adapters.things.http import HttpConnector
@@ -26,8 +25,7 @@ MessageObserver = Callable[[SourceKey, Payload], None]
 class Hub:
     """The things of an adapter, and the connections to them."""
 
-    def __init__(self, folder: Path = Path()) -> None:
-        self._folder = folder
+    def __init__(self) -> None:
         self.connectors: dict[str, Connector] = {}
         self._connections: dict[str, Connection] = {}
         self._reached_connections: set[str] = set()
@@ -56,9 +54,9 @@ class Hub:
     def _connector(self, connection: Connection) -> Connector:
         match connection.kind:
             case "mqtt":
-                return MqttConnector(connection, self, self._folder)
+                return MqttConnector(connection, self)
             case "http":
-                return HttpConnector(connection, self, self._folder)
+                return HttpConnector(connection, self)
         from somrs.adapters.things.modbus import ModbusConnector  # which only few need, and takes a while to import
 
         return ModbusConnector(connection, self)

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from msgspec import Struct
 
+from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.library import ontology_below
 from somrs.adapters.things.mapping import SECTIONS, MappingFile
 from somrs.adapters.things.model import Connection, Thing
-from somrs.adapters.things.resolving import Resolver, parse_connection
+from somrs.adapters.things.resolving import Resolver
 from somrs.errors import InputError, ModelError, Problem
 from somrs.ontology.files.loading import NAME, load
 from somrs.ontology.files.nodes import Source
@@ -32,9 +33,22 @@ def read_mapping(path: Path, connections: Mapping[str, Connection] | None = None
     Raises ModelError with all problems.
     """
     paths = [*used_files, path]
+    _check_has_no_map(path)
     ontology = load(paths, ontology_below(paths), SECTIONS).ontology
     source = Source(str(path), path.read_text("utf-8-sig"))
     return _Reading(source, ontology, dict(connections or {})).finish()
+
+
+def _check_has_no_map(path: Path) -> None:
+    """Raises ModelError if a mapping file has objects, as the files of a site have."""
+    try:
+        source = Source(str(path), path.read_text("utf-8-sig"))
+    except (OSError, UnicodeDecodeError):
+        return  # which `load` says
+    keys = [key for key in ("map", "objects", "facts") if isinstance(source.data, dict) and key in source.data]
+    text = "belongs into a file of the site: a mapping file has connections, things and definitions"
+    if keys:
+        raise ModelError([Problem(file=source.file, line=source.line((key,)), subject=key, rule="mapping", message=text) for key in keys])
 
 
 class _Reading:
@@ -51,9 +65,11 @@ class _Reading:
         file = MappingFile.model_validate(data)
         for name, entry in file.connections.items():
             try:
-                self.connections[name] = parse_connection(name, entry)
+                self.connections[name] = parse_connection(name, entry, Path(self.source.file).parent)
             except InputError as error:
                 self._problem(("connections", name), str(error))
+        if self.problems:
+            raise ModelError(self.problems)
         own_connections = [name for name in file.connections if name in self.connections]
         things = tuple(self._things(file, own_connections[0] if len(own_connections) == 1 else None))
         if self.problems:

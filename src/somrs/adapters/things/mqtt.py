@@ -5,13 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Sequence
-from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import aiomqtt
 
-from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE, ConnectionNotes, Listener, read_password, security
+from somrs.adapters.things.connections import read_password, security
+from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE, ConnectionNotes, Listener
 from somrs.adapters.things.conversion import Raw
 from somrs.adapters.things.messages import payload_text
 from somrs.adapters.things.model import Command, Connection, Source
@@ -26,18 +25,17 @@ so by a stream of its own. Who subscribes in between gets it neither way. With e
 retains (3.1.1, 3.8.4)."""
 
 
-def client_at(connection: Connection, password: str | None, folder: Path) -> aiomqtt.Client:
-    """A client of a broker, which is not connected yet. Raises InputError for certificates that cannot be used."""
-    host, port, context = connection.host, connection.port, security(connection, folder)
-    return aiomqtt.Client(host, port, username=connection.user, password=password, tls_context=context)
+def client_at(connection: Connection) -> aiomqtt.Client:
+    """A client of a broker, which is not connected yet, with its files as they are now. Raises InputError if they cannot be used."""
+    password, context = read_password(connection), security(connection)
+    return aiomqtt.Client(connection.host, connection.port, username=connection.user, password=password, tls_context=context)
 
 
 class MqttConnector:
     """A broker. Messages to it wait until it is there."""
 
-    def __init__(self, connection: Connection, listener: Listener, folder: Path = Path()) -> None:
+    def __init__(self, connection: Connection, listener: Listener) -> None:
         self._connection, self._listener = connection, listener
-        self._connect = partial(client_at, connection, read_password(connection, folder), folder)
         self._notes = ConnectionNotes(connection)
         self._topics: dict[str, None] = {}
         self._subscribed: set[str] = set()
@@ -61,7 +59,7 @@ class MqttConnector:
         pause = FIRST_PAUSE
         while True:
             try:
-                async with self._connect() as client:
+                async with client_at(self._connection) as client:
                     self._notes.note("is connected", is_bad=False)
                     pause = FIRST_PAUSE
                     self._client, self._subscribed = client, set()

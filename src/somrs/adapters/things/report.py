@@ -10,6 +10,7 @@ from pathlib import Path
 import aiohttp
 from msgspec import Struct
 
+from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.conversion import Conversion
 from somrs.adapters.things.described_things import ADDRESS, load_description, resolve_description, resolve_discovered
 from somrs.adapters.things.home_assistant import Discovery
@@ -17,7 +18,6 @@ from somrs.adapters.things.library import ontology_below
 from somrs.adapters.things.mapping import ConnectionEntry
 from somrs.adapters.things.mapping_file import read_mapping
 from somrs.adapters.things.model import Command, Connection, Signal, Thing
-from somrs.adapters.things.resolving import parse_connection
 from somrs.errors import InputError
 from somrs.ontology.files.loading import load
 from somrs.ontology.types import Ontology

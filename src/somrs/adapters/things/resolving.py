@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping
-from urllib.parse import urlsplit
 
 from somrs.adapters.things.conversion import Conversion
 from somrs.adapters.things.json_path import Steps, json_steps
 from somrs.adapters.things.mapping import (
     AttributeEntry,
     AvailabilityEntry,
-    ConnectionEntry,
     ConversionEntry,
     InputEntry,
+    Plain,
     ServiceEntry,
     SessionEntry,
     ThingEntry,
@@ -32,7 +31,6 @@ from somrs.ontology.types import WORKING, AttributeType, Kind, Ontology
 from somrs.ontology.units import convert_unit
 from somrs.service_manager.sdk.values import money, seconds
 
-PORTS = {"mqtt": 1883, "mqtts": 8883, "http": 80, "https": 443, "modbus": 502}
 PLACEHOLDER = re.compile(r"\?([^\W\d]\w*)")
 SENT_ALL = "sent"
 """Of `done_when`: the service is done as soon as all is sent."""
@@ -42,36 +40,8 @@ Path = tuple[str | int, ...]
 _KEYS = {"mqtt": ("topic",), "http": ("path", "put", "post"), "modbus": ("register",)}
 
 
-def parse_connection(name: str, settings: ConnectionEntry) -> Connection:
-    """The connection that an entry describes. Raises InputError."""
-    parts = urlsplit(settings.url)
-    example = "write mqtt://HOST:1883, http://HOST or modbus://HOST:502/UNIT"
-    if parts.scheme not in PORTS or not parts.hostname:
-        raise InputError(f"{settings.url!r} is not an address of a broker, a server or a Modbus device; {example}")
-    if parts.password is not None:
-        raise InputError("a password does not belong into an address; write it into a file, and its name as password_file:")
-    try:
-        port = parts.port or PORTS[parts.scheme]
-    except ValueError:
-        raise InputError(f"{settings.url!r} has no valid port; {example}") from None
-    path = parts.path.rstrip("/")
-    unit = path.removeprefix("/") if parts.scheme == "modbus" else ""
-    if unit and not (unit.isdigit() and int(unit) <= 255):
-        raise InputError(f"{unit!r} is not the number of a Modbus unit: write modbus://{parts.hostname}:{port}/1")
-    certificates = settings.certificates
-    return Connection(
-        name=name,
-        scheme=parts.scheme,
-        host=parts.hostname,
-        port=port,
-        path="" if parts.scheme == "modbus" else path,
-        user=settings.user or parts.username,
-        password_file=settings.password_file,
-        authority=certificates.authority,
-        certificate=certificates.certificate,
-        key=certificates.key,
-        unit=int(unit or 1),
-    )
+SHORTEST_POLL = 0.05
+"""Seconds between two readings at least."""
 
 
 class Resolver:
@@ -150,9 +120,9 @@ class Resolver:
             return None
         connection, _, place = endpoint
         register = self._register(key, place, entry.encoding) if connection.kind == "modbus" else None
-        if connection.kind == "mqtt" and ("#" in place or "+" in place):
-            self._problem((*key, "topic"), "a topic of one thing has no wildcards + and #")
-        return Source(connection=connection.name, place=place, register=register, poll=self._seconds((*key, "poll"), entry.poll))
+        if register is not None and entry.json_path is not None:
+            self._problem((*key, "json"), "a register has a value, and no document; leave out json:")
+        return Source(connection=connection.name, place=place, register=register, poll=self._poll(key, entry.poll))
 
     def _place(self, key: Path, name: str | None, places: Mapping[str, str | None]) -> tuple[Connection, str, str] | None:
         """The connection of an entry, and its only place there, with the key under which it is written."""
@@ -174,7 +144,10 @@ class Resolver:
             expected = " or ".join(f"{written}:" for written in allowed)
             self._problem(key, f"needs {expected}, and only this, because {name} speaks {connection.kind.upper()}")
             return None
-        return connection, *next(iter(filled.items()))
+        [(written, place)] = filled.items()
+        if connection.kind == "mqtt" and {"#", "+"} & {*place}:
+            self._problem((*key, written), "a topic of one thing has no wildcards + and #")
+        return connection, written, place
 
     def _register(self, key: Path, text: str, encoding: str | None) -> Register | None:
         try:
@@ -196,7 +169,7 @@ class Resolver:
             self._problem((*key, "unit"), f"{attribute.name} {unit}, and {entry.unit} cannot be expressed in it")
             return None
         if entry.scale == 0:
-            self._problem((*key, "scale"), "scale is not 0")
+            self._problem((*key, "scale"), "scale cannot be 0")
         minimum, maximum = entry.range or (-math.inf, math.inf)
         if minimum > maximum:
             self._problem((*key, "range"), "write the least value first")
@@ -239,6 +212,8 @@ class Resolver:
         done_when = entry.done_when
         if done_when is None and (missing := _unread(definition.effect, read_paths)):
             self._problem(key, f"no message says {', '.join(missing)}; write done_when: and what is read, or {SENT_ALL}")
+        if not entry.write:
+            self._problem(key, "sends nothing; write write: and its messages")
         self._amounts(key, entry)
         return ThingService(
             type=type,
@@ -280,6 +255,8 @@ class Resolver:
             self._problem((*key, "register"), f"{place} can only be read; write to a coil or to a holding register")
         if register is not None and register.encoding.startswith("bit"):
             self._problem((*key, "as"), "one bit of a register cannot be written alone; write the whole register, or a coil")
+        if register is not None and not _fits_register(entry.payload):
+            self._problem((*key, "payload"), "a register gets a number, true or false, or an input of the service: payload: '?Temperature'")
         for variable in PLACEHOLDER.findall(entry.payload) if isinstance(entry.payload, str) else ():
             if variable not in inputs:
                 self._problem((*key, "payload"), f"?{variable} is no input of the service; it has {', '.join(inputs) or 'none'}")
@@ -343,7 +320,7 @@ class Resolver:
         if place is None:
             return None
         connection, name = place
-        poll = self._seconds(("session", "poll"), session.poll)
+        poll = self._poll(("session",), session.poll)
         return Session(connection=connection.name, place=name.rstrip("/"), poll=poll, levels=dict(session.levels))
 
     def _session_place(self, session: SessionEntry) -> tuple[Connection, str] | None:
@@ -380,8 +357,24 @@ class Resolver:
             self._problem(key, str(error))
             return 1.0
 
+    def _poll(self, key: Path, amount: float | str) -> float:
+        pause = self._seconds((*key, "poll"), amount)
+        if pause < SHORTEST_POLL:
+            self._problem((*key, "poll"), f"poll is the pause between two readings, at least {SHORTEST_POLL:g} s")
+        return pause
+
     def _problem(self, key: Path, message: str) -> None:
         self.problems.append((key, message))
+
+
+def _fits_register(payload: Plain) -> bool:
+    """Whether a payload can be written to a register, as far as is known without inputs."""
+    if not isinstance(payload, str) or PLACEHOLDER.search(payload) or payload.strip().lower() in ("true", "false"):
+        return True
+    try:
+        return math.isfinite(float(payload))
+    except ValueError:
+        return False
 
 
 def _unread(formula: str, read_paths: Collection[str]) -> list[str]:

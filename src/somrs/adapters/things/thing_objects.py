@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import re
 from collections.abc import Iterable, Iterator
 
@@ -17,6 +18,8 @@ from somrs.ontology.objects import Object
 from somrs.ontology.types import Definition, Kind, Ontology, Value
 from somrs.ontology.units import convert_unit
 from somrs.service_manager.sdk.map_reader import MapReader
+
+log = logging.getLogger(__name__)
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*(\S.*?)\s*")
 _POSITION = ("PositionX", "PositionY", "PositionZ")
@@ -59,7 +62,11 @@ async def whereabouts(map: MapReader, thing: Thing) -> str | None:
         queries.append(f"?Place: AbstractObject.Label = {json.dumps(thing.area)}")
     for query in (*queries, "?Place: AbstractObject = ?Place AND NOT ?Place isPartOf ?Whole: Object"):
         if rows := await map.query(query, limit=1):
-            return f"{thing.name} isPartOf {rows[0]['Place']}"
+            place = rows[0]["Place"]
+            if thing.area and query not in queries:
+                text = "%s: the map has no %s, by name or label: it becomes a part of %s; correct its area"
+                log.warning(text, thing.name, thing.area, place)
+            return f"{thing.name} isPartOf {place}"
     return None
 
 

@@ -31,7 +31,7 @@ def structure_problems(source: Source, further_sections: Collection[str] = ()) -
     problems: dict[tuple[int | None, str], Problem] = {}
     broken: set[str] = set()
     data = {key: value for key, value in source.data.items() if key not in further_sections}
-    for path, kind, message in model_problems(data, File):
+    for path, kind, message in model_problems(data, File, further_sections):
         owner = _owner(path)
         if owner is not None:
             broken.add(owner)
@@ -41,8 +41,9 @@ def structure_problems(source: Source, further_sections: Collection[str] = ()) -
     return [*source.problems, *problems.values()], broken
 
 
-def model_problems(data: Any, model: type[BaseModel]) -> Iterator[tuple[Path, str, str]]:
-    """What does not fit the model: where, pydantic's kind of the error, and what to do."""
+def model_problems(data: Any, model: type[BaseModel], further_keys: Collection[str] = ()) -> Iterator[tuple[Path, str, str]]:
+    """What does not fit the model: where, pydantic's kind of the error, and what to do. `further_keys`: that there are besides those of
+    the model."""
     try:
         model.model_validate(data)
     except ValidationError as error:
@@ -50,7 +51,7 @@ def model_problems(data: Any, model: type[BaseModel]) -> Iterator[tuple[Path, st
             path: Path = tuple(detail["loc"])
             while path and not _leads(data, path) and detail["type"] != "missing":
                 path = path[:-1]  # pydantic appends the alternatives that it tried
-            yield path, detail["type"], _message(model, path, detail)
+            yield path, detail["type"], _message(model, path, detail, further_keys)
 
 
 def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Definition:
@@ -136,10 +137,11 @@ def _model(model: type[BaseModel], path: Path) -> type[BaseModel]:
     return entry_model
 
 
-def _message(model: type[BaseModel], path: Path, detail: Any) -> str:
+def _message(model: type[BaseModel], path: Path, detail: Any, further_keys: Collection[str]) -> str:
     key = str(path[-1]) if path else "the file"
     if detail["type"] == "extra_forbidden":
         known_keys = [field.alias or name for name, field in _model(model, path[:-1]).model_fields.items()]
+        known_keys += further_keys if len(path) == 1 else ()
         return f"unknown key {key}; {nearest(key, known_keys) or 'there are ' + ', '.join(known_keys)}"
     if detail["type"] == "missing":
         return f"{key} is missing; write {key}: and its value"

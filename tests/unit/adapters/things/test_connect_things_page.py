@@ -17,6 +17,7 @@ BLOCKS = re.findall(r"```yaml\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
 @pytest.mark.parametrize("block", [block for block in BLOCKS if "things:" in block and "adapters:" not in block])
 def test_a_mapping_of_the_page_is_right(tmp_path: Path, block: str) -> None:
     (tmp_path / "things.yaml").write_text(block)
+    (tmp_path / "mqtt.password").write_text("secret")
     adapter = ThingsAdapter({"broker": "mqtt://localhost", "mappings": ["things.yaml"]}, tmp_path)
     names = list(yaml.safe_load(block)["things"])
     assert [thing.name for thing in adapter.mappings[0].things] == names

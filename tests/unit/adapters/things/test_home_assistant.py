@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.described_things import resolve_discovered
 from somrs.adapters.things.home_assistant import Discovery
 from somrs.adapters.things.library import library
 from somrs.adapters.things.mapping import ConnectionEntry
 from somrs.adapters.things.messages import render
 from somrs.adapters.things.model import Thing
-from somrs.adapters.things.resolving import parse_connection
 from somrs.adapters.things.state import Router, ThingState
 from somrs.ontology.files.loading import upper
 from somrs.ontology.types import Ontology, Value

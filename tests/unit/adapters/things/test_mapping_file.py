@@ -92,6 +92,14 @@ def test_definitions_of_a_site_count_instead_of_those_for_things(tmp_path: Path)
             18,
             "no message says TargetTemperature; write done_when:",
         ),
+        ("write: [{topic: heaters/1/set, payload: '{\"target\": ?Temperature}'}]", "price: 1 EUR", 19, "sends nothing; write write:"),
+        ("heaters/1/set", "heaters/#", 19, "a topic of one thing has no wildcards"),
+        ("register: coil 2", "register: coil 2, poll: 0", 25, "poll is the pause between two readings"),
+        ("register: coil 2", "register: coil 2, json: fault", 25, "a register has a value, and no document"),
+        ("payload: '?Temperature', convert", "payload: warm, convert", 28, "a register gets a number, true or false, or an input"),
+        ("mqtt://broker:1883", "mqtts://broker, certificates: {authority: a.pem}", 3, "a.pem; correct the name"),
+        ("things:", "objects: {Place1: {type: Place, at: [0, 0, 0]}}\nthings:", 9, "belongs into a file of the site"),
+        ("things:", "thing:", 9, "unknown key thing; did you mean things?"),
     ],
 )
 def test_a_mistake_is_said_with_its_line(tmp_path: Path, text: str, replacement: str, line: int, message: str) -> None:

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.described_things import ResolvedThing, resolve_description
 from somrs.adapters.things.library import library
 from somrs.adapters.things.mapping import ConnectionEntry
 from somrs.adapters.things.messages import render
-from somrs.adapters.things.resolving import parse_connection
 from somrs.errors import InputError
 from somrs.ontology.files.loading import upper
 from somrs.ontology.types import Kind

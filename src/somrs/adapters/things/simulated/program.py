@@ -5,13 +5,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import aiomqtt
 from aiohttp import web
 from msgspec import Struct
 
-from somrs.adapters.things.connector import read_password
 from somrs.adapters.things.model import Connection
 from somrs.adapters.things.mqtt import client_at
 from somrs.adapters.things.simulated.controller import PassageController
@@ -31,8 +29,8 @@ class SimulatedPassage(Struct, frozen=True):
     heights: Mapping[str, float]
 
 
-async def serve_passages(passages: Sequence[SimulatedPassage], simulator: str, folder: Path) -> None:
-    """Be the controllers of the passages of the simulator at an address, until it is cancelled. `folder`: of the files of connections."""
+async def serve_passages(passages: Sequence[SimulatedPassage], simulator: str) -> None:
+    """Be the controllers of the passages of the simulator at an address, until it is cancelled."""
     groups: dict[Connection, dict[str, PassageController]] = {}
     async with contextlib.AsyncExitStack() as stack, asyncio.TaskGroup() as tasks:
         for passage in passages:
@@ -40,14 +38,14 @@ async def serve_passages(passages: Sequence[SimulatedPassage], simulator: str, f
             groups.setdefault(passage.connection, {})[passage.place] = PassageController(body)
         for place, controllers in groups.items():
             is_broker = place.kind == "mqtt"
-            serving = _serve_broker(place, folder, controllers) if is_broker else _serve_http(place.host, place.port, controllers)
+            serving = _serve_broker(place, controllers) if is_broker else _serve_http(place.host, place.port, controllers)
             tasks.create_task(serving)
 
 
-async def _serve_broker(broker: Connection, folder: Path, controllers: Mapping[str, PassageController]) -> None:
+async def _serve_broker(broker: Connection, controllers: Mapping[str, PassageController]) -> None:
     while True:
         try:
-            await serve_mqtt(client_at(broker, read_password(broker, folder), folder), controllers)
+            await serve_mqtt(client_at(broker), controllers)
         except* aiomqtt.MqttError:
             pass
         await asyncio.sleep(PAUSE)
