@@ -53,8 +53,8 @@ class ThingDevice(Device):
                 raise Refusal(f"{self.name}: {error}") from error
         if plan.demand is not None and not await task.map.holds(demand := self._formula(plan.demand, task)):
             raise Refusal(f"{demand} does not hold", condition=demand)
-        if plan.condition is not None and not state.holds(self._formula(plan.condition, task)):
-            raise Refusal(f"{plan.condition} does not hold", not_now=True)
+        if plan.condition is not None and not state.holds(condition := self._formula(plan.condition, task)):
+            raise Refusal(f"{condition} does not hold", not_now=True)
 
     async def perform(self, plan: ThingService, task: Task) -> Situation | Result:
         """Send the messages of a service, and wait until it is done. Raises ServiceFailed."""
