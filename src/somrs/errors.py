@@ -6,6 +6,7 @@
     │   ├── ModelError        an ontology, map or site that breaks its rules; holds every Problem
     │   ├── DeviceError       a device class or program that cannot run as it is written
     │   └── UsageError        a command or call that cannot be carried out as given
+    │       └── SettingsError settings of an adapter that are not valid; holds every mistake
     ├── WireError             bytes or a message from another program that cannot be processed; becomes a SOAP Fault
     ├── RemoteError           another component refused a request, failed, or did not reply
     └── SimulationError       the simulated world cannot be built, or its physics is invalid (NaN)
@@ -15,6 +16,7 @@ Any other exception is a defect of SO-MRS.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -78,6 +80,17 @@ class DeviceError(InputError):
 
 class UsageError(InputError):
     """A command or call that cannot be carried out as given."""
+
+
+class SettingsError(UsageError):
+    """Settings of an adapter that are not valid. `mistakes`: of each, where it is below the name of the adapter, and what to do."""
+
+    def __init__(self, adapter: str, mistakes: Sequence[tuple[tuple[str, ...], str]]) -> None:
+        self.adapter, self.mistakes = adapter, mistakes
+        super().__init__(adapter, mistakes)
+
+    def __str__(self) -> str:
+        return "\n".join(f"{'.'.join(('adapters', self.adapter, *path))}: {message}" for path, message in self.mistakes)
 
 
 class WireError(SomrsError):

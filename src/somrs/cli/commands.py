@@ -36,6 +36,7 @@ DEMO_SITE = Path(str(resources.files("somrs.demo") / "data" / "scenario-1.yaml")
 
 def check(files: Sequence[Path], *, json: bool) -> int:
     """Print every error in the files or, if there is none, every mistake in the geometry of the map. Returns the exit status."""
+    from somrs.deployment.adapter_checks import adapter_problems
     from somrs.ontology.files.loading import load
     from somrs.ontology.service_kinds import planning_notes
 
@@ -46,10 +47,11 @@ def check(files: Sequence[Path], *, json: bool) -> int:
         problems = error.problems
     else:
         notes = [f"{name}: {note}" for name, service in loaded.ontology.services.items() for note in planning_notes(service)]
+        adapters = adapter_problems(loaded.adapters, loaded.map)
         geometry = geometry_problems(loaded)
         if geometry is None:
             notes.append("the geometry was not checked, because numpy or scipy is missing: pip install 'somrs[simulator]'")
-        problems = geometry or []
+        problems = [*adapters, *(geometry or [])]
         objects = f"a map of {len(loaded.map.objects)} objects" if loaded.map is not None else "no map"
         summary = f"{len(loaded.ontology.types)} types, {len(loaded.ontology.services)} service types, {objects}"
     if json:

@@ -20,6 +20,7 @@ from somrs.client.addresses import Addresses
 from somrs.deployment.device_host import HostedDevice, Listeners, name_device
 from somrs.deployment.program_certificates import certificate_of_devices, give_devices_a_certificate
 from somrs.deployment.programs import run_program, until_stopped
+from somrs.entish.parse import nearest
 from somrs.errors import InputError, RemoteError, UsageError
 from somrs.runtime.trust_client import following
 from somrs.service_manager.sdk.device import Device
@@ -28,6 +29,7 @@ from somrs.trust.mqtt_topics import EVERYTHING
 
 if TYPE_CHECKING:
     from somrs.adapters.adapter import Adapter
+    from somrs.ontology.files.loading import AdapterEntry
 
 log = logging.getLogger(__name__)
 
@@ -93,9 +95,8 @@ def adapter_class(name: str, folder: Path) -> type[Any]:
     driver = OWN.get(name, name)
     module_name, separator, class_name = driver.rpartition(":")
     if not separator:
-        raise UsageError(
-            f"adapters: there is no adapter {name}; there are {', '.join(OWN)}, and those written as module:Class or file.py:Class"
-        )
+        hint = nearest(name, OWN) or f"there are {', '.join(OWN)}, and those written as module:Class or file.py:Class"
+        raise UsageError(f"adapters: there is no adapter {name}; {hint}")
     try:
         if module_name.endswith(".py"):
             from somrs.deployment.device import module_in
@@ -114,14 +115,8 @@ def adapter_class(name: str, folder: Path) -> type[Any]:
     return kind
 
 
-def adapters_of(site: Sequence[Path], chosen: Mapping[str, Mapping[str, Any]]) -> list[AdapterSettings]:
-    """The adapters of the site's files, and those of the command line, whose settings come before those of a file. Raises InputError."""
-    from somrs.ontology.files.loading import load
-
-    try:
-        entries = load(site).adapters if site else {}
-    except InputError:  # the map of an earlier run needs the files no more
-        entries = {}
+def adapters_of(entries: Mapping[str, AdapterEntry], chosen: Mapping[str, Mapping[str, Any]]) -> list[AdapterSettings]:
+    """The adapters of the site's files, and those of the command line, whose settings come before those of a file."""
     names = dict.fromkeys([*entries, *chosen])
     adapters = []
     for name in names:
@@ -143,12 +138,21 @@ def named_adapter(name: str, data: Path, site: Sequence[Path]) -> AdapterSetting
 
     Raises UsageError if there is none.
     """
-    adapters = adapters_of(site, {}) if site else _stored_adapters(data)
+    adapters = adapters_of(_entries_of(site), {}) if site else _stored_adapters(data)
     for adapter in adapters:
         if adapter.name == name:
             return adapter
     owner = ", ".join(map(str, site)) if site else "the system"
     raise UsageError(f"{owner}: there is no adapter {name}; there are {', '.join(adapter.name for adapter in adapters) or 'none'}")
+
+
+def _entries_of(site: Sequence[Path]) -> Mapping[str, AdapterEntry]:
+    from somrs.ontology.files.loading import load
+
+    try:
+        return load(site).adapters
+    except InputError:  # the map of an earlier run needs the files no more
+        return {}
 
 
 def _stored_adapters(data: Path) -> list[AdapterSettings]:

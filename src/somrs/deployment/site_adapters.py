@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from somrs.errors import UsageError
+from somrs.errors import InputError, ModelError, UsageError
 from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.ports import Reservation, host_and_port
 
 if TYPE_CHECKING:
     from somrs.adapters.adapter import Adapter
+    from somrs.ontology.files.loading import AdapterEntry
 
 PIONEER = "PioneerP3DX"
 """The type of the robots that the simulator drives by ARCOS, if it is to."""
@@ -24,6 +26,7 @@ class SiteAdapters:
 
     def __init__(self, site: Sequence[Path], data: Path, host: str, chosen: Mapping[str, Mapping[str, Any]], *, with_arcos: bool) -> None:
         self._site, self._data, self._host, self._chosen, self._with_arcos = site, data, host, chosen, with_arcos
+        self._entries: Mapping[str, AdapterEntry] | None = None
         self._adapters: dict[str, Adapter] = {}
         self._labels: dict[str, str] = {}
         self._reservation: Reservation | None = None
@@ -32,12 +35,29 @@ class SiteAdapters:
         self.broker_place = (host, 0)
         """The host and the port at which it listens."""
 
+    def check(self, *, is_fresh: bool) -> None:
+        """Read the settings of the files. `is_fresh`: the map will be made of the files, too. Raises ModelError with all mistakes."""
+        from somrs.deployment.adapter_checks import adapter_problems
+        from somrs.ontology.files.loading import load
+
+        try:
+            loaded = load(self._site) if self._site else None
+        except InputError:  # the map of an earlier run needs the files no more; for another one, the Repository says what is wrong
+            loaded = None
+        self._entries = loaded.adapters if loaded is not None else {}
+        merged = {name: replace(entry, settings={**entry.settings, **self._chosen.get(name, {})}) for name, entry in self._entries.items()}
+        problems = adapter_problems(merged, loaded.map if is_fresh and loaded is not None else None)
+        if problems:
+            raise ModelError(problems)
+
     def prepare(self, map: Map, ontology: Ontology, mqtt: str | None) -> set[str]:
         """Read the settings, and make what the programs read. Returns the objects of the map that adapters serve. Raises InputError.
 
         `mqtt`: the URL at which the bus is a broker, if there is one.
         """
         from somrs.deployment.adapters import OWN_BROKER, adapters_of, store_adapters
+
+        assert self._entries is not None, "the settings were checked"
 
         chosen = dict(self._chosen)
         pioneers = [name for name, object in sorted(map.objects.items()) if ontology.is_subtype(object.type, PIONEER)]
@@ -46,7 +66,7 @@ class SiteAdapters:
             ports = dict(zip(pioneers, self._reservation.ports[1:], strict=True))
             robots = {name: {"port": f"tcp://{self._host}:{port}", "simulated": True} for name, port in ports.items()}
             chosen["arcos"] = {**chosen.get("arcos", {}), "robots": robots}
-        entries = adapters_of(self._site, chosen)
+        entries = adapters_of(self._entries, chosen)
         broker_places = {place for entry in entries if (place := entry.own_broker()) is not None}
         self.needs_broker = bool(broker_places)
         if self.needs_broker:
@@ -75,6 +95,12 @@ class SiteAdapters:
         self._reservation = self._reservation or Reservation(self._host, 1, self._preferred_ports)
         self.broker_place = (self._host, self._reservation.ports[0])
         self._reservation.release(self._reservation.ports[0])
+
+    def misfits(self, map: Map) -> list[str]:
+        """What of the settings does not fit the map as it is now, for people."""
+        from somrs.deployment.adapter_checks import misfits_of
+
+        return [str(error) for name, adapter in self._adapters.items() if (error := misfits_of(name, adapter, map)) is not None]
 
     def programs(self) -> Iterator[tuple[str, list[str]]]:
         """The labels of the programs to start, and their arguments: the other ends first."""

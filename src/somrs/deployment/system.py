@@ -192,6 +192,7 @@ class System:
         self._prepare_access()
         ports = self._reserve_ports()
         self._check_site()
+        await asyncio.to_thread(self._adapters.check, is_fresh=site_of(self.data) is None)
         bus = await self._start_bus(ports)
         self.addresses = replace(ports.addresses(bus, has_windows=self._windows and has_windows()), mqtt=self._mqtt_url(ports))
         site = [argument for path in self.site for argument in ("--site", str(path))]
@@ -201,6 +202,8 @@ class System:
         async with Client(self.addresses) as client:
             ontology, map = await client.ontology(), await client.map()
         adapted = await asyncio.to_thread(self._adapters.prepare, map, ontology, self.addresses.mqtt)
+        for problem in self._adapters.misfits(map):
+            self._report_problem(problem)
         own_devices = [device for device in devices(map, ontology) if device[0] not in adapted]
         driven = self._selected(await asyncio.to_thread(self._device_programs.select, own_devices))
         bodiless = is_symbolic(driven)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,8 @@ from somrs.adapters.adapter import Fleet
 from somrs.adapters.arcos.robot import ArcosRobot
 from somrs.adapters.arcos.settings import read_settings, robot_parameters
 from somrs.adapters.arcos.simulated.link_body import serve_simulated
+from somrs.adapters.settings import Mistake, absent
+from somrs.ontology.map import Map
 
 
 class ArcosAdapter:
@@ -23,6 +25,10 @@ class ArcosAdapter:
     @property
     def names(self) -> Collection[str]:
         return self._robots.keys()
+
+    def misfits(self, map: Map) -> Iterable[Mistake]:
+        """Robots that the map of the site does not have."""
+        return absent("robots", self._robots, map)
 
     @property
     def simulated(self) -> Collection[str]:

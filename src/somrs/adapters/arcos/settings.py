@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from msgspec import Struct
 
 from somrs.adapters.arcos.driver import Battery
 from somrs.adapters.arcos.odometry import Pose
 from somrs.adapters.arcos.parameters import Parameters, read_parameters
+from somrs.adapters.settings import Mistake, read_struct
 from somrs.errors import UsageError
 
 REACH, SIMULATED_REACH = 0.35, 0.56
@@ -56,22 +56,20 @@ class Settings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 def read_settings(settings: Mapping[str, Any]) -> Settings:
-    """The settings as they are in the site file. Raises UsageError, which says where."""
-    try:
-        read = msgspec.convert(dict(settings), Settings)
-    except msgspec.ValidationError as error:
-        raise UsageError(
-            f"adapters: arcos: {error}. It needs `robots`, with a `port` for each: robots: {{Robot1: {{port: /dev/ttyUSB0}}}}"
-        ) from None
-    for name, robot in read.robots.items():
-        place = f"adapters: arcos: robots: {name}"
+    """The settings as they are in the site file. Raises SettingsError with all mistakes."""
+    examples = {"robots": "robots: {Robot1: {port: /dev/ttyUSB0}}", "port": "port: tcp://HOST:PORT, or port: /dev/ttyUSB0"}
+    return read_struct("arcos", settings, Settings, examples, _mistakes)
+
+
+def _mistakes(settings: Settings) -> Iterator[Mistake]:
+    for name, robot in settings.robots.items():
+        place = ("robots", name)
         if robot.port.startswith("tcp://") and not robot.port.rpartition(":")[2].isdigit():
-            raise UsageError(f"{place}: port: {robot.port!r} has no number of a port: write tcp://HOST:PORT")
+            yield (*place, "port"), f"{robot.port!r} has no number of a port: write tcp://HOST:PORT"
         if robot.speed is not None and robot.speed <= 0:
-            raise UsageError(f"{place}: speed: {robot.speed} is not positive: give metres per second, such as 0.4")
+            yield (*place, "speed"), f"{robot.speed} is not positive: give metres per second, such as 0.4"
         if robot.battery.full <= robot.battery.empty:
-            raise UsageError(f"{place}: battery: full has to be more than empty: give both in volts")
-    return read
+            yield (*place, "battery"), "full has to be more than empty: give both in volts"
 
 
 def robot_parameters(name: str, settings: RobotSettings, folder: Path) -> Parameters | None:

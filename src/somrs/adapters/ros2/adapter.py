@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,8 @@ from somrs.adapters.ros2.process import BridgeProcess
 from somrs.adapters.ros2.robot import Ros2Robot
 from somrs.adapters.ros2.settings import read_binding, read_settings
 from somrs.adapters.ros2.simulation import run_simulated
+from somrs.adapters.settings import Mistake, absent
+from somrs.ontology.map import Map
 
 
 class Ros2Adapter:
@@ -23,6 +25,10 @@ class Ros2Adapter:
     @property
     def names(self) -> Collection[str]:
         return self._settings.robots.keys()
+
+    def misfits(self, map: Map) -> Iterable[Mistake]:
+        """Robots that the map of the site does not have."""
+        return absent("robots", self._settings.robots, map)
 
     @property
     def simulated(self) -> Collection[str]:

@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 
 from somrs.adapters.ros2.frames import Pose
 from somrs.adapters.ros2.templates import path_steps, placeholders
-from somrs.errors import InputError, ModelError, Problem
+from somrs.errors import InputError, ModelError, Problem, SettingsError
 from somrs.ontology.files.nodes import Source
 from somrs.ontology.types import Value
 
@@ -303,12 +303,11 @@ class Settings(Model):
 
 
 def read_settings(settings: Mapping[str, Any]) -> Settings:
-    """The settings of a site file. Raises InputError."""
+    """The settings of a site file. Raises SettingsError."""
     try:
         return Settings.model_validate(dict(settings))
     except ValidationError as error:
-        lines = [f"adapters.ros2.{_subject(detail['loc'])}: {_text(detail)}" for detail in error.errors()]
-        raise InputError("\n".join(lines)) from None
+        raise SettingsError("ros2", [(tuple(map(str, detail["loc"])), _text(detail)) for detail in error.errors()]) from None
 
 
 def read_binding(file: Path) -> Binding:

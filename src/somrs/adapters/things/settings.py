@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from somrs.adapters.things.mapping import Certificates, ConnectionEntry
-from somrs.errors import InputError
+from somrs.errors import SettingsError
 from somrs.ontology.files.structure import model_problems
 
 
@@ -44,9 +44,9 @@ class Settings(_Entry):
 
 
 def read_settings(settings: Mapping[str, Any]) -> Settings:
-    """The settings. Raises InputError with all problems."""
+    """The settings. Raises SettingsError with all mistakes."""
     data = dict(settings)
-    problems = [f"adapters: things: {'.'.join(map(str, path))}: {message}" for path, _, message in model_problems(data, Settings)]
-    if problems:
-        raise InputError("\n".join(problems))
+    mistakes = [(tuple(map(str, path)), message) for path, _, message in model_problems(data, Settings)]
+    if mistakes:
+        raise SettingsError("things", mistakes)
     return Settings.model_validate(data)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from somrs.adapters.adapter import Fleet
+from somrs.adapters.settings import Mistake, absent
 from somrs.adapters.vda5050.control.exchange import Tick
 from somrs.adapters.vda5050.messages.header import Topic, Version
 from somrs.adapters.vda5050.mqtt import Connection, Message, broker_address
@@ -18,6 +19,8 @@ from somrs.adapters.vda5050.settings import read_settings
 from somrs.adapters.vda5050.simulated.link_body import serve_simulated
 from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
 from somrs.adapters.vda5050.zoning.site import ZoneCatalogue
+from somrs.errors import SettingsError, UsageError
+from somrs.ontology.map import Map
 
 log = logging.getLogger(__name__)
 
@@ -39,7 +42,10 @@ class Vda5050Adapter:
 
     def __init__(self, settings: Mapping[str, Any], folder: Path) -> None:
         self._settings = read_settings(settings)
-        self._address = broker_address(self._settings.broker, self._settings.certificates, folder)
+        try:
+            self._address = broker_address(self._settings.broker, self._settings.certificates, folder)
+        except UsageError as error:
+            raise SettingsError("vda5050", [(("broker",), str(error))]) from None
         self._frames, self._catalogue = self._settings.frames, ZoneCatalogue()
         self.sessions: dict[VehicleAddress, VehicleSession] = {}
         """All vehicles that were heard, and the addresses at which those may be that the settings name."""
@@ -51,6 +57,10 @@ class Vda5050Adapter:
     @property
     def names(self) -> Collection[str]:
         return self._settings.vehicles.keys()
+
+    def misfits(self, map: Map) -> Iterable[Mistake]:
+        """Robots that the map of the site does not have."""
+        return absent("vehicles", self._settings.vehicles, map)
 
     @property
     def simulated(self) -> Collection[str]:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 import msgspec
 from msgspec import Struct
 
+from somrs.adapters.settings import Mistake, read_struct
 from somrs.adapters.vda5050.control.provision import MapPackage
 from somrs.adapters.vda5050.frames import Frame, Frames
 from somrs.adapters.vda5050.mqtt import Certificates
 from somrs.adapters.vda5050.topics import VehicleAddress
-from somrs.errors import UsageError
+
+VERSION = re.compile(r"v\d+")
+"""A level of a topic with a version."""
 
 MAKER = "SOMRS"
 """The manufacturer of simulated vehicles."""
@@ -119,33 +123,32 @@ def made_name(address: VehicleAddress) -> str:
 
 
 def read_settings(settings: Mapping[str, Any]) -> Settings:
-    """The settings as they are in the site file. Raises UsageError, which says where."""
-    try:
-        read = msgspec.convert(dict(settings), Settings)
-    except msgspec.ValidationError as error:
-        raise UsageError(f"adapters: vda5050: {error}. It needs at least the address of the broker: broker: mqtt://HOST:PORT") from None
-    for interface in read.interfaces:
-        if not interface or any(character in interface for character in "+#$") or interface.strip("/") != interface:
-            raise UsageError(f"adapters: vda5050: interface: {interface!r} cannot begin a topic: write it as the vehicles do, such as uagv")
-    for map_id, frame in read.maps.items():
-        if frame.version is None and (frame.link is not None or frame.hash is not None):
-            raise UsageError(f"adapters: vda5050: maps: {map_id}: give the `version` of what is to be downloaded")
-    read = msgspec.structs.replace(read, vehicles={name: _named(name, vehicle) for name, vehicle in read.vehicles.items()})
-    serials: dict[tuple[str, str], str] = {}
-    for name, vehicle in read.vehicles.items():
-        twin = serials.setdefault((vehicle.manufacturer, vehicle.serial_number), name)
-        if twin != name:
-            raise UsageError(
-                f"adapters: vda5050: vehicles: {name}: is {vehicle.manufacturer} {vehicle.serial_number}, as {twin} is: "
-                "give each its own serialNumber"
-            )
-    return read
+    """The settings as they are in the site file. Raises SettingsError with all mistakes."""
+    read = read_struct("vda5050", settings, Settings, {"broker": "broker: mqtt://HOST:PORT, or broker: own"}, _mistakes)
+    return msgspec.structs.replace(read, vehicles={name: _named(name, vehicle) for name, vehicle in read.vehicles.items()})
 
 
 def _named(name: str, vehicle: VehicleSettings) -> VehicleSettings:
-    """A vehicle with its serial number, which is the name of a simulated one. Raises UsageError."""
-    if vehicle.simulated is not None:
-        return msgspec.structs.replace(vehicle, manufacturer=MAKER, serial_number=name)
-    if not vehicle.serial_number:
-        raise UsageError(f"adapters: vda5050: vehicles: {name}: give its manufacturer and serialNumber, as they are in its topics")
-    return vehicle
+    """A vehicle with its serial number, which is the name of a simulated one."""
+    return msgspec.structs.replace(vehicle, manufacturer=MAKER, serial_number=name) if vehicle.simulated is not None else vehicle
+
+
+def _mistakes(settings: Settings) -> Iterator[Mistake]:
+    for interface in settings.interfaces:
+        if not interface or any(character in interface for character in "+#$") or interface.strip("/") != interface:
+            yield ("interface",), f"{interface!r} cannot begin a topic: write it as the vehicles do, such as uagv"
+        elif VERSION.fullmatch(interface.rpartition("/")[2]):
+            yield ("interface",), f"{interface!r} ends with the version, which follows by itself: leave it out"
+    for map_id, frame in settings.maps.items():
+        if frame.version is None and (frame.link is not None or frame.hash is not None):
+            yield ("maps", map_id), "give the `version` of what is to be downloaded"
+    serials: dict[tuple[str, str], str] = {}
+    for name, vehicle in settings.vehicles.items():
+        if vehicle.simulated is not None:
+            continue
+        if not vehicle.serial_number:
+            yield ("vehicles", name), "give its manufacturer and serialNumber, as they are in its topics"
+            continue
+        twin = serials.setdefault((vehicle.manufacturer, vehicle.serial_number), name)
+        if twin != name:
+            yield ("vehicles", name), f"is {vehicle.manufacturer} {vehicle.serial_number}, as {twin} is: give each its own serialNumber"

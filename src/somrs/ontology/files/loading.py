@@ -42,10 +42,16 @@ _POSITION = ("PositionX", "PositionY", "PositionZ")
 
 @dataclass(frozen=True, slots=True)
 class AdapterEntry:
-    """What a file has of an adapter: its settings, and the folder of the file."""
+    """What a file has of an adapter: its name, its settings, and the folder of the file."""
 
+    name: str
     settings: Mapping[str, Any]
     folder: FilePath
+    source: Source = field(repr=False, compare=False)
+
+    def written(self, path: tuple[str, ...]) -> tuple[str, int | None]:
+        """The file and the line where a setting is."""
+        return self.source.file, self.source.line(("adapters", self.name, *path))
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +238,7 @@ class _Reading:
                 message = "is in another file of the site already; write all settings of an adapter in one file"
                 self._problem(_Place(source, ("adapters", name)), name, "duplicate", message)
             elif isinstance(settings, dict):
-                self.adapters[name] = AdapterEntry(settings, FilePath(source.file).parent)
+                self.adapters[name] = AdapterEntry(name, settings, FilePath(source.file).parent, source)
 
     # Ontologies
 

@@ -62,10 +62,10 @@ def test_each_robot_of_the_settings_is_a_device() -> None:
         ({}, "robots"),
         ({"robots": {"Robot1": {}}}, "port"),
         ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "colour": "red"}}}, "colour"),
-        ({"robots": {"Robot1": {"port": "tcp://127.0.0.1"}}}, "Robot1: port"),
+        ({"robots": {"Robot1": {"port": "tcp://127.0.0.1"}}}, "Robot1.port: "),
         ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "start": [1, 2]}}}, "start"),
-        ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "speed": 0}}}, "Robot1: speed"),
-        ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "battery": {"empty": 13, "full": 12}}}}, "Robot1: battery"),
+        ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "speed": 0}}}, "Robot1.speed: "),
+        ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "battery": {"empty": 13, "full": 12}}}}, "Robot1.battery: "),
     ],
 )
 def test_wrong_settings_are_refused_with_their_place(settings: dict[str, Any], place: str) -> None:

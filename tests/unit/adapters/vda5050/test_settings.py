@@ -25,11 +25,11 @@ BROKER = {"broker": "mqtt://10.0.0.5:1883"}
         ({"broker": "mqtt://10.0.0.5:port"}, "is no address of a broker"),
         ({"broker": "mqtt://me:secret@10.0.0.5"}, "SOMRS_MQTT_PASSWORD"),
         (BROKER | {"interface": "uagv/#"}, "interface: 'uagv/#'"),
-        (BROKER | {"vehicle": {}}, "`vehicle`"),
+        (BROKER | {"vehicle": {}}, "vehicle: there is no such setting; did you mean vehicles?"),
         (BROKER | {"vehicles": {"Robot1": {"manufacturer": "acme"}}}, "serialNumber"),
         (
             BROKER | {"vehicles": {name: {"manufacturer": "acme", "serialNumber": "1"} for name in ("Robot1", "Robot2")}},
-            "vehicles: Robot2: is acme 1, as Robot1 is",
+            "vehicles.Robot2: is acme 1, as Robot1 is",
         ),
         ({"broker": "mqtts://10.0.0.5", "certificates": {"authority": "none.pem"}}, "certificates: "),
     ],

@@ -1,0 +1,119 @@
+"""Every mistake in the settings of adapters is named before anything is started, with its line and what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from somrs.cli.commands import check
+from somrs.deployment.site_adapters import SiteAdapters
+from somrs.errors import ModelError
+
+SITE = """\
+objects:
+  Hall: {type: Building, parts: {Ground: {type: Storey, parts: \
+{Floor1: {type: Floor, at: [5, 5, 0], Shape: {Form: Box, Width: 9, Depth: 9, Height: 0.1}}}}}}
+  Lifter1: {type: MobileManipulator, at: [1, 1, 0], Shape: {Form: Cylinder, Radius: 0.5, Height: 1}}
+adapters:
+"""
+
+
+def problems(folder: Path, adapters: str) -> list[str]:
+    """What is said about a site with these adapters, without the name of its file."""
+    file = folder / "hall.yaml"
+    file.write_text(SITE + adapters)
+    site = SiteAdapters([file], folder, "127.0.0.1", {}, with_arcos=False)
+    try:
+        site.check(is_fresh=True)
+    except ModelError as error:
+        return [f"{problem.line}: {problem.subject}: {problem.message}" for problem in error.problems]
+    return []
+
+
+def vehicle(serial: str = 'serialNumber: "1"', name: str = "Lifter1", broker: str = "broker: mqtt://b", more: str = "") -> str:
+    return f"  vda5050:\n    {broker}\n    vehicles:\n      {name}: {{manufacturer: ACME, {serial}}}\n{more}"
+
+
+MISTAKES = {
+    "a setting is misspelt": (
+        vehicle(broker="brokr: mqtt://b"),
+        ["6: adapters.vda5050.brokr: there is no such setting; did you mean broker?"],
+    ),
+    "the broker is missing": (
+        vehicle(broker="namedOnly: true"),
+        ["5: adapters.vda5050: broker is missing: write broker: mqtt://HOST:PORT, or broker: own"],
+    ),
+    "the address of the broker is none": (
+        vehicle(broker="broker: mqtt://b:1883O"),
+        [
+            "6: adapters.vda5050.broker: 'mqtt://b:1883O' is no address of a broker: write mqtt://HOST:PORT, or mqtts://USER@HOST:PORT "
+            "with TLS"
+        ],
+    ),
+    "a setting of a vehicle is misspelt": (
+        vehicle('serialnumber: "1"'),
+        ["8: adapters.vda5050.vehicles.Lifter1.serialnumber: there is no such setting; did you mean serialNumber?"],
+    ),
+    "a serial number is not quoted": (
+        vehicle("serialNumber: 0001"),
+        ['8: adapters.vda5050.vehicles.Lifter1.serialNumber: is the number 1: write it in quotes, such as "0001"'],
+    ),
+    "a vehicle is not on the map": (
+        vehicle(name="Liftr1"),
+        ["8: adapters.vda5050.vehicles.Liftr1: there is no Liftr1 on the map; did you mean Lifter1?"],
+    ),
+    "several are wrong": (
+        vehicle(
+            more="    namedOnly: yess\n    stationTyp: rack\n    interface: uagv/v2\n    maps: {hall: {level: ground, turned: 90 deg}}\n"
+        ),
+        [
+            "9: adapters.vda5050.namedOnly: is 'yess': write true or false",
+            "10: adapters.vda5050.stationTyp: there is no such setting; did you mean stationType?",
+            "12: adapters.vda5050.maps.hall.level: is 'ground': write a number",
+            "12: adapters.vda5050.maps.hall.turned: is '90 deg': write a number",
+            "11: adapters.vda5050.interface: 'uagv/v2' ends with the version, which follows by itself: leave it out",
+        ],
+    ),
+    "there is no such adapter": ("  vda550: {broker: own}\n", ["5: adapters.vda550: there is no adapter vda550; did you mean vda5050?"]),
+    "of another adapter": (
+        "  arcos: {robots: {Lifter1: {port: 'tcp://b', speed: 0, baud: fast}}}\n",
+        [
+            "5: adapters.arcos.robots.Lifter1.baud: is 'fast': write a whole number",
+            "5: adapters.arcos.robots.Lifter1.port: 'tcp://b' has no number of a port: write tcp://HOST:PORT",
+            "5: adapters.arcos.robots.Lifter1.speed: 0.0 is not positive: give metres per second, such as 0.4",
+        ],
+    ),
+    "things": ("  things: {mapings: [x.yaml]}\n", ["5: adapters.things.mapings: unknown key mapings; did you mean mappings?"]),
+}
+
+
+@pytest.mark.parametrize(("adapters", "expected"), MISTAKES.values(), ids=MISTAKES.keys())
+def test_each_mistake_has_its_line(tmp_path: Path, adapters: str, expected: list[str]) -> None:
+    assert problems(tmp_path, adapters) == expected
+
+
+@pytest.mark.parametrize("broker", ["own", "bus", "mqtt://b"])
+def test_settings_without_a_mistake(tmp_path: Path, broker: str) -> None:
+    assert (
+        problems(tmp_path, vehicle(broker=f"broker: {broker}") + "  arcos: {robots: {Lifter1: {port: /dev/ttyUSB0, baud: 9600}}}\n") == []
+    )
+
+
+def test_somrs_check_says_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    problems(tmp_path, vehicle(name="Liftr1"))
+    assert check([tmp_path / "hall.yaml"], json=False) == 1
+    assert "hall.yaml:8: adapters.vda5050.vehicles.Liftr1: there is no Liftr1 on the map" in capsys.readouterr().out
+
+
+def test_the_command_line_may_name_the_broker(tmp_path: Path) -> None:
+    file = tmp_path / "hall.yaml"
+    file.write_text(SITE + vehicle(broker="namedOnly: true"))
+    chosen = {"vda5050": {"broker": "mqtt://b"}}
+    SiteAdapters([file], tmp_path, "127.0.0.1", chosen, with_arcos=False).check(is_fresh=True)
+
+
+def test_the_map_of_an_earlier_run_may_have_what_the_files_have_not(tmp_path: Path) -> None:
+    file = tmp_path / "hall.yaml"
+    file.write_text(SITE + vehicle(name="Added1"))
+    SiteAdapters([file], tmp_path, "127.0.0.1", {}, with_arcos=False).check(is_fresh=False)
