@@ -37,7 +37,7 @@ from somrs.devices.simulator.link.lines import Legs, PathStop, StandAt, Stops
 from somrs.devices.simulator.motion.driving import why_not_arrived
 from somrs.devices.simulator.motion.legs import find_legs
 from somrs.errors import RemoteError, UsageError
-from somrs.protocol.messages.traffic import Berth
+from somrs.protocol.messages.traffic import Berth, TripResult
 from somrs.space.solids import Point, Role
 from somrs.traffic.robot_tasks import TripOver
 
@@ -261,7 +261,9 @@ class RoadLink(CommandLink):
             raise RobotGaveUp("unreachable", description, self.state)
         problem = why_not_arrived(self.robot.name, goal, over.ended) if over.ended is not None else None
         if problem is not None:
-            raise RobotGaveUp(problem.reason, problem.description, self.state)
+            cannot_move = over.ended is not None and over.ended.result is TripResult.IMMOBILE
+            reason = self.traveller.vain_trips.reason if cannot_move else ""  # that it cannot move is known from these
+            raise RobotGaveUp(problem.reason, reason or problem.description, self.state)
 
     # Things
 

@@ -90,7 +90,7 @@ class Traveller:
         self._is_paused = False
         self._blocked: set[str] = set()
         """The places to which the robot could not drive on."""
-        self._vain_trips = VainTrips()
+        self.vain_trips = VainTrips()
         self._rest: asyncio.TimerHandle | None = None
         """The timer until whose end it is not asked to make room for others."""
         self._is_abandoned = False
@@ -109,7 +109,7 @@ class Traveller:
         now = asyncio.get_running_loop().time()
         if self._last_point is None or max(abs(x - self._last_point[0]), abs(y - self._last_point[1])) > STILL:
             self._last_point, self._still_since = (x, y), now
-        if self._vain_trips.is_over((x, y)):
+        if self.vain_trips.is_over((x, y)):
             self._end_rest()
         self.level = self.level if level is None else level
         self._gripper.settle()
@@ -144,16 +144,16 @@ class Traveller:
         ahead = next((waypoint for waypoint in self._way[1:] if waypoint.released), None)
         self._blocked = {ahead.name} if ahead is not None else set()
         trips, self._trips = [*self._trips.values()], {}
-        self._begin_rest()
+        self._begin_rest(description)
         self._give_up_trip()
         self.tell(Astray())
         for trip in trips:
             if not trip.done():
                 trip.set_exception(RobotGaveUp("blocked", description, self.state))
 
-    def _begin_rest(self) -> None:
+    def _begin_rest(self, reason: str) -> None:
         """A robot that has given up does not make room for others, if it did so before where it stands."""
-        duration = self._vain_trips.add((self.state.x, self.state.y)) if self.state is not None else None
+        duration = self.vain_trips.add((self.state.x, self.state.y), reason) if self.state is not None else None
         if duration is not None:
             self._end_rest()
             self._rest = asyncio.get_running_loop().call_later(duration, self._end_rest)

@@ -18,9 +18,12 @@ class VainTrips:
     def __init__(self) -> None:
         self._point: Point | None = None
         self._count = 0
+        self.reason = ""
+        """Why the robot has given up last; empty if it has moved on."""
 
-    def add(self, point: Point) -> float | None:
+    def add(self, point: Point, reason: str) -> float | None:
         """The robot has given up at a point, in metres. Returns for how long it is not asked to make room, s; None: it may try on."""
+        self.reason = reason
         if self._point is None or math.dist(self._point, point) > NEAR:
             self._point, self._count = point, 0
             return None
@@ -31,5 +34,5 @@ class VainTrips:
         """Whether a robot that is at this point now has moved away from where it has given up; then they are forgotten."""
         if self._point is None or math.dist(self._point, point) <= NEAR:
             return False
-        self._point, self._count = None, 0
+        self._point, self._count, self.reason = None, 0, ""
         return True

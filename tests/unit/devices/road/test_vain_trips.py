@@ -12,30 +12,33 @@ from somrs.traffic.robot_tasks import MobilityChanged, TripWanted
 from tests.support.outside_robot import OutsideRobot
 
 HERE, ELSEWHERE = (1.0, 2.0), (1.3, 2.0)
+WHY = "something is in the way"
 
 
 def test_who_gives_up_for_the_first_time_may_try_another_way() -> None:
     trips = VainTrips()
-    assert trips.add(HERE) is None
-    assert trips.add(ELSEWHERE) is None
+    assert trips.add(HERE, WHY) is None
+    assert trips.add(ELSEWHERE, WHY) is None
 
 
 def test_who_gives_up_again_rests_longer_each_time() -> None:
     trips = VainTrips()
-    trips.add(HERE)
-    rests = [trips.add(HERE) for _ in range(10)]
+    trips.add(HERE, WHY)
+    rests = [trips.add(HERE, WHY) for _ in range(10)]
     assert rests[:3] == [RETRY, 2 * RETRY, 4 * RETRY]
     assert rests[-1] == LONGEST_RETRY
 
 
 def test_who_has_moved_begins_anew() -> None:
     trips = VainTrips()
-    trips.add(HERE)
-    trips.add(HERE)
+    trips.add(HERE, WHY)
+    trips.add(HERE, WHY)
     assert not trips.is_over((1.05, 2.0))
+    assert trips.reason == WHY
     assert trips.is_over(ELSEWHERE)
+    assert not trips.reason
     assert not trips.is_over(HERE)
-    assert trips.add(HERE) is None
+    assert trips.add(HERE, WHY) is None
 
 
 def play(actions: Callable[[Traveller], None]) -> list[object]:
@@ -45,8 +48,8 @@ def play(actions: Callable[[Traveller], None]) -> list[object]:
         road, notices = OutsideRobot("Robot1").road, list[object]()
         road.tell = notices.append
         road.located(*HERE, 0.0, 0.0)
-        road.gave_up("something is in the way")
-        road.gave_up("something is in the way")
+        road.gave_up(WHY)
+        road.gave_up(WHY)
         actions(road)
         return [notice for notice in notices if isinstance(notice, MobilityChanged | TripWanted)]
 
