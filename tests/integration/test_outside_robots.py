@@ -15,6 +15,7 @@ from somrs.devices.simulator.link.commands import (
     DriveTo,
     Grip,
     Place,
+    PutDown,
     Velocity,
 )
 from somrs.devices.simulator.world.kinds import WorldKind
@@ -110,6 +111,16 @@ def test_it_puts_things_where_it_looks(y: float) -> None:
     assert isinstance(end, CommandDone)
     (jar,) = (state for state in end.object_states if state.object == "Jar002")
     assert math.dist((jar.x, jar.y), (0.55 - 0.1, y)) < 0.06
+
+
+def test_it_lays_things_down_where_it_looks_also_near_furniture() -> None:
+    run = outside()
+    for command in (DriveAlong(points=((1.0, 3.0), (1.0, 3.9))), Grip(object="Jar002"), DriveAlong(points=((3.6, 4.0),), yaw=math.pi / 2)):
+        assert isinstance(end_of(run, command), CommandDone)
+    end = end_of(run, PutDown())
+    assert isinstance(end, CommandDone)
+    (jar,) = (state for state in end.object_states if state.object == "Jar002")
+    assert math.dist((jar.x, jar.y), (3.6, 4.56)) < 0.1  # a quarter of a metre before a table
 
 
 def test_a_simulated_robot_does_not_drive_so() -> None:

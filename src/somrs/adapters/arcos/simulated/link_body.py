@@ -36,6 +36,8 @@ SCAN = Scan(rays=90, range=2.5)
 """What sonar would hear: the nearest things around."""
 SCAN_PERIOD = 0.2
 """Seconds between two scans."""
+TURNING_BACK = 0.3
+"""Seconds until the simulator has heard that the robot drives the other way: what it says until then is of the way before."""
 STILL_BLOCKED = 0.5
 """Seconds for which the wheels count as blocked after the simulator said that something is in the way."""
 
@@ -74,9 +76,11 @@ class LinkBody:
     def __init__(self, link: RobotLink, world: World, state: RobotState) -> None:
         self._link, self._world = link, world
         self._velocities = (0.0, 0.0)
+        self._direction = 0.0
+        """1: it drives ahead, or did last; -1: back."""
         self._sent_velocities = (0.0, 0.0)
         self._velocity_age = 0.0
-        self._blocked_for = 0.0
+        self._blocked_for = self._turning_back = 0.0
         self._first_state = state
         self._handling: asyncio.Task[None] | None = None
         self._charging: asyncio.Task[None] | None = None
@@ -125,6 +129,9 @@ class LinkBody:
         return self._state.holding is not None or self._nearest(self._world.things()) is not None
 
     def drive(self, forward: float, turning: float) -> None:
+        if forward * self._direction < 0:
+            self._blocked_for, self._turning_back = 0.0, TURNING_BACK
+        self._direction = math.copysign(1.0, forward) if forward else self._direction
         self._velocities = forward, turning
 
     def echo(self, x: float, y: float, heading: float) -> float:
@@ -167,7 +174,9 @@ class LinkBody:
         was_dead, self._was_dead = self._was_dead, Fault.DRIVE in self._state.faults
         if was_dead and not self._was_dead:
             self.on_mended()
-        self._blocked_for = STILL_BLOCKED if self._state.obstructed else max(0.0, self._blocked_for - duration)
+        self._turning_back = max(0.0, self._turning_back - duration)
+        is_obstructed = self._state.obstructed and not self._turning_back
+        self._blocked_for = STILL_BLOCKED if is_obstructed else max(0.0, self._blocked_for - duration)
         if self.is_handling or self.has_charger or self._velocity_age < PERIOD:
             return
         if self._velocities != (0.0, 0.0) or self._sent_velocities != (0.0, 0.0):
