@@ -27,6 +27,8 @@ _THICKEST = 0.35
 """The greatest distance between the two faces of a wall, m."""
 _ALONG_LINE = 0.5
 """Share of a row of cells that has to be occupied for it to belong to the line."""
+_ASLANT = math.radians(8)
+"""A line that is more turned against the main direction is not along it, rad."""
 _HIDDEN = 0.9
 """Share of cells that must not be free where a wall goes on without having been seen."""
 
@@ -195,7 +197,7 @@ def main_direction(lines: Iterable[Box]) -> float:
 def aligned(line: Box, direction: float, displacement: float) -> Box:
     """The line turned into the main direction, if its ends move at most by `displacement`."""
     difference = math.remainder(line.yaw - direction, math.pi / 2)
-    if abs(math.sin(difference)) * line.width / 2 > displacement or abs(difference) > math.radians(20):
+    if abs(math.sin(difference)) * line.width / 2 > displacement or abs(difference) > _ASLANT:
         return line
     return Box(line.x, line.y, line.width, line.depth, line.yaw - difference)
 
@@ -215,7 +217,8 @@ def joined(lines: list[Box], grid: OccupancyGrid, longest_gap: float) -> list[Bo
 
 
 def _is_continued(line: Box, continuation: Box, grid: OccupancyGrid, longest_gap: float) -> bool:
-    if abs(math.remainder(line.yaw - continuation.yaw, math.pi)) > math.radians(4):
+    unsure = math.atan(grid.resolution / min(line.width, continuation.width))
+    if abs(math.remainder(line.yaw - continuation.yaw, math.pi)) > math.radians(4) + unsure:
         return False
     u_offset, v_offset = line.local((continuation.x, continuation.y))
     if abs(v_offset) > max(2.1 * grid.resolution, (line.depth + continuation.depth) / 2):
