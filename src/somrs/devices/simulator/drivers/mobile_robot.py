@@ -240,8 +240,10 @@ class MobileRobot(ChargingRobot):
         place = stop.stand if isinstance(stop, Spot) else stop
         try:
             return await (self.legs_to_charger(task, place) if charging else self.legs_through(task, place))
-        except (RemoteError, UsageError) as error:
-            raise Refusal(f"{self.name} does not answer: {error}") from None
+        except RemoteError as error:
+            raise Refusal(f"{self.name} does not answer: {error}", not_now=True) from None
+        except UsageError as error:
+            raise Refusal(f"{self.name} cannot determine the path: {error}") from None
 
     async def _commanded(self, task: Task, command: Callable[[], Awaitable[CommandDone]]) -> str:
         """Carry out a command that moves no thing. Return where the robot is then, and whether doors that it moved are open.
