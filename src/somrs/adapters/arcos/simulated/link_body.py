@@ -28,7 +28,7 @@ LASTS = 0.5
 """Seconds for which a velocity holds: the simulated wheels stop when this program does."""
 REACH = 1.0
 """How far from the robot's centre its arm takes things, m."""
-ASIDE = math.radians(20)
+ASIDE = math.radians(30)
 """How far aside of where the robot looks a thing may be, rad."""
 SUPPORT_ASIDE = math.radians(80)
 """The same for the middle of a support, which may be wide, rad."""

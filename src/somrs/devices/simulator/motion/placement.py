@@ -282,8 +282,10 @@ def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
         rated_spots.append((float(cost) + narrow + (marked if on_floor else 2), (float(spot[0]), float(spot[1])), support.top))
     rated_spots.sort()
     ranked = [(spot, top) for _, spot, top in rated_spots]
-    if robot.is_outside:  # its program takes the thing to be where it looks
-        return sorted(ranked, key=lambda entry: float(_asides(robot, np.array([entry[0]]))[0]))
+    if robot.is_outside:  # its program takes the thing to be where it looks, as far away as its arm usually puts things
+        points = np.array([spot for spot, _ in ranked]).reshape(-1, 2)
+        off = _asides(robot, points) - 0.5 * np.hypot(points[:, 0] - x, points[:, 1] - y)
+        return [ranked[number] for number in np.argsort(off, kind="stable").tolist()]
     reachable = next((i for i, (spot, _) in enumerate(ranked[:12]) if _others_can_reach(robot, spot, radius)), 0)
     return ranked[reachable : reachable + 1] + ranked[:reachable] + ranked[reachable + 1 :]
 
