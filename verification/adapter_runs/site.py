@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,6 +14,8 @@ from verification.adapter_runs.cases import Case, Phase
 
 ROOT = Path(__file__).parents[2]
 ROBOTS = ("Robot1", "Robot2")
+DOMAIN = os.getpid() % 100 + 1
+"""Runs at the same time do not hear each other's nodes."""
 
 MAP = """
 map: Lab
@@ -72,7 +75,7 @@ def adapters_of(kind: str) -> dict[str, Any] | None:
             binding = str(ROOT / "examples" / "ros2_robot.yaml")
             robots = {robot: {"binding": binding, "namespace": robot.lower(), "simulated": True} for robot in ROBOTS}
             environment = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}  # nodes that are killed leave their shared memory
-            ros = {"python": str(python), "discovery": "LOCALHOST", "environment": environment, "robots": robots}
+            ros = {"python": str(python), "domain": DOMAIN, "discovery": "LOCALHOST", "environment": environment, "robots": robots}
             return {"ros2": ros} if python is not None else None
         case ["things"]:
             return {"things": {"broker": "own", "mappings": ["things.yaml"], "simulated": {"Door1": {}}}}

@@ -76,7 +76,14 @@ def test_a_robot_begins_where_the_map_has_it_and_follows_ways(tmp_path: Path) ->
             assert device.battery is not None
             await asyncio.sleep(1.0)
             assert device._line is not None
-            assert load_reckoning(tmp_path / "arcos" / "Robot1.json") == device._line.driver.reckoning
+            stored = load_reckoning(tmp_path / "arcos" / "Robot1.json")
+            assert stored is not None
+            assert stored.reckoning == device._line.driver.reckoning
+        async with robot(tmp_path, body=body) as (device, _, _):  # with a controller that has been switched off and on
+            await wait_until(lambda: device.road.state is not None)
+            state = device.road.state
+            assert state is not None
+            assert math.dist((body.place.x, body.place.y), (state.x, state.y)) < 0.05
 
     run(test())
 

@@ -15,6 +15,8 @@ LARGEST_STEP = 3.0
 """Travel between two reports, m, also if some were lost. No robot drives farther in the time of its watchdog."""
 SMALL_STEP, SMALL_TURN = 0.3, math.radians(60)
 """Between two reports, m and rad, if none was lost."""
+SAME = 0.01
+"""Difference between two poses up to which they are the same, m and rad: maps have them rounded."""
 AT_ORIGIN = 0.02
 """Counters that are this near to 0, m and rad, may have begun anew."""
 
@@ -25,6 +27,10 @@ class Pose(Struct, frozen=True, kw_only=True):
     x: float
     y: float
     yaw: float
+
+    def is_near(self, pose: Pose) -> bool:
+        """Whether it is the same pose, as far as maps tell."""
+        return math.dist((self.x, self.y), (pose.x, pose.y)) < SAME and abs(wrap(self.yaw - pose.yaw)) < SAME
 
     def moved(self, distance: float) -> Pose:
         """The pose this far ahead, m."""

@@ -31,11 +31,11 @@ from somrs.adapters.arcos.events import (
 )
 from somrs.adapters.arcos.line import RobotLine
 from somrs.adapters.arcos.messages import GripperCommand
-from somrs.adapters.arcos.odometry import Pose, Reckoning
+from somrs.adapters.arcos.odometry import Pose
 from somrs.adapters.arcos.parameters import Parameters
 from somrs.adapters.arcos.settings import RobotSettings
 from somrs.adapters.arcos.steering import motion_of
-from somrs.adapters.arcos.stored_reckoning import load_reckoning, store_reckoning
+from somrs.adapters.arcos.stored_reckoning import Stored, load_reckoning, store_reckoning
 from somrs.devices.road_robot import CarryingRobot, Motion, RobotFailed, Way
 from somrs.devices.simulator.drivers.simulated import number_of
 from somrs.errors import UsageError
@@ -63,13 +63,17 @@ class ArcosRobot(CarryingRobot):
         self._running: asyncio.Task[None] | None = None
         self._action: asyncio.Future[ActionDone] | None = None
         self._halted: asyncio.Future[None] | None = None
-        self._stored_reckoning: Reckoning | None = None
+        self._stored: Stored | None = None
+        self._start: Pose | None = None
+        """Where the map had it when the program began."""
         self._store_time = -STORE_PERIOD
 
     async def open(self) -> None:
-        pose = self.settings.pose or await self._start_pose()
+        stored, self._start = load_reckoning(self._file), self.settings.pose or await self._start_pose()
+        is_put_elsewhere = stored is None or not stored.on_map.is_near(self._start)
+        pose = self._start if stored is None or is_put_elsewhere else stored.reckoning.pose
         speed = self.settings.speed or await self._speed_on_map()
-        driver = Driver(pose, self._parameters, self.settings.battery, speed, load_reckoning(self._file))
+        driver = Driver(pose, self._parameters, self.settings.battery, speed, stored.reckoning if stored is not None else None)
         self._line = RobotLine(driver, self.settings.port, self.settings.baud, self._take_effect)
         self.heard(False)
         self._running = asyncio.create_task(self._line.run())
@@ -175,10 +179,20 @@ class ArcosRobot(CarryingRobot):
         now = asyncio.get_running_loop().time()
         if now - self._store_time < STORE_PERIOD:
             return
-        reckoning = self._open_line().driver.reckoning
-        if reckoning is not None and reckoning != self._stored_reckoning:
-            self._store_time, self._stored_reckoning = now, reckoning
-            store_reckoning(self._file, reckoning)
+        reckoning, on_map = self._open_line().driver.reckoning, self._pose_of_map()
+        if reckoning is None or on_map is None:
+            return
+        stored = Stored(reckoning=reckoning, on_map=on_map)
+        if stored != self._stored:
+            self._store_time, self._stored = now, stored
+            store_reckoning(self._file, stored)
+
+    def _pose_of_map(self) -> Pose | None:
+        """Where the map has the robot: where it said last that it is, or where the map had it at first."""
+        if self._reported_pose is None:
+            return self._start
+        x, y, yaw = self._reported_pose
+        return Pose(x=x, y=y, yaw=yaw)
 
     # Parts of services
 

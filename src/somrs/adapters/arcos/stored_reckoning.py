@@ -6,16 +6,24 @@ import logging
 from pathlib import Path
 
 import msgspec
+from msgspec import Struct
 
-from somrs.adapters.arcos.odometry import Reckoning
+from somrs.adapters.arcos.odometry import Pose, Reckoning
 
 log = logging.getLogger(__name__)
 
 
-def load_reckoning(path: Path) -> Reckoning | None:
+class Stored(Struct, frozen=True, kw_only=True):
+    """`on_map`: the pose that the map had, as far as the program knew: if it still has that, nobody has put the robot elsewhere since."""
+
+    reckoning: Reckoning
+    on_map: Pose
+
+
+def load_reckoning(path: Path) -> Stored | None:
     """What was stored last; None if nothing was, or if it cannot be read."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Reckoning)
+        return msgspec.json.decode(path.read_bytes(), type=Stored)
     except FileNotFoundError:
         return None
     except (OSError, msgspec.DecodeError) as error:
@@ -23,12 +31,12 @@ def load_reckoning(path: Path) -> Reckoning | None:
         return None
 
 
-def store_reckoning(path: Path, reckoning: Reckoning) -> None:
+def store_reckoning(path: Path, stored: Stored) -> None:
     """Replace the file, so that it is whole at any time. A failure is logged: the robot can do without it."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(".part")
-        part.write_bytes(msgspec.json.encode(reckoning))
+        part.write_bytes(msgspec.json.encode(stored))
         part.replace(path)
     except OSError as error:
         log.warning("%s cannot be written: %s", path, error)
