@@ -18,12 +18,15 @@ from somrs.kernel.component import Answered, Ask, Effect, Input, Notified, Recei
 from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.traffic import ReadRoadmap, RoadmapPage
 from somrs.repository.update import update_outcome
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import OpenBuilding, lay_out
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import Roadmap, RobotKind
+from somrs.traffic.roadmap_reading import RoadmapReading
 from somrs.traffic.robot_program import RobotProgram
+from somrs.traffic.robot_tasks import RoadmapRead
 from somrs.traffic.state import PlanTraffic
 from tests.support.robot_lab import SITE, site
 
@@ -301,6 +304,17 @@ class RoadLab:
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+
+    def read_roadmap(self) -> RoadmapRead:
+        """The roadmap of traffic."""
+        reading = RoadmapReading()
+        request: ReadRoadmap | None = reading.begin(0.0)
+        while request is not None:
+            page = self.traffic._read(request)
+            assert isinstance(page, RoadmapPage), "that is how it is read"
+            request = reading.take(page, request, 0.0)
+        assert reading.roadmap is not None, "all was read"
+        return reading.roadmap
 
     def held(self, name: str) -> tuple[str, ...]:
         """The places that traffic has given to a robot."""

@@ -7,6 +7,7 @@ import logging
 import uuid
 
 from somrs.devices.road.member import RoadMember
+from somrs.errors import RemoteError
 from somrs.kernel.component import Notified
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
@@ -19,9 +20,18 @@ log = logging.getLogger(__name__)
 def add_road_robot(runtime: Host, device: RoadMember, name: str, traffic: str) -> Node:
     """Have a robot take part in the traffic at an address."""
 
+    problem: str | None = None
+
     async def carry_out(task: object, report: Report) -> object:
+        nonlocal problem
         try:
-            return await device.road.carry_out(task)
+            outcome, problem = await device.road.carry_out(task), None
+            return outcome
+        except RemoteError as error:  # it is tried again; the log has it once
+            if str(error) != problem:
+                problem = str(error)
+                log.warning("%s", problem)
+            raise
         except Exception:  # an author's mistake may be anything; it is logged with its trace, and the work is tried again
             log.exception("%s could not do %s", name, type(task).__name__)
             raise

@@ -37,13 +37,13 @@ from somrs.protocol.messages.traffic import (
     ReportPlace,
     RequestTrip,
     RoadmapPage,
-    RoadmapPlace,
     RoadmapReplaced,
     TrafficEntered,
     TripBegun,
     TripEnded,
 )
 from somrs.traffic.participant import Participant
+from somrs.traffic.roadmap_reading import RoadmapReading
 from somrs.traffic.robot_tasks import (
     Astray,
     Complaint,
@@ -51,7 +51,6 @@ from somrs.traffic.robot_tasks import (
     Locate,
     MobilityChanged,
     PlacePassed,
-    RoadmapRead,
     SilenceChanged,
     Standing,
     TripGivenUp,
@@ -83,8 +82,7 @@ class RobotProgram:
 
     def __init__(self, robot: str, address: str, traffic: str, life: str) -> None:
         self._robot, self._address, self._traffic, self._life = robot, address, traffic, life
-        self._pages: list[RoadmapPlace] = []
-        self._edition = 0
+        self._reading = RoadmapReading()
         self._participant: Participant | None = None
         """Its part, from when it was located."""
         self._number = 0
@@ -113,20 +111,23 @@ class RobotProgram:
     def _effects(self, event: Input, now: float) -> Effects:
         match event:
             case Started():
-                yield from self._read_roadmap()
+                yield self._read_roadmap(now)
                 yield SetTimer(_Due(), now + PAUSE)
             case TimerFired(_Due()):
                 yield from self._try_again(now)
             case Received(message):
                 yield from self._receive(message, now)
             case Notified(notice):
-                yield from self._notice(notice)
+                yield from self._notice(notice, now)
             case Answered(question=question, value=value) if question == self._locating:
                 self._locating = None
                 yield from self._enter(value, now)
             case DeliveryFailed(message=Message(header=header)):
-                if isinstance(self._sent.pop(header.message_id, None), EnterTraffic):
-                    self._entry_time = -LEASE
+                match self._sent.pop(header.message_id, None):
+                    case EnterTraffic():
+                        self._entry_time = -LEASE
+                    case ReadRoadmap():
+                        self._reading.failed()
                 yield SetTimer(_Due(), now + PAUSE)
 
     # Messages
@@ -135,7 +136,7 @@ class RobotProgram:
         request = self._sent.pop(message.header.relates_to or "", None)
         match message.body:
             case RoadmapPage() as page if isinstance(request, ReadRoadmap):
-                yield from self._read_page(page, now)
+                yield from self._read_page(page, request, now)
             case TrafficEntered() as answer if isinstance(request, EnterTraffic | ReportPlace):
                 yield from self._take_part(answer, request, now)
             case TripBegun():
@@ -143,11 +144,11 @@ class RobotProgram:
             case Fault() as fault if request is not None:
                 yield from self._refused(fault, request, now)
             case Granted() | PassageOpen() | PassageClosed() | TripEnded() | RoadmapReplaced() as body:
-                yield from self._follow_traffic(body)
+                yield from self._follow_traffic(body, now)
             case _ if request is None:
                 yield from refuse_request(message, "traffic tells a robot where it may drive")
 
-    def _follow_traffic(self, body: Body) -> Effects:
+    def _follow_traffic(self, body: Body, now: float) -> Effects:
         participant = self._participant
         if participant is None or not participant.fence:
             return
@@ -166,7 +167,7 @@ class RobotProgram:
                 yield self._ask(TripOver(trip, ended=body))
             case RoadmapReplaced(fence=fence) if fence == participant.fence:
                 self._participant = None
-                yield from self._read_roadmap()
+                yield self._read_roadmap(now)
 
     def _refused(self, fault: Fault, request: Body, now: float) -> Effects:
         match request:
@@ -174,7 +175,7 @@ class RobotProgram:
                 self._trip = None
                 yield self._ask(TripOver(trip, refusal=fault.text))
             case ReportPlace() if self._participant is not None and request.fence == self._participant.fence:
-                yield from self._locate()
+                yield from self._locate(now)
             case EnterTraffic():
                 self._is_entering = False
                 self._refusals += 1
@@ -183,47 +184,52 @@ class RobotProgram:
                 self._participant = None
                 yield SetTimer(_Due(), now + PAUSE)
             case ReadRoadmap():
+                self._reading.failed()
                 yield SetTimer(_Due(), now + PAUSE)
 
     # Entering
 
-    def _read_roadmap(self, start: int = 0) -> Effects:
-        if not start:
-            self._pages, self._edition = [], 0
-        yield self._send(ReadRoadmap(after=start))
+    def _read_roadmap(self, now: float) -> Send:
+        """Read the roadmap anew."""
+        return self._send(self._reading.begin(now))
 
-    def _read_page(self, page: RoadmapPage, now: float) -> Effects:
-        if self._edition not in (0, page.edition):
-            yield from self._read_roadmap()
+    def _read_page(self, page: RoadmapPage, request: ReadRoadmap, now: float) -> Effects:
+        if not self._reading.is_under_way:
             return
-        self._edition = page.edition
-        self._pages += page.places
-        if page.more:
-            yield from self._read_roadmap(page.next)
-        elif self._pages:
-            yield from self._locate()
-        else:
-            yield SetTimer(_Due(), now + PAUSE)  # nobody has said yet that there are robots
+        following = self._reading.take(page, request, now)
+        if following is not None:
+            yield self._send(following)
+        elif not self._reading.is_under_way:
+            yield from self._locate(now)
 
-    def _locate(self) -> Effects:
-        """Find out where the robot is, and enter there."""
+    def _locate(self, now: float) -> Effects:
+        """Find out where the robot is, and enter there; as soon as the roadmap is known."""
         if self._locating is not None:
             yield Withdraw(self._locating)
-        self._participant = None
+        self._participant = self._locating = None
+        if self._reading.roadmap is None:
+            if not self._reading.is_under_way:
+                yield self._read_roadmap(now)
+            return
+        if not self._reading.roadmap.places:
+            yield SetTimer(_Due(), now + PAUSE)  # nobody has said yet that there are robots
+            return
         self._question_count += 1
         self._locating = _Question(self._question_count)
-        yield Ask(self._locating, Locate(RoadmapRead(self._edition, tuple(self._pages))))
+        yield Ask(self._locating, Locate(self._reading.roadmap))
 
     def _enter(self, value: object, now: float) -> Effects:
         if not isinstance(value, Standing):
             yield SetTimer(_Due(), now + PAUSE)
             return
+        roadmap = self._reading.roadmap
+        assert roadmap is not None, "it was located by one"
         self._participant = Participant(self._robot, value.place, value.towards)
         self._halts = max(self._halts, value.halts)
         self._is_requested = False
         entry = self._participant.enter(LEASE, value.berths, self._mobility)
         self._is_entering, self._entry_time = True, now
-        yield self._send(structs.replace(entry, edition=self._edition))
+        yield self._send(structs.replace(entry, edition=roadmap.edition))
 
     def _take_part(self, answer: TrafficEntered, request: EnterTraffic | ReportPlace, now: float) -> Effects:
         participant = self._participant
@@ -250,14 +256,18 @@ class RobotProgram:
             yield SetTimer(_Due(), now + LEASE / 3)
         elif self._locating is not None or (self._is_entering and now < self._entry_time + LEASE):
             pass  # it is about to enter
-        elif self._pages and (self._is_entering or self._refusals % 2):
-            yield from self._locate()
+        elif self._reading.is_under_way:
+            request = self._reading.continued(now)
+            if request is not None:
+                yield self._send(request)
+        elif self._is_entering or self._refusals % 2:
+            yield from self._locate(now)
         else:
-            yield from self._read_roadmap()
+            yield self._read_roadmap(now)
 
     # Trips
 
-    def _notice(self, notice: object) -> Effects:
+    def _notice(self, notice: object, now: float) -> Effects:
         match notice:
             case TripWanted():
                 self._trip, self._is_requested = notice, False
@@ -278,7 +288,7 @@ class RobotProgram:
                 if not is_silent and self._participant is not None and self._participant.fence:
                     yield self._report()
             case Astray():
-                yield from self._locate() if self._pages else self._read_roadmap()
+                yield from self._locate(now)
 
     def _request_trip(self) -> Effects:
         participant, trip = self._participant, self._trip

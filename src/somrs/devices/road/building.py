@@ -93,7 +93,7 @@ class Building:
 
     def __init__(self) -> None:
         self._map, self._ontology = Map([]), Ontology()
-        self._edition = 0
+        self._edition: int | None = None
         self.solids: dict[str, Solid] = {}
         self._solids: dict[str, tuple[Object, Solid | None]] = {}
         self._static_key: object = None
@@ -105,7 +105,7 @@ class Building:
     # What changes
 
     def update(self, map: Map, ontology: Ontology, roadmap: RoadmapRead) -> None:
-        """Take over the map as it is, and the roadmap."""
+        """Take over the map as it is, and the roadmap. Raises UsageError for a roadmap that cannot be used; the one from before stays."""
         if map is self._map and roadmap.edition == self._edition:
             return
         if ontology is not self._ontology:
@@ -128,11 +128,11 @@ class Building:
         opened = tuple((solid.name, solid.x, solid.y, solid.z, solid.yaw, solid.role) for solid in static_solids)
         if (opened, lanes, roadmap.edition) == self._ways_key:
             return
-        self._ways_key, self._edition = (opened, lanes, roadmap.edition), roadmap.edition
         levels = sorted({place.level for place in roadmap.places})
         building = OpenBuilding(self._map, self._ontology, levels, lanes)
-        self._roadmap = NumberedRoadmap(_roadmap_of(roadmap.places, building))
-        self._ways = Ways(self._roadmap, building.spaces, building.doors)
+        numbered = NumberedRoadmap(_roadmap_of(roadmap.places, building))
+        self._roadmap, self._ways = numbered, Ways(numbered, building.spaces, building.doors)
+        self._ways_key, self._edition = (opened, lanes, roadmap.edition), roadmap.edition
 
     @property
     def roadmap(self) -> NumberedRoadmap:

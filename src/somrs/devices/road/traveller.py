@@ -19,7 +19,7 @@ from somrs.devices.road.vain_trips import VainTrips
 from somrs.devices.road.waypoints import Waypoint, with_slow_zones
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
-from somrs.errors import RemoteError
+from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.traffic import Berth, Mobility
 from somrs.traffic.robot_tasks import (
     Astray,
@@ -304,10 +304,10 @@ class Traveller:
 
     async def _locate(self, roadmap: RoadmapRead) -> Standing:
         """Where the robot stands, as soon as it does."""
-        self._roadmap = roadmap
         self._halts += 1  # what it was to follow is from before it was lost
         await self._stands_still()
-        building = await self.building(is_current=False)
+        building = await self._building_with(roadmap, is_current=False)
+        self._roadmap = roadmap
         state = self.state
         assert state is not None, "it is connected when it was located"
         stop = building.stop_at(self.driver(), (state.x, state.y), self.new_name(), self._blocked)
@@ -373,8 +373,14 @@ class Traveller:
         """The building as it is on the map, or as it was lately. Raises RemoteError."""
         if self._roadmap is None:
             raise RemoteError(f"{self.robot.name} does not take part in traffic yet")
+        return await self._building_with(self._roadmap, is_current=is_current)
+
+    async def _building_with(self, roadmap: RoadmapRead, *, is_current: bool) -> Building:
         map, ontology = await self.robot.whole_map(is_current=is_current)
-        self.robot.building.update(map, ontology, self._roadmap)
+        try:
+            self.robot.building.update(map, ontology, roadmap)
+        except UsageError as error:
+            raise RemoteError(f"{self.robot.name} cannot use the roadmap of traffic, and reads it again: {error}") from None
         return self.robot.building
 
     def driver(self, level: float | None = None) -> RoadDriver:
