@@ -32,6 +32,11 @@ PROPERTIES = {
 """Attributes for names of properties, and for their @type as of the WebThings schemas."""
 TYPES = {"Brightness": "Light", "TargetTemperature": "Heater", "Locked": "Lock", "On": "Switch"}
 """What a thing is that has such an attribute: the first that fits."""
+THING_TYPES = {
+    "light": "Light", "lamp": "Light", "onoffswitch": "Switch", "multilevelswitch": "Switch", "switch": "Switch", "smartplug": "Switch",
+    "thermostat": "Heater", "heater": "Heater", "lock": "Lock", "fan": "Fan", "cover": "Cover", "blind": "Cover", "shutter": "Cover",
+}  # fmt: skip
+"""Types for the @type of a description, of the WebThings schemas and others."""
 SETTERS = {"Brightness": "SetBrightness", "TargetTemperature": "SetTemperature"}
 SWITCHES = {"On": ("SwitchOn", "SwitchOff"), "Open": ("OpenCover", "CloseCover"), "Locked": ("LockDoor", "UnlockDoor")}
 UNITS = {"celsius": "degC", "degree celsius": "degC", "fahrenheit": "degF", "degree fahrenheit": "degF", "%": "percent", "lux": "lx"}
@@ -114,7 +119,8 @@ class _Reading:
 
     def _type(self, title: str) -> str:
         """The type of the thing: one of those for things, or one below it, if it has attributes that no other thing has."""
-        parent = next((type for path, type in TYPES.items() if path in self.attributes), "Sensor")
+        named_types = (THING_TYPES[word] for word in _annotations(self.document) if word in THING_TYPES)
+        parent = next(named_types, next((type for path, type in TYPES.items() if path in self.attributes), "Sensor"))
         missing = [path for path in self.attributes if path not in self.ontology.attributes_of(parent)]
         if not missing:
             return parent
@@ -149,9 +155,7 @@ class _Reading:
 
     def _attribute(self, name: str, schema: Mapping[str, Any], kind: Kind) -> tuple[AttributeType, str | None]:
         """The attribute for a property, and the unit of the property, where it is another one."""
-        types = schema.get("@type")
-        annotations = types if isinstance(types, list) else [types]
-        words = [str(word).rpartition(":")[2].lower() for word in (*annotations, re.sub(r"[\W_]", "", name)) if word]
+        words = [*_annotations(schema), *filter(None, [re.sub(r"[\W_]", "", name).lower()])]
         unit = UNITS.get(str(schema.get("unit", "")).lower(), schema.get("unit"))
         unit = unit if isinstance(unit, str) and kind is Kind.NUMBER and is_unit(unit) else None
         for path in (PROPERTIES[word] for word in words if word in PROPERTIES):
@@ -236,6 +240,12 @@ class _Reading:
             method="POST" if method == "POST" else "PUT" if method else "",
             content_type=str(form.get("contentType", "application/json")),
         )
+
+
+def _annotations(schema: Mapping[str, Any]) -> list[str]:
+    """The words of an @type, without their vocabularies."""
+    types = schema.get("@type")
+    return [str(word).rpartition(":")[2].rpartition("#")[2].lower() for word in (types if isinstance(types, list) else [types]) if word]
 
 
 def _entries(value: object) -> Iterator[tuple[str, Mapping[str, Any]]]:

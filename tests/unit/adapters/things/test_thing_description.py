@@ -51,6 +51,15 @@ def test_properties_become_attributes_and_services() -> None:
     assert str(lamp.connections["http://192.168.1.23:8080"]) == "http://192.168.1.23:8080"
 
 
+def test_a_description_says_what_the_thing_is() -> None:
+    on = {"@type": "OnOffProperty", "type": "boolean", "forms": form("properties/on")}
+    tint = {"type": "string", "forms": form("properties/tint")}
+    lamp = resolved(title="Corridor lamp 7", **{"@type": ["Light", "OnOffSwitch"]}, properties={"on": on, "tint": tint})
+    assert "Light" in lamp.ontology.ancestors(lamp.thing.type)
+    assert resolved(**{"@type": "https://schemas.example/things#Light"}, properties={"on": on}).thing.type == "Light"
+    assert resolved(**{"@type": "saref:Washer"}, properties={"on": on}).thing.type == "Switch"
+
+
 def test_what_no_type_has_is_defined() -> None:
     mixer = resolved(
         title="Paint mixer",

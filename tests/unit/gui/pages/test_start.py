@@ -58,6 +58,19 @@ def texts(rows: list[Row]) -> list[tuple[str, str, str, str]]:
 # Rows
 
 
+def test_a_thing_that_only_reports_needs_nobody_and_faults_come_first() -> None:
+    sensor = ("Sensor", "Thing", "StationaryDevice")
+    rows = unready_rows(
+        [
+            device("Robot1", DeviceState.NOTHING_ON_OFFER),
+            device("Temp1", DeviceState.NOTHING_ON_OFFER, lineage=sensor),
+            device("Heater1", DeviceState.NOTHING_ON_OFFER, lineage=("Heater", *sensor[1:]), reason="expired", departed_at=NOW),
+            device("Temp2", DeviceState.NOT_WORKING, lineage=sensor),
+        ]
+    )
+    assert [row.text for row in rows] == ["Temp2", "Robot1", "Heater1"]
+
+
 def test_parts_by_whether_they_respond_and_outages_with_their_reason() -> None:
     parts = [
         PartView(name="Repository", address="a", milliseconds=1.0),

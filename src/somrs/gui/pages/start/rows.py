@@ -25,6 +25,8 @@ FAILED_TIME = 86_400.0
 MOST_NAMES = 12
 """Maximum number of devices named in a row."""
 
+CONNECTED = "Thing"
+"""The type of things that messages connect. A program of several reports what those say that have no service."""
 RESPONDS = Sign("check_circle", "Responds", "good")
 NO_RESPONSE = Sign("error", "No response", "bad")
 PROBLEMS = Sign("warning", "Problems", "busy")
@@ -142,8 +144,9 @@ def device_rows(devices: Sequence[DeviceView]) -> list[Row]:
 
 
 def unready_rows(devices: Iterable[DeviceView]) -> list[Row]:
-    """The devices that somebody has to see to, and why."""
-    return [Row(device.name, state(device), device.name, why, "/fleet") for device in devices if (why := _why_unready(device))]
+    """The devices that somebody has to see to, and why; those with a fault first."""
+    by_urgency = sorted(devices, key=lambda device: device.state is not DeviceState.NOT_WORKING)
+    return [Row(device.name, state(device), device.name, why, "/fleet") for device in by_urgency if (why := _why_unready(device))]
 
 
 def _why_unready(device: DeviceView) -> str:
@@ -153,6 +156,8 @@ def _why_unready(device: DeviceView) -> str:
             faults = device.simulated.faults if device.simulated is not None else ()
             labels = ", ".join(FAULT_LABELS[fault] for fault in faults)
             return f"Faults: {labels}." if faults else "According to the map, it does not work."
+        case DeviceState.NOTHING_ON_OFFER if CONNECTED in device.lineage and not departure:
+            return ""
         case DeviceState.NOTHING_ON_OFFER:
             return f"{departure} It offers no service: check its program.".strip()
         case DeviceState.DEPARTED if device.reason == "expired":
