@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from somrs.adapters.things.components import COMPONENTS, Entity, entity_of
 from somrs.adapters.things.home_assistant_keys import full_keys
-from somrs.adapters.things.mapping import AvailabilityEntry, ThingEntry
+from somrs.adapters.things.mapping import ThingEntry
 from somrs.adapters.things.naming import object_name
 
 _TOPIC = re.compile(r"(?P<component>[^/]+)/(?:(?P<node>[^/]+)/)?(?P<object>[^/]+)/config")
@@ -133,7 +133,7 @@ class Discovery:
             type=next(type for type in TYPES if type in types),
             connection=self._connection,
             area=area,
-            available=AvailabilityEntry(**available.model_dump(by_alias=True)) if available is not None else None,
+            available=available,
             attributes={path: attribute for entity in entities for path, attribute in entity.attributes.items()},
             services={type: service for entity in entities for type, service in entity.services.items()},
         )

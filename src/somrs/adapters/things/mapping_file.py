@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import copy
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from msgspec import Struct
 
 from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.library import ontology_below
 from somrs.adapters.things.mapping import SECTIONS, MappingFile
+from somrs.adapters.things.mapping_checks import KeyPath, common_problems
 from somrs.adapters.things.model import Connection, Thing
 from somrs.adapters.things.resolving import Resolver
 from somrs.errors import InputError, ModelError, Problem
@@ -51,32 +54,61 @@ def _check_has_no_map(path: Path) -> None:
         raise ModelError([Problem(file=source.file, line=source.line((key,)), subject=key, rule="mapping", message=text) for key in keys])
 
 
+def _leave_out(data: dict[str, Any], path: KeyPath) -> KeyPath:
+    """Take what is at the path out of a document, or the innermost entry around it that is there. Returns the path of what lacks it."""
+    for length in range(len(path), 0, -1):
+        container: Any = data
+        for step in path[: length - 1]:
+            container = container[step] if _has(container, step) else None
+        if _has(container, path[length - 1]):
+            del container[path[length - 1]]
+            return path[: length - 1]
+    data.clear()
+    return ()
+
+
+def _has(container: object, step: str | int) -> bool:
+    if isinstance(container, dict):
+        return step in container
+    return isinstance(container, list) and isinstance(step, int) and step < len(container)
+
+
 class _Reading:
     def __init__(self, source: Source, ontology: Ontology, connections: dict[str, Connection]) -> None:
         self.source, self.ontology, self.connections = source, ontology, connections
         self.problems: list[Problem] = []
 
     def finish(self) -> LoadedMapping:
-        data = {key: self.source.data.get(key, {}) for key in SECTIONS if key in self.source.data}
-        for path, _, message in model_problems(data, MappingFile):
-            self._problem(path, message)
-        if self.problems:  # what follows from them would only confuse
-            raise ModelError(self.problems)
-        file = MappingFile.model_validate(data)
+        file, broken = self._structure()
         for name, entry in file.connections.items():
             try:
                 self.connections[name] = parse_connection(name, entry, Path(self.source.file).parent)
             except InputError as error:
                 self._problem(("connections", name), str(error))
-        if self.problems:
-            raise ModelError(self.problems)
+        if len(self.connections) < len(file.connections) or any(path[:1] == ("connections",) for path in broken):
+            raise ModelError(self.problems)  # what follows of the things would only confuse
         own_connections = [name for name in file.connections if name in self.connections]
-        things = tuple(self._things(file, own_connections[0] if len(own_connections) == 1 else None))
+        things = tuple(self._things(file, own_connections[0] if len(own_connections) == 1 else None, broken))
+        for name, message in common_problems(things):
+            self._problem(("things", name, "session"), message)
         if self.problems:
             raise ModelError(sorted(self.problems, key=lambda problem: problem.line or 0))
         return LoadedMapping(connections=self.connections, things=things, ontology=self.ontology)
 
-    def _things(self, file: MappingFile, default_connection: str | None) -> Iterator[Thing]:
+    def _structure(self) -> tuple[MappingFile, set[KeyPath]]:
+        """The file without what does not fit its structure, and the entries that lack something therefore."""
+        data = copy.deepcopy({key: self.source.data.get(key, {}) for key in SECTIONS if key in self.source.data})
+        broken: set[KeyPath] = set()
+        is_first = True
+        while problems := [*model_problems(data, MappingFile)]:
+            for path, _, message in problems:
+                if is_first:
+                    self._problem(path, message)
+                broken.add(_leave_out(data, path if is_first else path[:2]))
+            is_first = False
+        return MappingFile.model_validate(data), broken
+
+    def _things(self, file: MappingFile, default_connection: str | None, broken: Collection[KeyPath]) -> Iterator[Thing]:
         for name, entry in file.things.items():
             if NAME.fullmatch(name) is None:
                 self._problem(("things", name), "is not a name of an object: a letter, and then letters, digits, _ or -")
@@ -84,7 +116,8 @@ class _Reading:
             resolver = Resolver(name, self.ontology, self.connections, default_connection)
             thing = resolver.thing(entry)
             for path, message in resolver.problems:
-                self._problem(("things", name, *path), message)
+                if ("things", name, *path) not in broken:  # what follows from what was left out would only confuse
+                    self._problem(("things", name, *path), message)
             if thing is not None:
                 yield thing
 

@@ -95,4 +95,7 @@ def parse_register(text: str, encoding: str | None) -> Register:
             raise InputError(f"{text} is one bit: leave out as: {encoding}")
     elif name not in _FORMATS and _BIT.fullmatch(name) is None:
         raise InputError(f"{encoding!r} is not an encoding: there are {', '.join(_FORMATS)}, bit 0 to bit 15, and each with swapped")
-    return Register(table=table, address=int(match[2]), encoding=name, swapped=swapped)
+    register = Register(table=table, address=int(match[2]), encoding=name, swapped=swapped)
+    if register.address + register.count - 1 > LAST_ADDRESS:
+        raise InputError(f"{text} as {name} has {register.count} registers, and the last address is {LAST_ADDRESS}")
+    return register

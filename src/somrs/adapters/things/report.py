@@ -16,6 +16,7 @@ from somrs.adapters.things.described_things import ADDRESS, load_description, re
 from somrs.adapters.things.home_assistant import Discovery
 from somrs.adapters.things.library import ontology_below
 from somrs.adapters.things.mapping import ConnectionEntry
+from somrs.adapters.things.mapping_checks import oddities
 from somrs.adapters.things.mapping_file import read_mapping
 from somrs.adapters.things.model import Command, Connection, Signal, Thing
 from somrs.errors import InputError
@@ -63,6 +64,8 @@ class ThingsReport(Struct, frozen=True):
     attributes: tuple[AttributeRow, ...]
     services: tuple[ServiceRow, ...]
     missing: tuple[str, ...]
+    oddities: tuple[str, ...] = ()
+    """What may be meant, and is probably not."""
 
 
 def check_file(file: str, used_files: Sequence[Path] = ()) -> ThingsReport:
@@ -107,10 +110,15 @@ def _broker() -> dict[str, Connection]:
 def _report(things: Iterable[Thing]) -> ThingsReport:
     rows = [*things]
     return ThingsReport(
-        things=tuple(ThingRow(thing.name, thing.type, _kind(thing), _availability(thing)) for thing in rows),
+        things=tuple(
+            ThingRow(thing.name, thing.type, _kind(thing), _availability(thing))
+            for thing in rows
+            if thing.signals or thing.is_device or not thing.unsupported
+        ),
         attributes=tuple(_attribute_row(thing.name, signal) for thing in rows for signal in thing.signals),
         services=tuple(row for thing in rows for row in _service_rows(thing)),
         missing=tuple(f"{thing.name}: {text}" for thing in rows for text in thing.unsupported),
+        oddities=tuple(text for thing in rows for text in oddities(thing)),
     )
 
 

@@ -19,6 +19,7 @@ from somrs.adapters.things.mapping import (
     ThingEntry,
     WriteEntry,
 )
+from somrs.adapters.things.mapping_checks import thing_problems
 from somrs.adapters.things.model import Availability, Command, Connection, Door, Session, Signal, Source, Thing, ThingService
 from somrs.adapters.things.registers import Register, parse_register
 from somrs.adapters.things.thing_objects import definitions_for, initial_values
@@ -85,6 +86,8 @@ class Resolver:
             has_working=WORKING in self._attributes,
             definitions=definitions_for(entry.type, (service.type for service in services), self.ontology),
         )
+        if not self.problems:
+            self.problems += thing_problems(thing)
         return thing if not self.problems else None
 
     # Where values are read
@@ -122,6 +125,8 @@ class Resolver:
         register = self._register(key, place, entry.encoding) if connection.kind == "modbus" else None
         if register is not None and entry.json_path is not None:
             self._problem((*key, "json"), "a register has a value, and no document; leave out json:")
+        if connection.kind == "mqtt" and "poll" in entry.model_fields_set:
+            self._problem((*key, "poll"), "a topic says its messages by itself; leave out poll:")
         return Source(connection=connection.name, place=place, register=register, poll=self._poll(key, entry.poll))
 
     def _place(self, key: Path, name: str | None, places: Mapping[str, str | None]) -> tuple[Connection, str, str] | None:
@@ -140,6 +145,9 @@ class Resolver:
             return None
         filled = {written: place for written, place in places.items() if place is not None}
         allowed = [written for written in _KEYS[connection.kind] if written in places]
+        if not allowed:
+            self._problem(key, f"{name} speaks {connection.kind.upper()}, which has no {key[0]}; name a broker or a server")
+            return None
         if len(filled) != 1 or next(iter(filled)) not in allowed:
             expected = " or ".join(f"{written}:" for written in allowed)
             self._problem(key, f"needs {expected}, and only this, because {name} speaks {connection.kind.upper()}")
@@ -235,9 +243,11 @@ class Resolver:
         for name, path in entry.outputs.items():
             if path not in read_paths:
                 self._problem((*key, "outputs", name), f"no message says {path}; {nearest(path, read_paths) or 'say where it is read'}")
-        if names != entry.outputs.keys():
-            problem = f"{definition.name} has the outputs {', '.join(sorted(names)) or 'none'}; write outputs: and where each is read"
-            self._problem((*key, "outputs"), problem)
+            if name not in names:
+                expected = nearest(name, names) or f"it has {', '.join(sorted(names)) or 'none'}"
+                self._problem((*key, "outputs", name), f"{definition.name} has no output {name}; {expected}")
+        if missing := sorted(names - entry.outputs.keys()):
+            self._problem((*key, "outputs"), f"{definition.name} has the outputs {', '.join(missing)}; write where each is read")
 
     def _commands(self, key: Path, entries: list[WriteEntry], thing: ThingEntry, inputs: Mapping[str, str]) -> Iterator[Command]:
         for index, entry in enumerate(entries):

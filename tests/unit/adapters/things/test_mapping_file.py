@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from somrs.adapters.things.mapping_checks import oddities
 from somrs.adapters.things.mapping_file import LoadedMapping, read_mapping
 from somrs.errors import ModelError
 
@@ -100,6 +101,11 @@ def test_definitions_of_a_site_count_instead_of_those_for_things(tmp_path: Path)
         ("mqtt://broker:1883", "mqtts://broker, certificates: {authority: a.pem}", 3, "a.pem; correct the name"),
         ("things:", "objects: {Place1: {type: Place, at: [0, 0, 0]}}\nthings:", 9, "belongs into a file of the site"),
         ("things:", "thing:", 9, "unknown key thing; did you mean things?"),
+        ("holding 7, as: int16, scale", "holding 65535, as: float32, scale", 24, "the last address is 65535"),
+        (", convert: {Temperature: {inverse_of: TargetTemperature}}", "", 28, "is read as TargetTemperature otherwise; write convert:"),
+        ("holding 7, as: int16, payload", "holding 7, as: int32, payload", 28, "is read as int16, and written as int32"),
+        ("json: target}", "json: target, poll: 1 s}", 17, "a topic says its messages by itself"),
+        ("json: target}", "json: target, range: [80, 5]}", 17, "write the least value first"),
     ],
 )
 def test_a_mistake_is_said_with_its_line(tmp_path: Path, text: str, replacement: str, line: int, message: str) -> None:
@@ -115,6 +121,68 @@ def test_all_mistakes_are_said_at_once(tmp_path: Path) -> None:
     with pytest.raises(ModelError) as error:
         mapping(tmp_path, text)
     assert len(error.value.problems) == 2
+
+
+def test_mistakes_in_the_structure_hide_no_others(tmp_path: Path) -> None:
+    text = """
+connections: {house: {url: mqtt://broker}}
+things:
+  Heater1: {type: Heater, attributes: {Temperature: {topic: a, scale: "0,1", unit: kg}, TargetTemperature: {topic: 3}}}
+  Door1: {type: AutomaticDoor, door: {open: [{topic: door/set, payload: open}]}}
+  Heater2: {type: Heatr}
+  Heater3: {attributes: {Temperature: {topic: a}}}
+"""
+    with pytest.raises(ModelError) as error:
+        mapping(tmp_path, text)
+    assert [(problem.line, problem.message.partition(";")[0]) for problem in error.value.problems] == [
+        (4, "scale should be number, not '0,1'"),
+        (4, "topic should be string, not 3.0"),
+        (4, "Temperature is in degC, and kg cannot be expressed in it"),
+        (5, "close is missing"),
+        (6, "there is no type Heatr"),
+        (7, "type is missing"),
+    ]
+
+
+def test_an_output_is_called_by_its_name(tmp_path: Path) -> None:
+    text = """
+connections: {house: {url: mqtt://broker}}
+types: {LabScale: {parent: Scale, attributes: [MeasuredWeight]}}
+things:
+  Scale1:
+    type: LabScale
+    attributes: {MeasuredWeight: {topic: a}}
+    services: {WeighObject: {write: [{topic: b}], done_when: sent, outputs: {Wieght: MeasuredWeight}}}
+"""
+    with pytest.raises(ModelError, match="WeighObject has no output Wieght; did you mean Weight"):
+        mapping(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("sessions", "message"),
+    [
+        ("Lift1: {type: Lift, session: {topic: lifts/1, levels: {L1: '0', L2: '0'}}}", "several storeys have the level '0'"),
+        ("Door1: {type: AutomaticDoor, session: {topic: a}}, Door2: {type: AutomaticDoor, session: {topic: a/}}", "at a, as Door1"),
+        ("Door1: {type: AutomaticDoor, session: {topic: a}, connection: plant}", "plant speaks MODBUS, which has no session"),
+    ],
+)
+def test_each_passage_has_a_session_of_its_own(tmp_path: Path, sessions: str, message: str) -> None:
+    connections = "house: {url: mqtt://broker}, plant: {url: modbus://plc}"
+    sessions = sessions.replace("topic: a", "connection: house, topic: a") if "plant" not in sessions else sessions
+    sessions = sessions.replace("topic: lifts", "connection: house, topic: lifts")
+    with pytest.raises(ModelError, match=message):
+        mapping(tmp_path, f"connections: {{{connections}}}\nthings: {{{sessions}}}\n")
+
+
+def test_a_command_that_its_own_thing_reads_is_odd(tmp_path: Path) -> None:
+    text = """
+connections: {house: {url: mqtt://broker}}
+things:
+  Lamp1: {type: Light, attributes: {On: {topic: lamp/set}}, services: {SwitchOn: {write: [{topic: lamp/set, payload: "on"}]}}}
+  Lamp2: {type: Light, attributes: {On: {topic: lamp}}, services: {SwitchOn: {write: [{topic: lamp/set, payload: "on"}]}}}
+"""
+    lamps = mapping(tmp_path, text).things
+    assert [oddity.partition(" publishes")[0] for lamp in lamps for oddity in oddities(lamp)] == ["Lamp1: SwitchOn"]
 
 
 def test_a_door_needs_to_say_that_it_is_open(tmp_path: Path) -> None:

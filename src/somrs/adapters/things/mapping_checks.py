@@ -1,0 +1,72 @@
+"""What is wrong, or odd, with things whose entries are each right by themselves: how they read and write, and what several share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from somrs.adapters.things.messages import PLACEHOLDER
+from somrs.adapters.things.model import Command, Signal, Thing
+
+KeyPath = tuple[str | int, ...]
+
+
+def thing_problems(thing: Thing) -> Iterator[tuple[KeyPath, str]]:
+    """What is wrong with a thing, by the key below it."""
+    for service in thing.services:
+        for index, command in enumerate(service.commands):
+            for signal in thing.signals:
+                if (problem := _difference(command, signal)) is not None:
+                    yield ("services", service.type, "write", index), problem
+    if thing.session is not None:
+        names = [*thing.session.levels.values()]
+        for storey, name in thing.session.levels.items():
+            if names.count(name) > 1:
+                yield ("session", "levels", storey), f"several storeys have the level {name!r}; give each its own"
+
+
+def common_problems(things: Sequence[Thing]) -> Iterator[tuple[str, str]]:
+    """What is wrong with several things together, by their names."""
+    places = [(thing.session.connection, thing.session.place) if thing.session is not None else None for thing in things]
+    for thing, place in zip(things, places, strict=True):
+        rivals = [rival.name for rival, its_place in zip(things, places, strict=True) if its_place == place and rival is not thing]
+        if place is not None and rivals:
+            yield thing.name, f"has its session at {place[1]}, as {', '.join(rivals)}; each lift and each door has its own"
+
+
+def oddities(thing: Thing) -> Iterator[str]:
+    """What may be meant, and is probably not."""
+    for service in thing.services:
+        for command in service.commands:
+            paths = [signal.path for signal in thing.signals if _is_same_place(command, signal) and command.register is None]
+            if paths and not command.method and service.done_when is not None:
+                yield (
+                    f"{thing.name}: {service.type} publishes to {command.place}, where {', '.join(paths)} is read: the message itself says "
+                    "that it is done, whether or not the thing does anything"
+                )
+
+
+def _difference(command: Command, signal: Signal) -> str | None:
+    """Why what is written to a register is not what is read from it; None if it is, or if they are others."""
+    register, written = signal.source.register, PLACEHOLDER.fullmatch(str(command.payload).strip())
+    if register is None or command.register is None or written is None or not _is_same_place(command, signal):
+        return None
+    if command.register != register:
+        return f"{command.place} is read as {register.encoding}, and written as {command.register.encoding}; write the same as:"
+    conversion, reading = command.conversions.get(written[1]), signal.conversion
+    is_inverse = (
+        (conversion.scale, conversion.offset, conversion.unit, conversion.values)
+        == (reading.scale, reading.offset, reading.unit, reading.values)
+        if conversion is not None
+        else (reading.scale, reading.offset, reading.unit, reading.values) == (1.0, 0.0, None, {})
+    )
+    if is_inverse:
+        return None
+    return f"{command.place} is read as {signal.path} otherwise; write convert: {{{written[1]}: {{inverse_of: {signal.path}}}}}"
+
+
+def _is_same_place(command: Command, signal: Signal) -> bool:
+    source = signal.source
+    if command.register is not None and source.register is not None:
+        places = [(register.table, register.address) for register in (command.register, source.register)]
+        return command.connection == source.connection and places[0] == places[1]
+    return (command.connection, command.place) == (source.connection, source.place)
