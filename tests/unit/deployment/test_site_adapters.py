@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from somrs.deployment.site_adapters import SiteAdapters
-from somrs.errors import UsageError
+from somrs.errors import ModelError, UsageError
 from somrs.ontology.files.loading import upper
 from somrs.ontology.map import Map
 from tests.support.free_ports import free_port
@@ -24,6 +24,7 @@ def broker(folder: Path, *settings: str) -> str:
     )
     adapters = SiteAdapters([folder / "site.yaml"], folder, HOST, {}, with_arcos=False)
     try:
+        adapters.check(is_fresh=False)
         adapters.prepare(Map(), upper(), None)
         return adapters.broker
     finally:
@@ -46,5 +47,5 @@ def test_a_broker_without_an_address_stays_where_it_was(tmp_path: Path) -> None:
 def test_there_is_one_broker(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"not one at 10\.0\.0\.5:1883 and one at 10\.0\.0\.6:1883"):
         broker(tmp_path, "own 10.0.0.5:1883", "own 10.0.0.6:1883")
-    with pytest.raises(UsageError, match="'1883' is no address"):
+    with pytest.raises(ModelError, match="'1883' is no address"):
         broker(tmp_path, "own 1883")

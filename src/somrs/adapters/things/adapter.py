@@ -11,6 +11,7 @@ from typing import Any
 import aiohttp
 
 from somrs.adapters.adapter import Fleet
+from somrs.adapters.settings import Mistake
 from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.adapters.things.described_things import ResolvedThing, load_description, resolve_description, resolve_discovered
@@ -26,8 +27,10 @@ from somrs.adapters.things.passages import passage_device
 from somrs.adapters.things.settings import HomeAssistantEntry, read_settings
 from somrs.adapters.things.state import Payload, SourceKey
 from somrs.adapters.things.thing_device import thing_device
+from somrs.adapters.things.thing_objects import area_problem
 from somrs.errors import InputError
 from somrs.ontology.files.loading import load
+from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, key_of
 from somrs.ontology.types import Definition, Ontology
 from somrs.service_manager.sdk.device import Device
@@ -86,6 +89,13 @@ class ThingsAdapter:
     @property
     def names(self) -> Collection[str]:
         return [self.settings.gateway, *(thing.name for mapping in self.mappings for thing in mapping.things if thing.is_device)]
+
+    def misfits(self, map: Map) -> Iterable[Mistake]:
+        """Things whose area the map of the site does not have."""
+        for mapping in self.mappings:
+            for thing in mapping.things:
+                if (problem := area_problem(thing, map, mapping.ontology)) is not None:
+                    yield ("mappings",), f"{thing.name}: {problem}"
 
     @property
     def simulated(self) -> Collection[str]:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from somrs.adapters.things.mapping import ThingEntry
 from somrs.adapters.things.model import Thing
 from somrs.adapters.things.naming import object_name
+from somrs.entish.parse import nearest
 from somrs.ontology.conformance import violations_of
 from somrs.ontology.files.loading import upper
 from somrs.ontology.map import Map
@@ -22,6 +23,8 @@ from somrs.service_manager.sdk.map_reader import MapReader
 log = logging.getLogger(__name__)
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*(\S.*?)\s*")
+AREA = "AbstractObject"
+"""The type of what things are parts of: rooms, storeys, buildings."""
 _POSITION = ("PositionX", "PositionY", "PositionZ")
 
 Problems = list[tuple[tuple[str | int, ...], str]]
@@ -52,22 +55,43 @@ def initial_values(name: str, entry: ThingEntry, ontology: Ontology) -> tuple[di
     return values, problems
 
 
+def area_problem(thing: Thing, map: Map, ontology: Ontology) -> str | None:
+    """Why a thing cannot be a part of its area on the map; None if it can, or if something else says where it is."""
+    if not thing.area or thing.situation is not None or "PositionX" in thing.values or thing.name in map.objects:
+        return None
+    names = {thing.area, object_name(thing.area, ())}
+    candidates = [object for object in map.objects.values() if object.name in names or object.values.get("Label") == thing.area]
+    if not candidates:
+        return f"area: the map has no {thing.area}, by name or label; {nearest(thing.area, map.objects) or 'write a room or a storey'}"
+    if any(object.type not in ontology.types or ontology.is_subtype(object.type, AREA) for object in candidates):
+        return None
+    return f"area: {thing.area} is a {candidates[0].type}, and no room and no storey; write that in which it is"
+
+
 async def whereabouts(map: MapReader, thing: Thing) -> str | None:
     """What says where a thing is when it comes onto the map: its situation; else, without a position, what it is a part of."""
     if thing.situation is not None or "PositionX" in thing.values:
         return thing.situation
-    area_name = object_name(thing.area, ()) if thing.area else ""
-    queries = [f"?Place: AbstractObject = {name}" for name in dict.fromkeys((thing.area, area_name)) if await map.object(name or "-")]
-    if thing.area:
-        queries.append(f"?Place: AbstractObject.Label = {json.dumps(thing.area)}")
-    for query in (*queries, "?Place: AbstractObject = ?Place AND NOT ?Place isPartOf ?Whole: Object"):
+    areas = await _areas(map, thing.area) if thing.area else []
+    for query in (*areas, "?Place: AbstractObject = ?Place AND NOT ?Place isPartOf ?Whole: Object"):
         if rows := await map.query(query, limit=1):
             place = rows[0]["Place"]
-            if thing.area and query not in queries:
+            if thing.area and "?Named isPartOf" in query:
+                log.warning("%s: %s is no room and no storey: it becomes a part of %s; correct its area", thing.name, thing.area, place)
+            elif thing.area and query not in areas:
                 text = "%s: the map has no %s, by name or label: it becomes a part of %s; correct its area"
                 log.warning(text, thing.name, thing.area, place)
             return f"{thing.name} isPartOf {place}"
     return None
+
+
+async def _areas(map: MapReader, area: str) -> list[str]:
+    """The questions for the room or storey of this name or label; then for that in which something else of this name or label is."""
+    names = [name for name in dict.fromkeys((area, object_name(area, ()))) if await map.object(name) is not None]
+    named = [*(f"?Named: Object = {name}" for name in names), f"?Named: Object.Label = {json.dumps(area)}"]
+    return [
+        f"{query} AND {part}" for part in ("?Place: AbstractObject = ?Named", "?Named isPartOf ?Place: AbstractObject") for query in named
+    ]
 
 
 def definitions_for(type: str, services: Iterable[str], ontology: Ontology) -> tuple[Definition, ...]:
