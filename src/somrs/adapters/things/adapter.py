@@ -258,7 +258,7 @@ class _Run:
 
 def _log_unsupported(thing: Thing) -> None:
     for text in thing.unsupported:
-        log.info("%s: not mapped: %s", thing.name, text)
+        log.warning("%s: not mapped: %s", thing.name, text)
 
 
 def device_for(thing: Thing, hub: Hub) -> Device:

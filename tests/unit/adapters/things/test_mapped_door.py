@@ -1,4 +1,4 @@
-"""A door that messages open and close: messages may be lost, and the way to the door may be gone."""
+"""Doors over MQTT: messages may be lost, and the way to a door, or its controller, may be gone."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from somrs.adapters.things.conversion import Raw
 from somrs.adapters.things.hub import Hub
 from somrs.adapters.things.mapping_file import read_mapping
 from somrs.adapters.things.model import Command, Source
-from somrs.adapters.things.passages import MappedDoor, passage_device
+from somrs.adapters.things.passages import passage_device
 from somrs.adapters.things.session import REPEAT
+from somrs.devices.passage import PassageDevice
 from somrs.ontology.files.loading import upper
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
@@ -28,6 +29,11 @@ things:
     type: AutomaticDoor
     attributes: {Open: {topic: door/state}}
     door: {open: [{topic: door/set, payload: open}], close: [{topic: door/set, payload: close}]}
+"""
+WITH_SESSION = """
+connections: {house: {url: mqtt://broker}}
+things:
+  Door1: {type: AutomaticDoor, available: {topic: door/status}, session: {topic: door}}
 """
 
 
@@ -50,9 +56,9 @@ class Wire:
         self.sent.append(raw)
 
 
-def with_door(folder: Path, test: Callable[[MappedDoor, Hub, Wire], Awaitable[None]]) -> None:
+def with_door(folder: Path, test: Callable[[PassageDevice, Hub, Wire], Awaitable[None]], mapping: str = MAPPING) -> None:
     """Run a test with a door, in virtual time."""
-    (folder / "things.yaml").write_text(MAPPING)
+    (folder / "things.yaml").write_text(mapping)
 
     async def run() -> None:
         loaded, hub, wire = read_mapping(folder / "things.yaml"), Hub(), Wire()
@@ -61,12 +67,10 @@ def with_door(folder: Path, test: Callable[[MappedDoor, Hub, Wire], Awaitable[No
         (thing,) = loaded.things
         hub.add(thing, loaded.ontology)
         door = passage_device(thing, hub)
-        assert isinstance(door, MappedDoor)
         repository = Repository("http://here/repository", Contents(ontology=upper(), map=tower()))
         door.map = MapReader(make_ask(repository, lambda: 0.0))
         await door.open()
         hub.reached("house", True)
-        say(hub, b"closed")
         await test(door, hub, wire)
         await door.close()
 
@@ -78,7 +82,8 @@ def say(hub: Hub, payload: bytes) -> None:
 
 
 def test_a_door_is_opened_again_until_it_says_that_it_is_open(tmp_path: Path) -> None:
-    async def test(door: MappedDoor, hub: Hub, wire: Wire) -> None:
+    async def test(door: PassageDevice, hub: Hub, wire: Wire) -> None:
+        say(hub, b"closed")
         opening = asyncio.create_task(door.follow(PassageCall()))
         await asyncio.sleep(2.5 * REPEAT)
         assert wire.sent == ["open", "open", "open"]
@@ -92,7 +97,7 @@ def test_a_door_is_opened_again_until_it_says_that_it_is_open(tmp_path: Path) ->
 
 
 def test_a_door_that_closes_by_itself_is_opened_again_while_robots_need_it(tmp_path: Path) -> None:
-    async def test(door: MappedDoor, hub: Hub, wire: Wire) -> None:
+    async def test(door: PassageDevice, hub: Hub, wire: Wire) -> None:
         opening = asyncio.create_task(door.follow(PassageCall()))
         await asyncio.sleep(0)
         say(hub, b"open")
@@ -108,7 +113,7 @@ def test_a_door_that_closes_by_itself_is_opened_again_while_robots_need_it(tmp_p
 
 
 def test_a_door_is_not_opened_any_more_when_the_call_was_given_up(tmp_path: Path) -> None:
-    async def test(door: MappedDoor, hub: Hub, wire: Wire) -> None:
+    async def test(door: PassageDevice, hub: Hub, wire: Wire) -> None:
         opening = asyncio.create_task(door.follow(PassageCall()))
         await asyncio.sleep(0.5 * REPEAT)
         opening.cancel()
@@ -119,11 +124,24 @@ def test_a_door_is_not_opened_any_more_when_the_call_was_given_up(tmp_path: Path
 
 
 def test_a_door_does_not_work_while_its_broker_is_away(tmp_path: Path) -> None:
-    async def test(door: MappedDoor, hub: Hub, wire: Wire) -> None:
+    async def test(door: PassageDevice, hub: Hub, wire: Wire) -> None:
         statuses: list[PassageStatus] = []
         door.status_observer = statuses.append
+        say(hub, b"closed")
         for is_reached in (False, True):
             hub.reached("house", is_reached)
-        assert [status.working for status in statuses] == [False, True]
+        assert [status.working for status in statuses] == [True, False, True]
 
     with_door(tmp_path, test)
+
+
+def test_a_door_with_a_session_does_not_work_when_its_controller_is_gone(tmp_path: Path) -> None:
+    async def test(door: PassageDevice, hub: Hub, wire: Wire) -> None:
+        statuses: list[PassageStatus] = []
+        door.status_observer = statuses.append
+        free, last_will = b'{"doors": "closed"}', b'{"doors": "closed", "mode": "out-of-order"}'
+        for topic, payload in (("status", b"online"), ("state", free), ("state", last_will), ("state", free), ("status", b"offline")):
+            hub.received(("house", f"door/{topic}", None), payload)
+        assert [status.working for status in statuses] == [True, False, True, False]
+
+    with_door(tmp_path, test, WITH_SESSION)
