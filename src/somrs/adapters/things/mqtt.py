@@ -31,6 +31,34 @@ def client_at(connection: Connection) -> aiomqtt.Client:
     return aiomqtt.Client(connection.host, connection.port, username=connection.user, password=password, tls_context=context)
 
 
+class RetainedNews:
+    """Which messages are news. A broker sends what it retains with each subscription, and does not say of when it is."""
+
+    def __init__(self) -> None:
+        self._payloads: dict[str, bytes] = {}
+        """The last message of each topic."""
+        self._fresh_topics: set[str] = set()
+        """Those of which this connection has had a message when it was published: what is retained is the same, or older."""
+
+    def connect(self) -> None:
+        """Note that a connection begins: things may have said something meanwhile."""
+        self._fresh_topics = set()
+
+    def forget(self, topic: str) -> None:
+        """Take the next message of a topic for news."""
+        self._payloads.pop(topic, None)
+        self._fresh_topics.discard(topic)
+
+    def is_news(self, topic: str, payload: bytes, *, is_retained: bool) -> bool:
+        """Whether a message is news, which is not asked twice."""
+        if is_retained and (topic in self._fresh_topics or self._payloads.get(topic) == payload):
+            return False
+        if not is_retained:
+            self._fresh_topics.add(topic)
+        self._payloads[topic] = payload
+        return True
+
+
 class MqttConnector:
     """A broker. Messages to it wait until it is there."""
 
@@ -39,6 +67,7 @@ class MqttConnector:
         self._notes = ConnectionNotes(connection)
         self._topics: dict[str, None] = {}
         self._subscribed: set[str] = set()
+        self._news = RetainedNews()
         self._topics_changed = asyncio.Event()
         self._client: aiomqtt.Client | None = None
         self._connected = asyncio.Event()
@@ -49,6 +78,8 @@ class MqttConnector:
     def subscribe(self, topic: str) -> None:
         """Receive the messages of a topic, which may have wildcards."""
         self._topics[topic] = None
+        self._subscribed.discard(topic)  # whoever follows it now has not heard what is retained
+        self._news.forget(topic)
         self._topics_changed.set()
 
     def unfollow(self, source: Source) -> None:
@@ -63,6 +94,7 @@ class MqttConnector:
                     self._notes.note("is connected", is_bad=False)
                     pause = FIRST_PAUSE
                     self._client, self._subscribed = client, set()
+                    self._news.connect()
                     self._connected.set()
                     self._listener.reached(self._connection.name, True)
                     await self._serve(client)
@@ -96,7 +128,7 @@ class MqttConnector:
         try:
             async for message in client.messages:
                 payload = message.payload
-                if isinstance(payload, bytes):
+                if isinstance(payload, bytes) and self._news.is_news(str(message.topic), payload, is_retained=message.retain):
                     self._listener.received((self._connection.name, str(message.topic), None), payload)
         finally:
             subscriber.cancel()
