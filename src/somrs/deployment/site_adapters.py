@@ -27,6 +27,7 @@ class SiteAdapters:
     def __init__(self, site: Sequence[Path], data: Path, host: str, chosen: Mapping[str, Mapping[str, Any]], *, with_arcos: bool) -> None:
         self._site, self._data, self._host, self._chosen, self._with_arcos = site, data, host, chosen, with_arcos
         self._entries: Mapping[str, AdapterEntry] | None = None
+        """The adapters of the files, when they have been checked."""
         self._adapters: dict[str, Adapter] = {}
         self._labels: dict[str, str] = {}
         self._reservation: Reservation | None = None
@@ -38,17 +39,23 @@ class SiteAdapters:
     def check(self, *, is_fresh: bool) -> None:
         """Read the settings of the files. `is_fresh`: the map will be made of the files, too. Raises ModelError with all mistakes."""
         from somrs.deployment.adapter_checks import adapter_problems
+
+        entries, map = self._read()
+        merged = {name: replace(entry, settings={**entry.settings, **self._chosen.get(name, {})}) for name, entry in entries.items()}
+        problems = adapter_problems(merged, map if is_fresh else None)
+        if problems:
+            raise ModelError(problems)
+        self._entries = entries
+
+    def _read(self) -> tuple[Mapping[str, AdapterEntry], Map | None]:
+        """The adapters of the files, and their map."""
         from somrs.ontology.files.loading import load
 
         try:
             loaded = load(self._site) if self._site else None
         except InputError:  # the map of an earlier run needs the files no more; for another one, the Repository says what is wrong
             loaded = None
-        self._entries = loaded.adapters if loaded is not None else {}
-        merged = {name: replace(entry, settings={**entry.settings, **self._chosen.get(name, {})}) for name, entry in self._entries.items()}
-        problems = adapter_problems(merged, loaded.map if is_fresh and loaded is not None else None)
-        if problems:
-            raise ModelError(problems)
+        return (loaded.adapters, loaded.map) if loaded is not None else ({}, None)
 
     def prepare(self, map: Map, ontology: Ontology, mqtt: str | None) -> set[str]:
         """Read the settings, and make what the programs read. Returns the objects of the map that adapters serve. Raises InputError.
@@ -57,8 +64,6 @@ class SiteAdapters:
         """
         from somrs.deployment.adapters import OWN_BROKER, adapters_of, store_adapters
 
-        assert self._entries is not None, "the settings were checked"
-
         chosen = dict(self._chosen)
         pioneers = [name for name, object in sorted(map.objects.items()) if ontology.is_subtype(object.type, PIONEER)]
         if self._with_arcos and pioneers:
@@ -66,7 +71,7 @@ class SiteAdapters:
             ports = dict(zip(pioneers, self._reservation.ports[1:], strict=True))
             robots = {name: {"port": f"tcp://{self._host}:{port}", "simulated": True} for name, port in ports.items()}
             chosen["arcos"] = {**chosen.get("arcos", {}), "robots": robots}
-        entries = adapters_of(self._entries, chosen)
+        entries = adapters_of(self._entries if self._entries is not None else self._read()[0], chosen)
         broker_places = {place for entry in entries if (place := entry.own_broker()) is not None}
         self.needs_broker = bool(broker_places)
         if self.needs_broker:
