@@ -265,10 +265,10 @@ async def _until_stopped(name: str, work: asyncio.Task[None]) -> None:
 
 
 def run_adapter(name: str, addresses: Addresses, data: Path, address: str, site: Sequence[Path] = (), *, is_simulated: bool) -> None:
-    """Run an adapter, or the other end of it. Each line of the log begins with the device that it is about. `site`: as of
+    """Run an adapter, or the other end of it. Each line of the log has the time, and the device that it is about. `site`: as of
     `named_adapter`."""
     settings = named_adapter(name, data, site)
     handler = logging.StreamHandler()
     handler.addFilter(name_device)
-    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s  %(message)s", datefmt="%H:%M:%S", handlers=[handler])
     run_program(serve_simulated(settings, addresses, address) if is_simulated else serve_adapter(settings, addresses, data, address))

@@ -149,10 +149,10 @@ async def serve_devices(drivers: Mapping[str, str], addresses: Addresses, data: 
 
 
 def run_devices(drivers: Mapping[str, str], addresses: Addresses, data: Path, address: str = "127.0.0.1") -> None:
-    """Run the devices until the process receives SIGTERM or SIGINT. Each line of the log begins with the device that it is about."""
+    """Run the devices until the process receives SIGTERM or SIGINT. Each line of the log has the time, and the device that it is about."""
     handler = logging.StreamHandler()
     handler.addFilter(name_device)
-    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s  %(message)s", datefmt="%H:%M:%S", handlers=[handler])
     run_program(serve_devices(drivers, addresses, data, address))
 
 
