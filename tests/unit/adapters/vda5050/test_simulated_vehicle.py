@@ -311,3 +311,10 @@ def test_a_lift_takes_the_vehicle_to_another_map(version: Version) -> None:
     position = alone.state.mobile_robot_position
     assert position is not None
     assert position.map_id == "upstairs"
+
+
+@VERSIONS
+def test_a_vehicle_that_is_switched_on_says_what_it_carries(version: Version) -> None:
+    vehicle = SimulatedVehicle(version, factsheet(), map_id="hall")
+    vehicle.handle(Felt(sensed=msgspec.structs.replace(StandInBody().sense(0.0), load="Jar7")), 0.0)
+    assert [load.load_id for load in vehicle.state().loads or ()] == ["Jar7"]

@@ -12,8 +12,8 @@ class Sensed(Struct, frozen=True, kw_only=True):
     """How the body is. Lengths in metres, angles in radians on the vehicle's map; `charge`: 0 to 100.
 
     `finished`: the number of the last command that has ended, and `failure` why it failed; None: it did not. `fault`: why the body cannot
-    move until somebody mends it; None: it can. `map_id`: the map on which the body is, for one that rides lifts; None: the one on which it
-    was.
+    move until somebody mends it; None: it can. `load`: what it carries, by its sensor; None: nothing. `map_id`: the map on which the body
+    is, for one that rides lifts; None: the one on which it was.
     """
 
     x: float
@@ -26,6 +26,7 @@ class Sensed(Struct, frozen=True, kw_only=True):
     failure: str | None = None
     fault: str | None = None
     map_id: str | None = None
+    load: str | None = None
 
 
 class Drive(Struct, frozen=True, kw_only=True):

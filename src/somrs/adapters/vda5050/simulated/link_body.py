@@ -57,6 +57,7 @@ class LinkBody:
             is_charging=is_charging,
             finished=self._number if is_charging else self._finished,
             failure=self._failure,
+            load=state.holding,
             fault="the drive is dead" if Fault.DRIVE in state.faults else None,
             map_id=min(self._levels, key=lambda map_id: abs(self._levels[map_id] - (state.z or 0.0)), default=None),
         )

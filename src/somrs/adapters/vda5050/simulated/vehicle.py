@@ -73,11 +73,10 @@ class SimulatedVehicle:
         self._complaints, self._instant = Complaints(version), InstantLog()
         self._sensed: Sensed | None = None
         self._load: str | None = None
-        self._number = 0
         self._busy: Command | None = None
         self._busy_action: str | None = None
         self._blocked_at: float | None = None
-        self._habits = Misbehaves()
+        self._number, self._habits = 0, Misbehaves()
         self._published: State | None = None
         self._published_at = -math.inf
         self._effects: list[Effect] = []
@@ -233,6 +232,8 @@ class SimulatedVehicle:
 
     def _feel(self, sensed: Sensed, now: float) -> None:
         earlier, self._sensed = self._sensed or sensed, sensed
+        if earlier is sensed:
+            self._load = sensed.load
         if sensed.fault != earlier.fault or earlier is sensed:
             self._complaints.note_fault(sensed.fault)
         if sensed.map_id is not None and sensed.map_id != self.map_id:
