@@ -86,8 +86,8 @@ class Fleet:
 
     async def remove(self, name: str) -> None: ...
 
-    async def map_names(self, type: str) -> list[str]:
-        return []
+    async def storeys(self) -> dict[str, float]:
+        return {}
 
 
 @contextlib.asynccontextmanager

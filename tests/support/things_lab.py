@@ -41,8 +41,8 @@ class RunningFleet:
         async with self._turn:
             await self._runners.pop(name).stop()
 
-    async def map_names(self, type: str) -> list[str]:
-        raise NotImplementedError("things are named by their mappings")
+    async def storeys(self) -> Mapping[str, float]:
+        raise NotImplementedError("things are where their mappings say")
 
     async def stop(self) -> None:
         await asyncio.gather(*self._work, return_exceptions=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ class NotedFleet:
 
     def __init__(self) -> None:
         self.devices: dict[str, Vda5050Vehicle] = {}
+        self.heights: dict[str, float] = {}
+        """Of the storeys, m."""
         self.effects: dict[str, list[Effect]] = {}
 
     def add(self, device: Device) -> None:
@@ -32,8 +34,8 @@ class NotedFleet:
     async def remove(self, name: str) -> None:
         del self.devices[name]
 
-    async def map_names(self, type: str) -> list[str]:
-        return []
+    async def storeys(self) -> Mapping[str, float]:
+        return self.heights
 
     def drive(self, name: str, *names: str, first: int = 0, spacing: float = 2.0) -> None:
         """Have a vehicle drive along a way, as of `way`."""

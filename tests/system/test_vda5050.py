@@ -24,7 +24,7 @@ from tests.support import warm
 from tests.support.accomplishing import accomplish
 from tests.support.building import building
 from tests.support.hang import HANG_TIME
-from tests.support.simulated_tower import HEIGHT, tower
+from tests.support.simulated_tower import tower
 
 pytestmark = pytest.mark.long
 
@@ -49,7 +49,7 @@ adapters:
 
 
 def two_storeys() -> str:
-    """A building with a lift, whose robot is a vehicle with a map of each storey."""
+    """A building with a lift, whose robot is a vehicle. Nobody names its maps."""
     jar = Object(name="Jar1", type="Jar", values={"PositionX": 2.0, "PositionY": 5.0, "PositionZ": 0.74})
     map = tower((2.0, 2.0, 0.0), extra_objects=[jar], extra_facts=[Fact("isOn", ("Jar1", "Table1"))])
     return f"""{dump_map(map, upper())}
@@ -57,7 +57,6 @@ adapters:
   vda5050:
     broker: own
     vehicles: {{Robot1: {{simulated: "3.0"}}}}
-    maps: {{ground: {{level: 0}}, upstairs: {{level: {HEIGHT}}}}}
 """
 
 

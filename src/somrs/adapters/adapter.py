@@ -18,8 +18,8 @@ class Fleet(Protocol):
     async def remove(self, name: str) -> None:
         """Let a device leave the system."""
 
-    async def map_names(self, type: str) -> list[str]:
-        """The objects of a type on the map, by name."""
+    async def storeys(self) -> Mapping[str, float]:
+        """The storeys of the building on the map, by name, with their heights in metres. It waits until the map is known."""
 
 
 class Adapter(Protocol):
@@ -39,9 +39,9 @@ class Adapter(Protocol):
     def simulated(self) -> Collection[str]:
         """The robots and things of the simulator that `simulate` puts behind the protocol, by their names on the map."""
 
-    async def simulate(self, simulator: str) -> None:
+    async def simulate(self, simulator: str, storeys: Mapping[str, float]) -> None:
         """Be the other end of the protocol for these, with the simulator at this address, until it is cancelled. It runs in a process of
-        its own."""
+        its own. `storeys`: as of `Fleet.storeys`."""
 
     # An adapter may have `misfits(map: Map) -> Iterable[Mistake]` besides: what of its settings does not fit the map of the site.
 

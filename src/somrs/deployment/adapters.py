@@ -24,6 +24,7 @@ from somrs.entish.parse import nearest
 from somrs.errors import InputError, RemoteError, UsageError
 from somrs.runtime.trust_client import following
 from somrs.service_manager.sdk.device import Device
+from somrs.space.storeys import storey_heights
 from somrs.trust.credentials import Credentials
 from somrs.trust.mqtt_topics import EVERYTHING
 
@@ -205,17 +206,8 @@ class HostedFleet:
             task.cancel()
             await asyncio.wait({task})
 
-    async def map_names(self, type: str) -> list[str]:
-        from somrs.client.client import Client
-
-        while True:
-            try:
-                async with Client(self._addresses) as client:
-                    ontology, map = await client.ontology(), await client.map()
-            except RemoteError:
-                await asyncio.sleep(1.0)
-            else:
-                return sorted(name for name, object in map.objects.items() if ontology.is_subtype(object.type, type))
+    async def storeys(self) -> Mapping[str, float]:
+        return await storeys_at(self._addresses)
 
     async def close(self) -> None:
         tasks = [*self._running.values()]
@@ -224,6 +216,20 @@ class HostedFleet:
         if tasks:
             await asyncio.wait(tasks)
         await asyncio.gather(*(listeners.stop() for listeners in (self._listeners, *self._own_listeners.values())))
+
+
+async def storeys_at(addresses: Addresses) -> dict[str, float]:
+    """The storeys of the building of a system, by name, with their heights in metres. It waits until the map is known."""
+    from somrs.client.client import Client
+
+    while True:
+        try:
+            async with Client(addresses) as client:
+                ontology, map = await client.ontology(), await client.map()
+        except RemoteError:
+            await asyncio.sleep(1.0)
+        else:
+            return storey_heights(map, ontology)
 
 
 async def serve_adapter(settings: AdapterSettings, addresses: Addresses, data: Path, address: str) -> None:
@@ -248,7 +254,11 @@ async def serve_simulated(settings: AdapterSettings, addresses: Addresses, addre
     if addresses.simulator is None:
         raise UsageError(f"the adapter {name} puts robots of the simulator behind its protocol, and this system has no simulator")
     async with following(credentials):
-        await _until_stopped(f"{name}-simulated", asyncio.create_task(adapter.simulate(addresses.simulator)))
+        await _until_stopped(f"{name}-simulated", asyncio.create_task(_simulate(adapter, addresses, addresses.simulator)))
+
+
+async def _simulate(adapter: Adapter, addresses: Addresses, simulator: str) -> None:
+    await adapter.simulate(simulator, await storeys_at(addresses))
 
 
 async def _until_stopped(name: str, work: asyncio.Task[None]) -> None:

@@ -18,11 +18,16 @@ def elevation_of(storey: str, map: Map, ontology: Ontology) -> float:
     return float(value) if isinstance(value, int | float) else 0.0
 
 
+def storey_heights(map: Map, ontology: Ontology) -> dict[str, float]:
+    """The heights of all storeys, by name, m."""
+    storeys = sorted(name for name, object in map.objects.items() if ontology.is_subtype(object.type, "Storey"))
+    return {storey: elevation_of(storey, map, ontology) for storey in storeys}
+
+
 def span_of(storey: str, map: Map, ontology: Ontology) -> tuple[float, float] | None:
     """The heights between which the undersides of a storey's objects are, m; None for an object that is no storey."""
-    storeys = {name for name, object in map.objects.items() if ontology.is_subtype(object.type, "Storey")}
-    if storey not in storeys:
+    elevations = storey_heights(map, ontology)
+    if storey not in elevations:
         return None
-    elevations = {name: elevation_of(name, map, ontology) for name in storeys}
     higher = (elevation for elevation in elevations.values() if elevation > elevations[storey])
     return elevations[storey] - BELOW_FLOOR, min(higher, default=math.inf) - BELOW_FLOOR

@@ -53,7 +53,7 @@ async def robot_of_simulator(binding: dict[str, Any] = BINDING) -> AsyncIterator
         simulator(1, SITE, WorldKind.KINEMATIC) as server,
         OperatorLink(server.host, server.port) as operator,
     ):
-        simulation = asyncio.create_task(Ros2Adapter({**ROS, "robots": robots}, Path.cwd()).simulate(f"{server.host}:{server.port}"))
+        simulation = asyncio.create_task(Ros2Adapter({**ROS, "robots": robots}, Path.cwd()).simulate(f"{server.host}:{server.port}", {}))
         async with connected(namespace, binding, {"levels": [level]}) as (connection, witness):
             yield connection, witness, operator
         simulation.cancel()

@@ -34,7 +34,7 @@ class ArcosAdapter:
     def simulated(self) -> Collection[str]:
         return [name for name, robot in self._robots.items() if robot.simulated]
 
-    async def simulate(self, simulator: str) -> None:
+    async def simulate(self, simulator: str, storeys: Mapping[str, float]) -> None:
         await serve_simulated({name: int(self._robots[name].port.rpartition(":")[2]) for name in self.simulated}, simulator)
 
     async def run(self, fleet: Fleet) -> None:

@@ -34,7 +34,7 @@ class Ros2Adapter:
     def simulated(self) -> Collection[str]:
         return [name for name, robot in self._settings.robots.items() if robot.simulated]
 
-    async def simulate(self, simulator: str) -> None:
+    async def simulate(self, simulator: str, storeys: Mapping[str, float]) -> None:
         robots = {name: self._settings.robots[name] for name in self.simulated}
         await run_simulated(self._settings, self._folder, robots, simulator)
 

@@ -102,7 +102,7 @@ class ThingsAdapter:
         """The doors and lifts of the simulator that are behind the session interface."""
         return self.settings.simulated.keys()
 
-    async def simulate(self, simulator: str) -> None:
+    async def simulate(self, simulator: str, storeys: Mapping[str, float]) -> None:
         """Be the controllers of doors and lifts of the simulator, until it is cancelled."""
         from somrs.adapters.things.simulated.program import SimulatedPassage, serve_passages
 

@@ -20,7 +20,9 @@ from somrs.adapters.vda5050.simulated.link_body import serve_simulated
 from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
 from somrs.adapters.vda5050.zoning.site import ZoneCatalogue
 from somrs.errors import SettingsError, UsageError
+from somrs.ontology.files.loading import upper
 from somrs.ontology.map import Map
+from somrs.space.storeys import elevation_of
 
 log = logging.getLogger(__name__)
 
@@ -46,7 +48,7 @@ class Vda5050Adapter:
             self._address = broker_address(self._settings.broker, self._settings.certificates, folder)
         except UsageError as error:
             raise SettingsError("vda5050", [(("broker",), str(error))]) from None
-        self._frames, self._catalogue = self._settings.frames, ZoneCatalogue()
+        self._frames, self._catalogue = self._settings.frames({}), ZoneCatalogue()
         self.sessions: dict[VehicleAddress, VehicleSession] = {}
         """All vehicles that were heard, and the addresses at which those may be that the settings name."""
         self._waited: dict[VehicleAddress, int] = {}
@@ -59,20 +61,25 @@ class Vda5050Adapter:
         return self._settings.vehicles.keys()
 
     def misfits(self, map: Map) -> Iterable[Mistake]:
-        """Robots that the map of the site does not have."""
-        return absent("vehicles", self._settings.vehicles, map)
+        """Robots that the map of the site does not have, and maps of the vehicles that may be those of any of its storeys."""
+        yield from absent("vehicles", self._settings.vehicles, map)
+        storeys = {storey: elevation_of(storey, map, upper()) for storey in sorted(map.of_type("Storey"))}
+        for map_id in self._settings.floorless(storeys):
+            heights = ", ".join(f"{storey} at {height:g} m" for storey, height in storeys.items())
+            yield ("maps", map_id), f"give the `level` of its floor, in metres: the building has several storeys, {heights}"
 
     @property
     def simulated(self) -> Collection[str]:
         return [name for name, vehicle in self._settings.vehicles.items() if vehicle.simulated is not None]
 
-    async def simulate(self, simulator: str) -> None:
+    async def simulate(self, simulator: str, storeys: Mapping[str, float]) -> None:
         vehicles = {name: vehicle for name, vehicle in self._settings.vehicles.items() if vehicle.simulated is not None}
         robots = {name: (self._settings.address(vehicle), VERSIONS[vehicle.simulated or ""]) for name, vehicle in vehicles.items()}
-        levels = {map_id: frame.level for map_id, frame in self._settings.maps.items() if frame.level is not None}
+        levels = {frame.map_id: frame.level for frame in self._settings.frames(storeys).all if frame.level is not None}
         await serve_simulated(robots, simulator, self._address, levels)
 
     async def run(self, fleet: Fleet) -> None:
+        self._frames = self._settings.frames(await fleet.storeys())
         topics = [
             (f"{interface}/{major}/+/+/{topic}", quality)
             for interface in self._settings.interfaces

@@ -64,14 +64,29 @@ class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown
     def interfaces(self) -> tuple[str, ...]:
         return (self.interface,) if isinstance(self.interface, str) else self.interface
 
-    @property
-    def frames(self) -> Frames:
+    def frames(self, storeys: Mapping[str, float]) -> Frames:
+        """Where the maps of the vehicles lie. `storeys`: the heights of those of the site, by name, in metres. Without `maps`, a building
+        with several storeys has a map of each, with its name."""
+        if not self.maps:
+            return Frames([Frame(map_id=storey, level=height) for storey, height in storeys.items()] if has_floors(storeys) else [])
         return Frames(
             [
-                Frame(map_id=map_id, x=frame.at[0], y=frame.at[1], yaw=math.radians(frame.turned), level=frame.level)
+                Frame(
+                    map_id=map_id,
+                    x=frame.at[0],
+                    y=frame.at[1],
+                    yaw=math.radians(frame.turned),
+                    level=storeys.get(map_id) if frame.level is None else frame.level,
+                )
                 for map_id, frame in self.maps.items()
             ]
         )
+
+    def floorless(self, storeys: Mapping[str, float]) -> list[str]:
+        """The maps of which nobody knows on which floor they are, in a building with several storeys."""
+        if not has_floors(storeys):
+            return []
+        return [map_id for map_id, frame in self.maps.items() if frame.level is None and map_id not in storeys]
 
     @property
     def packages(self) -> list[MapPackage]:
@@ -110,6 +125,11 @@ class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown
             if (vehicle.manufacturer, vehicle.serial_number) == (address.manufacturer, address.serial_number):
                 return name
         return None if self.named_only else made_name(address)
+
+
+def has_floors(storeys: Mapping[str, float]) -> bool:
+    """Whether storeys are at several heights."""
+    return len({*storeys.values()}) > 1
 
 
 def made_name(address: VehicleAddress) -> str:

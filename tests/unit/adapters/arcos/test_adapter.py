@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,8 @@ class CollectingFleet:
     async def remove(self, name: str) -> None:
         raise AssertionError("no robot leaves")
 
-    async def map_names(self, type: str) -> list[str]:
-        return []
+    async def storeys(self) -> Mapping[str, float]:
+        return {}
 
 
 def test_each_robot_of_the_settings_is_a_device() -> None:

@@ -17,7 +17,7 @@ from tests.support.vda5050_fleet import NotedFleet
 from tests.support.vda5050_messages import HEADER
 from tests.unit.adapters.vda5050.test_messages import MINIMAL
 
-POSITION = {"agvPosition": {"x": 1.0, "y": 2.0, "theta": 0.0, "mapId": "hall", "positionInitialized": True}}
+POSITION = {"x": 1.0, "y": 2.0, "theta": 0.0, "positionInitialized": True}
 
 
 class Site:
@@ -27,12 +27,13 @@ class Site:
         self.adapter = Vda5050Adapter({"broker": "mqtt://broker", **settings}, Path())
         self.fleet = NotedFleet()
 
-    def hear(self, identity: str, *, describes: bool = True, version: str = "v2") -> None:
+    def hear(self, identity: str, *, describes: bool = True, version: str = "v2", map_id: str = "hall") -> None:
         """The state of a vehicle arrives, and its factsheet. `identity`: manufacturer and serial number, with a slash between them."""
         if describes:
             spoken = Version.V3_0 if version == "v3" else Version.V2_1
             self.adapter._receive(f"uagv/{version}/{identity}/factsheet", encode(factsheet(), HEADER, spoken))
-        self.adapter._receive(f"uagv/{version}/{identity}/state", json.dumps(MINIMAL | POSITION).encode())
+        state = MINIMAL | {"agvPosition": POSITION | {"mapId": map_id}}
+        self.adapter._receive(f"uagv/{version}/{identity}/state", json.dumps(state).encode())
 
     def wait(self, ticks: int = 1) -> None:
         for _ in range(ticks):
@@ -101,3 +102,18 @@ def test_other_topics_and_vehicles_are_ignored() -> None:
     site.adapter._receive("uagv/v2/acme/1/telemetry", b"{}")
     site.adapter._receive("weather", b"{}")
     assert site.adapter.sessions == {}
+
+
+def test_in_a_building_with_several_storeys_each_is_a_map_and_others_are_refused_before_they_drive(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Seen: a vehicle whose map was none of the site's was placed on the ground, also when it had ridden a lift, and drove there."""
+    site = Site()
+    site.fleet.heights = {"L1": 0.0, "L2": 8.0}
+    site.adapter._frames = site.adapter._settings.frames(site.fleet.heights)
+    site.hear("acme/1")
+    site.hear("acme/2", map_id="L2")
+    site.wait(3)
+    assert list(site.fleet.devices) == ["Acme2"]
+    assert site.fleet.devices["Acme2"].values["PositionZ"] == 8.0
+    assert "is on the map hall, and the site has only L1, L2: give its `level` under `maps` in the settings" in caplog.text

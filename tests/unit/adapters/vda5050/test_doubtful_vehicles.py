@@ -227,7 +227,7 @@ def test_a_vehicle_on_a_map_that_the_settings_do_not_name_does_not_know_where_it
     dialogue.connect()
     dialogue.stand_at(3.0, "cellar")
     assert not any(isinstance(effect, Located) for effect in dialogue.effects)
-    assert dialogue.reasons() == ["is on the map cellar, and the settings have only hall"]
+    assert dialogue.reasons() == ["is on the map cellar, and the site has only hall: give its `level` under `maps` in the settings"]
     dialogue.stand_at(3.0)
     assert dialogue.reasons()[-1] is None
     assert any(isinstance(effect, Located) for effect in dialogue.effects)

@@ -13,6 +13,8 @@ from somrs.adapters.vda5050.mqtt import Certificates, broker_address
 from somrs.adapters.vda5050.settings import made_name, read_settings
 from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
 from somrs.errors import InputError
+from somrs.ontology.map import Map
+from somrs.ontology.objects import Object
 
 BROKER = {"broker": "mqtt://10.0.0.5:1883"}
 
@@ -67,3 +69,28 @@ def test_topics() -> None:
     assert deep is not None
     assert (deep[0].interface, deep[0].major) == ("site/hall", 3)
     assert [read_topic(text) for text in ("uagv/v1/acme/7/state", "v2/acme/7/state", "uagv/v2/acme/7/telemetry")] == [None] * 3
+
+
+@pytest.mark.parametrize(
+    ("maps", "storeys", "levels"),
+    [
+        ({}, {"L1": 0.0, "L2": 8.0}, {"L1": 0.0, "L2": 8.0}),
+        ({}, {"L1": 0.0}, {}),
+        ({}, {}, {}),
+        ({"L2": {"version": "7"}, "hall": {"level": 0.5}}, {"L1": 0.0, "L2": 8.0}, {"L2": 8.0, "hall": 0.5}),
+    ],
+)
+def test_maps_are_on_the_floors_of_the_storeys_with_their_names(
+    maps: dict[str, Any], storeys: dict[str, float], levels: dict[str, float]
+) -> None:
+    frames = read_settings({**BROKER, "maps": maps}).frames(storeys)
+    assert {frame.map_id: frame.level for frame in frames.all} == levels
+
+
+def test_a_map_that_may_be_that_of_any_storey_is_a_mistake_in_the_settings() -> None:
+    adapter = Vda5050Adapter({**BROKER, "maps": {"hall": {}, "L2": {}}}, Path())
+    storeys = [Object(name="L1", type="Storey"), Object(name="L2", type="Storey", values={"Elevation": 8.0})]
+    ((path, message),) = adapter.misfits(Map(storeys))
+    assert path == ("maps", "hall")
+    assert message == "give the `level` of its floor, in metres: the building has several storeys, L1 at 0 m, L2 at 8 m"
+    assert [*adapter.misfits(Map(storeys[:1]))] == []

@@ -289,7 +289,8 @@ class Listener:
         position = state.mobile_robot_position
         if position is None or self.frames.has(position.map_id):
             return None
-        return f"is on the map {position.map_id}, and the settings have only {', '.join(frame.map_id for frame in self.frames.all)}"
+        map_ids = ", ".join(frame.map_id for frame in self.frames.all)
+        return f"is on the map {position.map_id}, and the site has only {map_ids}: give its `level` under `maps` in the settings"
 
     def _judge_delay(self, now: float) -> None:
         reasons = [words] if self.state is not None and (words := delay(self.state)) is not None else []
