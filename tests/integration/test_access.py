@@ -98,7 +98,10 @@ def test_engineers_invite_devices_and_administrators_all_and_revoke(tmp_path: Pa
             assert (await client.post("/trust/invitations", json={"name": "Robot7"}, headers=engineer)).status_code == 200
             registry = {"name": "registry-2", "roles": ["registry"]}
             refused = await client.post("/trust/invitations", json=registry, headers=engineer)
-            assert (refused.status_code, refused.json()["problem"]) == (403, "only who is administrator invites others than devices")
+            assert (refused.status_code, refused.json()["problem"]) == (
+                403,
+                "only who is administrator invites others than devices and things",
+            )
             assert (await client.post("/trust/invitations", json=registry, headers=administrator)).json()["secret"]
             names = [invited["name"] for invited in (await client.get("/trust", headers=engineer)).json()["invitations"]]
             assert names == ["Robot7", "registry-2"]

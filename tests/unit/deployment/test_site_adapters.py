@@ -68,7 +68,5 @@ def test_the_broker_of_the_bus_is_used_with_the_certificate_of_the_program(tmp_p
     }
     other = AdapterSettings("things", {"broker": "mqtt://10.0.0.5"}, str(tmp_path))
     assert other.at_bus("mqtts://127.0.0.1:8883", Credentials(certificate)) == other.at_bus(None) == other
-    with pytest.raises(
-        UsageError, match="adapters: things: broker: bus: there is no bus that is known to speak MQTT"
-    ):
+    with pytest.raises(UsageError, match="adapters: things: broker: bus: there is no bus that is known to speak MQTT"):
         entry.at_bus(None)
