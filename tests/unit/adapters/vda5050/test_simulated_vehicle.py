@@ -143,16 +143,16 @@ REJECTED_WHEN_IDLE = [
 @VERSIONS
 @pytest.mark.parametrize(("bad", "type_in_2", "type_in_3"), REJECTED_WHEN_IDLE)
 def test_an_order_that_is_not_valid_is_rejected_until_one_is(bad: Order, type_in_2: str, type_in_3: str, version: Version) -> None:
-    alone = Alone(version)
-    alone.order(bad)
-    alone.run(3)
+    vehicle = Alone(version)
+    vehicle.order(bad)
+    vehicle.run(3)
     level = ErrorLevel.CRITICAL if version is Version.V3_0 and type_in_3 == "UNSUPPORTED_PARAMETER" else ErrorLevel.WARNING
-    assert alone.errors == [(type_in_3 if version is Version.V3_0 else type_in_2, level)]
-    assert alone.state.errors[0].reference("orderId") == "o"
-    assert (alone.state.order_id, alone.body.x) == ("", 0.0)
-    alone.order(order("AB", order_id="good"))
-    alone.run(3)
-    assert (alone.errors, alone.body.x) == ([], 1.0)
+    assert vehicle.errors == [(type_in_3 if version is Version.V3_0 else type_in_2, level)]
+    assert vehicle.state.errors[0].reference("orderId") == "o"
+    assert (vehicle.state.order_id, vehicle.body.x) == ("", 0.0)
+    vehicle.order(order("AB", order_id="good"))
+    vehicle.run(3)
+    assert (vehicle.errors, vehicle.body.x) == ([], 1.0)
 
 
 @VERSIONS
@@ -168,147 +168,147 @@ def test_an_order_that_is_not_valid_is_rejected_until_one_is(bad: Order, type_in
 def test_an_update_that_does_not_fit_is_rejected_and_the_order_goes_on(
     update: Order, type_in_2: str, type_in_3: str, version: Version
 ) -> None:
-    alone = Alone(version)
-    alone.order(order("AB", base=2))
-    alone.order(order("BC", update=1, first=2))
-    alone.order(update)
-    assert alone.errors == [(type_in_3 if version is Version.V3_0 else type_in_2, ErrorLevel.WARNING)]
-    alone.run(4)
-    assert (alone.state.order_update_id, alone.body.x) == (1, 2.0)
+    vehicle = Alone(version)
+    vehicle.order(order("AB", base=2))
+    vehicle.order(order("BC", update=1, first=2))
+    vehicle.order(update)
+    assert vehicle.errors == [(type_in_3 if version is Version.V3_0 else type_in_2, ErrorLevel.WARNING)]
+    vehicle.run(4)
+    assert (vehicle.state.order_update_id, vehicle.body.x) == (1, 2.0)
 
 
 @VERSIONS
 def test_a_repeated_order_is_ignored(version: Version) -> None:
-    alone = Alone(version)
-    alone.order(order("AB"))
-    alone.run(3)
-    alone.order(order("AB"))
-    alone.run(3)
-    assert (alone.errors, alone.body.x, len(alone.drives)) == ([], 1.0, 1)
+    vehicle = Alone(version)
+    vehicle.order(order("AB"))
+    vehicle.run(3)
+    vehicle.order(order("AB"))
+    vehicle.run(3)
+    assert (vehicle.errors, vehicle.body.x, len(vehicle.drives)) == ([], 1.0, 1)
 
 
 @VERSIONS
 def test_a_first_node_may_be_as_far_away_as_its_deviation(version: Version) -> None:
-    alone = Alone(version)
+    vehicle = Alone(version)
     position = NodePosition(x=2.0, y=0.0, map_id="hall", allowed_deviation_xy=Deviation(a=2.5, b=2.5, theta=0.0))
-    alone.order(changed(order("CD"), 0, node_position=position))
-    alone.run(5)
-    assert (alone.errors, alone.body.x) == ([], 3.0)
+    vehicle.order(changed(order("CD"), 0, node_position=position))
+    vehicle.run(5)
+    assert (vehicle.errors, vehicle.body.x) == ([], 3.0)
 
 
 @VERSIONS
 def test_no_update_is_accepted_after_a_cancellation(version: Version) -> None:
-    alone = Alone(version)
-    alone.order(order("ABC", base=2))
-    alone.run(0.5)
-    alone.act("cancelOrder", "c1")
-    assert alone.status("c1") is ActionStatus.RUNNING
-    alone.run(0.5)
-    assert alone.status("c1") is ActionStatus.FINISHED
-    assert (alone.state.node_states, alone.state.order_id) == ((), "o")
-    alone.order(order("BC", update=1, first=2))
-    assert alone.errors[0][0] == ("ORDER_UPDATE_FOLLOWING_CANCEL" if version is Version.V3_0 else "orderUpdateError")
-    alone.act("cancelOrder", "c2")
-    assert alone.status("c2") is ActionStatus.FAILED
-    assert ("NO_ORDER_TO_CANCEL" if version is Version.V3_0 else "noOrderToCancel") in [error for error, _ in alone.errors]
+    vehicle = Alone(version)
+    vehicle.order(order("ABC", base=2))
+    vehicle.run(0.5)
+    vehicle.act("cancelOrder", "c1")
+    assert vehicle.status("c1") is ActionStatus.RUNNING
+    vehicle.run(0.5)
+    assert vehicle.status("c1") is ActionStatus.FINISHED
+    assert (vehicle.state.node_states, vehicle.state.order_id) == ((), "o")
+    vehicle.order(order("BC", update=1, first=2))
+    assert vehicle.errors[0][0] == ("ORDER_UPDATE_FOLLOWING_CANCEL" if version is Version.V3_0 else "orderUpdateError")
+    vehicle.act("cancelOrder", "c2")
+    assert vehicle.status("c2") is ActionStatus.FAILED
+    assert ("NO_ORDER_TO_CANCEL" if version is Version.V3_0 else "noOrderToCancel") in [error for error, _ in vehicle.errors]
 
 
 @VERSIONS
 def test_the_state_lists_what_is_to_come(version: Version) -> None:
-    alone = Alone(version)
-    alone.order(order("ABCD", base=3, C=action("pick", "p")))
-    state = alone.state
+    vehicle = Alone(version)
+    vehicle.order(order("ABCD", base=3, C=action("pick", "p")))
+    state = vehicle.state
     assert [node.node_id for node in state.node_states] == ["B", "C", "D"]
     assert [edge.edge_id for edge in state.edge_states] == ["AB", "BC", "CD"]
-    assert (state.last_node_id, state.last_node_sequence_id, alone.status("p")) == ("A", 0, ActionStatus.WAITING)
-    alone.run(1.4)
-    assert [node.node_id for node in alone.state.node_states] == ["C", "D"]
-    assert alone.state.new_base_request
-    alone.run(7)
-    assert [node.node_id for node in alone.state.node_states] == ["D"]
-    assert alone.status("p") is ActionStatus.FINISHED
+    assert (state.last_node_id, state.last_node_sequence_id, vehicle.status("p")) == ("A", 0, ActionStatus.WAITING)
+    vehicle.run(1.4)
+    assert [node.node_id for node in vehicle.state.node_states] == ["C", "D"]
+    assert vehicle.state.new_base_request
+    vehicle.run(7)
+    assert [node.node_id for node in vehicle.state.node_states] == ["D"]
+    assert vehicle.status("p") is ActionStatus.FINISHED
 
 
 @VERSIONS
 @pytest.mark.parametrize(("blocking", "stops"), [(BlockingType.NONE, False), (BlockingType.SOFT, True), (BlockingType.HARD, True)])
 def test_blocking_types_say_whether_the_vehicle_stops(blocking: BlockingType, stops: bool, version: Version) -> None:
-    alone = Alone(version)
-    alone.order(order("ABC", B=action("waitForTrigger", "w", blocking)))
-    alone.run(5)
-    assert alone.body.x == (1.0 if stops else 2.0)
-    assert alone.status("w") is ActionStatus.RUNNING
-    alone.act("trigger", "t")
-    alone.run(3)
-    assert (alone.body.x, alone.status("w")) == (2.0, ActionStatus.FINISHED)
+    vehicle = Alone(version)
+    vehicle.order(order("ABC", B=action("waitForTrigger", "w", blocking)))
+    vehicle.run(5)
+    assert vehicle.body.x == (1.0 if stops else 2.0)
+    assert vehicle.status("w") is ActionStatus.RUNNING
+    vehicle.act("trigger", "t")
+    vehicle.run(3)
+    assert (vehicle.body.x, vehicle.status("w")) == (2.0, ActionStatus.FINISHED)
 
 
 @VERSIONS
 def test_a_pause_can_be_resumed(version: Version) -> None:
-    alone = Alone(version)
-    alone.order(order("ABC"))
-    alone.run(0.5)
-    alone.act("startPause", "p1")
-    alone.run(2)
-    assert (alone.state.paused, alone.state.driving, alone.status("p1")) == (True, False, ActionStatus.FINISHED)
-    assert alone.body.x < 1.0
-    alone.act("stopPause", "p2")
-    alone.run(3)
-    assert (alone.state.paused, alone.body.x) == (False, 2.0)
+    vehicle = Alone(version)
+    vehicle.order(order("ABC"))
+    vehicle.run(0.5)
+    vehicle.act("startPause", "p1")
+    vehicle.run(2)
+    assert (vehicle.state.paused, vehicle.state.driving, vehicle.status("p1")) == (True, False, ActionStatus.FINISHED)
+    assert vehicle.body.x < 1.0
+    vehicle.act("stopPause", "p2")
+    vehicle.run(3)
+    assert (vehicle.state.paused, vehicle.body.x) == (False, 2.0)
 
 
 @VERSIONS
 def test_a_person_who_takes_over_ends_the_order(version: Version) -> None:
-    alone = Alone(version)
-    alone.order(order("ABC", C=action("pick", "p")))
-    alone.run(0.5)
-    alone.tell(Switched(mode=OperatingMode.MANUAL))
-    alone.run(2)
-    assert (alone.state.node_states, alone.status("p")) == ((), ActionStatus.FAILED)
-    alone.order(order("AB", order_id="next"))
-    assert alone.errors[0][0] == ("MOBILE_ROBOT_NOT_AVAILABLE" if version is Version.V3_0 else "orderError")
+    vehicle = Alone(version)
+    vehicle.order(order("ABC", C=action("pick", "p")))
+    vehicle.run(0.5)
+    vehicle.tell(Switched(mode=OperatingMode.MANUAL))
+    vehicle.run(2)
+    assert (vehicle.state.node_states, vehicle.status("p")) == ((), ActionStatus.FAILED)
+    vehicle.order(order("AB", order_id="next"))
+    assert vehicle.errors[0][0] == ("MOBILE_ROBOT_NOT_AVAILABLE" if version is Version.V3_0 else "orderError")
 
 
 @VERSIONS
 def test_what_cannot_be_read_and_what_it_cannot_do_are_reported(version: Version) -> None:
-    alone = Alone(version)
-    alone.tell(Garbled(topic=Topic.ORDER, reason="is no JSON"))
-    alone.act("dance", "d")
-    assert alone.status("d") is ActionStatus.FAILED
+    vehicle = Alone(version)
+    vehicle.tell(Garbled(topic=Topic.ORDER, reason="is no JSON"))
+    vehicle.act("dance", "d")
+    assert vehicle.status("d") is ActionStatus.FAILED
     types = {Version.V2_1: ["validationError", "instantActionError"], Version.V3_0: ["VALIDATION_FAILURE", "INVALID_INSTANT_ACTION"]}
-    assert [error for error, _ in alone.errors] == types[version]
-    alone.tell(Ordered(order=order("AB"), deviations=("order.nodes.released is text",)))
-    assert alone.state.order_id == ""
+    assert [error for error, _ in vehicle.errors] == types[version]
+    vehicle.tell(Ordered(order=order("AB"), deviations=("order.nodes.released is text",)))
+    assert vehicle.state.order_id == ""
 
 
 @VERSIONS
 def test_states_come_at_once_when_something_has_changed_and_each_second_otherwise(version: Version) -> None:
-    alone = Alone(version)
-    alone.run(1)
-    alone.published.clear()
-    alone.run(5)
-    assert len(alone.published) in (4, 5)
-    alone.published.clear()
-    alone.order(order("AB"))
-    assert [type(published.message) for published in alone.published] == [State]
-    alone.published.clear()
-    alone.act("factsheetRequest", "f")
-    assert [published.topic for published in alone.published] == [Topic.FACTSHEET, Topic.STATE]
+    vehicle = Alone(version)
+    vehicle.run(1)
+    vehicle.published.clear()
+    vehicle.run(5)
+    assert len(vehicle.published) in (4, 5)
+    vehicle.published.clear()
+    vehicle.order(order("AB"))
+    assert [type(published.message) for published in vehicle.published] == [State]
+    vehicle.published.clear()
+    vehicle.act("factsheetRequest", "f")
+    assert [published.topic for published in vehicle.published] == [Topic.FACTSHEET, Topic.STATE]
 
 
 @VERSIONS
 def test_a_lift_takes_the_vehicle_to_another_map(version: Version) -> None:
-    alone = Alone(version, maps=("upstairs",))
+    vehicle = Alone(version, maps=("upstairs",))
     upstairs = [
         {"node_position": NodePosition(x=1.0, y=0.0, map_id="upstairs")},
         {"node_position": NodePosition(x=3.0, y=0.0, map_id="upstairs")},
     ]
-    alone.order(changed(changed(order("ABCD"), 2, **upstairs[0]), 3, **upstairs[1]))
-    alone.run(5)
-    assert (alone.body.x, alone.state.last_node_id) == (1.0, "B"), "it waits in the cabin"
-    alone.body.map_id = "upstairs"
-    alone.run(5)
-    assert (alone.body.x, alone.state.last_node_id) == (3.0, "D")
-    position = alone.state.mobile_robot_position
+    vehicle.order(changed(changed(order("ABCD"), 2, **upstairs[0]), 3, **upstairs[1]))
+    vehicle.run(5)
+    assert (vehicle.body.x, vehicle.state.last_node_id) == (1.0, "B"), "it waits in the cabin"
+    vehicle.body.map_id = "upstairs"
+    vehicle.run(5)
+    assert (vehicle.body.x, vehicle.state.last_node_id) == (3.0, "D")
+    position = vehicle.state.mobile_robot_position
     assert position is not None
     assert position.map_id == "upstairs"
 

@@ -20,8 +20,8 @@ VERSIONS = pytest.mark.parametrize("version", [Version.V2_1, Version.V3_0])
 def sheet_without(*parameters: str) -> Factsheet:
     sheet = factsheet()
     features = sheet.protocol_features
-    kept = tuple(item for item in features.optional_parameters if item.parameter.rpartition(".")[2] not in parameters)
-    return msgspec.structs.replace(sheet, protocol_features=msgspec.structs.replace(features, optional_parameters=kept))
+    kept_parameters = tuple(item for item in features.optional_parameters if item.parameter.rpartition(".")[2] not in parameters)
+    return msgspec.structs.replace(sheet, protocol_features=msgspec.structs.replace(features, optional_parameters=kept_parameters))
 
 
 @VERSIONS
@@ -42,8 +42,8 @@ def test_what_the_vehicle_does_not_take_is_not_sent(version: Version) -> None:
 def test_lengths_are_sent_to_who_takes_them_and_what_is_required_and_not_sent_is_named() -> None:
     sheet = factsheet()
     features = sheet.protocol_features
-    needs = tuple(OptionalParameter(parameter=f"order.edges.{name}", support="REQUIRED") for name in ("length", "direction"))
-    features = msgspec.structs.replace(features, optional_parameters=(*features.optional_parameters, *needs))
+    required = tuple(OptionalParameter(parameter=f"order.edges.{name}", support="REQUIRED") for name in ("length", "direction"))
+    features = msgspec.structs.replace(features, optional_parameters=(*features.optional_parameters, *required))
     pair = Pair(Version.V3_0, sheet=msgspec.structs.replace(sheet, protocol_features=features))
     assert pair.of(Refused) == [Refused(description="requires order.edges.direction, which fleet control does not send")]
     pair.follow("A", "B")
