@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import json
+import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 
+import pytest
 from aiohttp import web
 from pymodbus.client import AsyncModbusTcpClient
 from pymodbus.server import ModbusTcpServer
@@ -68,6 +71,7 @@ class Lamp:
         self.state: dict[str, object] = {"on": False, "level": 0}
         self.properties: dict[str, object] = {"on": False, "tint": 3}
         self.refuses = False
+        self.refused_at: list[float] = []
         self.url = ""
 
     async def read(self, request: web.Request) -> web.Response:
@@ -75,6 +79,7 @@ class Lamp:
 
     async def write(self, request: web.Request) -> web.Response:
         if self.refuses:
+            self.refused_at.append(time.monotonic())
             return web.Response(status=409, text="the bulb is missing")
         self.state |= await request.json()
         return web.Response(status=204)
@@ -112,7 +117,9 @@ class Lamp:
                 await runner.cleanup()
 
 
-def test_a_lamp_with_a_server_is_switched_and_dimmed(tmp_path: Path) -> None:
+def test_a_lamp_with_a_server_is_switched_and_dimmed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("somrs.adapters.things.thing_device.FIRST_PAUSE", 0.1)
+
     async def test() -> None:
         lamp = Lamp()
         async with lamp.serving():
@@ -129,6 +136,8 @@ def test_a_lamp_with_a_server_is_switched_and_dimmed(tmp_path: Path) -> None:
                 view = await accomplish(lab.client, "Lamp1.On = TRUE", waits=False)
                 assert view.outcome is Outcome.FAILED
                 assert "the bulb is missing" in str(view)
+                assert "SwitchOn by Lamp1.SwitchOn changed nothing: Lamp1.On = FALSE" in view.explanation
+                assert all(second - first > 0.05 for first, second in itertools.pairwise(lamp.refused_at)), "it is not hammered"
 
     asyncio.run(asyncio.wait_for(test(), HANG_TIME))
 

@@ -167,12 +167,12 @@ def test_a_sensor_is_put_on_the_map_with_its_values_and_a_lost_broker_is_found_a
                     await client.publish("sensors/1", "68", qos=1, retain=True)
                     await lab.until("Sensor1.Temperature = 20 AND Sensor1.PositionZ = 2")
                 heard_by = time.time()
-                seen = await sighting(lab)
-                assert seen is not None
-                assert seen.at <= heard_by
+                observation = await sighting(lab)
+                assert observation is not None
+                assert observation.at <= heard_by
                 broker.kill()
-                while (seen := await sighting(lab)) is not None:
-                    assert seen.at <= heard_by
+                while (observation := await sighting(lab)) is not None:
+                    assert observation.at <= heard_by
                 broker.start()
                 async with mqtt_client(broker) as client:
                     await client.publish("sensors/1", "no number", qos=1, retain=True)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
+from typing import NamedTuple
 
-from somrs.adapters.things.connector import Rejection
+from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE, Rejection
 from somrs.adapters.things.hub import Hub
 from somrs.adapters.things.messages import check_message
 from somrs.adapters.things.model import Command, Thing, ThingService
@@ -18,6 +19,13 @@ from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.service_manager.sdk.values import fill_in
 
 
+class _Refusals(NamedTuple):
+    """The pause after the last message that the thing refused, s, and when it ends, in the time of the event loop."""
+
+    pause: float
+    resting_until: float
+
+
 class ThingDevice(Device):
     """A thing whose services are messages."""
 
@@ -25,6 +33,8 @@ class ThingDevice(Device):
         super().__init__(thing.name)
         self.thing, self.hub = thing, hub
         self.values = thing.values
+        self._refusals: dict[str, _Refusals] = {}
+        """By types of service, what the thing refused lately."""
         self._services = MappingProxyType({plan.type: _service(plan) for plan in thing.services})
 
     def services(self) -> Mapping[str, Service]:
@@ -69,7 +79,7 @@ class ThingDevice(Device):
         news = asyncio.Event()
         self.hub.observe(self.name, news.set)
         try:
-            await self._send(plan.commands, task)
+            await self._send_in_time(plan, task)
             while any(path not in state.values for path in plan.outputs.values()):
                 await news.wait()
                 news.clear()
@@ -95,6 +105,19 @@ class ThingDevice(Device):
         except ServiceFailed as error:
             raise ServiceFailed(error.description, self._whereabouts()) from error
         return self._whereabouts()
+
+    async def _send_in_time(self, plan: ThingService, task: Task) -> None:
+        """Send the messages of a service; after the thing has refused them, not before a pause: it would refuse them again."""
+        clock, refusals = asyncio.get_running_loop(), self._refusals.get(plan.type)
+        if refusals is not None:
+            await asyncio.sleep(max(0.0, refusals.resting_until - clock.time()))
+        try:
+            await self._send(plan.commands, task)
+        except ServiceFailed:
+            pause = min(2 * refusals.pause, LONGEST_PAUSE) if refusals is not None else FIRST_PAUSE
+            self._refusals[plan.type] = _Refusals(pause, clock.time() + pause)
+            raise
+        self._refusals.pop(plan.type, None)
 
     async def _send(self, commands: Iterable[Command], task: Task) -> None:
         was_begun = False

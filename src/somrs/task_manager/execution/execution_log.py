@@ -51,6 +51,8 @@ class Work(Struct, kw_only=True, eq=False):
     ended: float | None = None
     observed_at: float | None = None
     """When that was so which an observation reported, if it says so."""
+    untouched: bool = False
+    """It counts as undone because it has changed nothing."""
     situation: str | None = None
     note: str = ""
     price: float | None = None
@@ -115,6 +117,8 @@ class Work(Struct, kw_only=True, eq=False):
         action = f"{self.step.service_type} by {self.service}"
         since = ", which another task has changed since" if self.overtaken else ""
         match self.state:
+            case State.COMPENSATED if self.untouched:
+                return f"{action} changed nothing: {self.prior_situation}"
             case State.COMPENSATED:
                 return f"{action} was undone: {self.prior_situation}"
             case State.STRANDED:

@@ -111,7 +111,8 @@ class Compensation:
             member = self._members.find_member(work.participant)
             if member is not None and (member.state is State.COMPENSATING or member.halting):
                 return False
-            if work.state is State.COMPENSATED or work.changed_nothing or self._is_restored(work):
+            work.untouched = work.untouched or work.changed_nothing
+            if work.state is State.COMPENSATED or work.untouched or self._is_restored(work):
                 self._mark_restored(work, now)
             elif holders := self._other_holders(work):
                 self._strand(work, events.WorkStranded(taken=True, holders=holders), now)

@@ -248,6 +248,12 @@ def test_what_became_of_work_in_words(state: State, situation: str | None, words
     assert work.in_words(NOW, laboratory()) == f"TransferObject by Robot1.Work {words}"
 
 
+def test_of_work_that_changed_nothing_nothing_was_undone() -> None:
+    work = begin(ExecutionLog())
+    work.state, work.untouched = State.COMPENSATED, True
+    assert work.in_words(NOW, laboratory()) == "TransferObject by Robot1.Work changed nothing: Jar001 isOn Shelf1"
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

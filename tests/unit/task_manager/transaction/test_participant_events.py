@@ -462,7 +462,7 @@ def test_a_task_that_is_cancelled_stops_everybody_and_undoes_what_was_done(reaso
         events.StepStopped(service=FIRST_SERVICE),
         events.WorkUndone(),
         events.TaskEnded(
-            outcome=Outcome.CANCELLED, reasons=(expected_reason, f"TransferObject by {FIRST_SERVICE} was undone: {INITIAL_SITUATION}")
+            outcome=Outcome.CANCELLED, reasons=(expected_reason, f"TransferObject by {FIRST_SERVICE} changed nothing: {INITIAL_SITUATION}")
         ),
     ]
     assert bodies(effects) == ["UpdateMap", "End"]
