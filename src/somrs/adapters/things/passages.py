@@ -33,37 +33,35 @@ class MappedDoor(DoorDevice):
         self._door, self._hub = door, hub
         self._connections = connections_of(thing) | {command.connection for command in (*door.open, *door.close)}
         self._news = asyncio.Event()
-        self._is_wanted = False
         self._repeater: asyncio.Task[None] | None = None
+        """Opens it again, while it is wanted."""
 
     async def open(self) -> None:
         self.situation = await whereabouts(self.map, self._thing)
         self._hub.observe(self.name, self._heard)
         self._hub.reach_observers.append(self._reached)
-        self._repeater = asyncio.create_task(self._repeat())
         self._heard()
 
     async def close(self) -> None:
         self._hub.unobserve(self.name, self._heard)
         if self._reached in self._hub.reach_observers:
             self._hub.reach_observers.remove(self._reached)
-        if self._repeater is not None:
-            self._repeater.cancel()
-            await asyncio.gather(self._repeater, return_exceptions=True)
+        self._repeat_no_more()
 
     async def serve(self, call: PassageCall) -> None:
-        self._is_wanted = True
+        self._repeat_no_more()
+        await self._send(self._door.open)
+        self._repeater = asyncio.create_task(self._repeat())
         try:
-            await self._send(self._door.open)
             while not self._is_open:
                 self._news.clear()
                 await self._news.wait()
         except asyncio.CancelledError:
-            self._is_wanted = False  # until the next call, which may have come already
+            self._repeat_no_more()
             raise
 
     async def release(self) -> None:
-        self._is_wanted = False
+        self._repeat_no_more()
         await self._send(self._door.close)
 
     async def _send(self, commands: Sequence[Command]) -> None:
@@ -71,14 +69,19 @@ class MappedDoor(DoorDevice):
             await self._hub.send(command, {})
 
     async def _repeat(self) -> None:
-        """Open it again: the message may be lost, and a door may close by itself."""
+        """Open it again and again: the message may be lost, and a door may close by itself."""
         while True:
             await asyncio.sleep(REPEAT)
-            if self._is_wanted and not self._is_open:
+            if not self._is_open:
                 try:
                     await self._send(self._door.open)
                 except Rejection as error:
                     log.warning("%s: %s", self.name, error)
+
+    def _repeat_no_more(self) -> None:
+        if self._repeater is not None:
+            self._repeater.cancel()
+            self._repeater = None
 
     @property
     def _is_open(self) -> bool:
