@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Iterable, Sequence
 
 from msgspec import Struct
@@ -15,6 +16,8 @@ from somrs.adapters.things.conversion import Raw
 from somrs.adapters.things.messages import register_words
 from somrs.adapters.things.model import Command, Connection, Source
 from somrs.adapters.things.registers import Register, Table
+
+logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # `ConnectionNotes` says how a connection is, once
 
 LONGEST_BLOCK = 120
 """Registers, or coils, that are read at once; the protocol has 125."""
