@@ -213,6 +213,12 @@ class Building:
         supports = (solid for solid in self.solids.values() if solid.role is Role.SUPPORT)
         return [solid.name for solid in sorted(supports, key=lambda solid: (self.level_of(solid.z) != level, solid.distance(x, y)))]
 
+    def mark_at(self, point: Point, level: float) -> str:
+        """The Place of the map that is at a point; empty if there is none."""
+        marks = (solid for solid in self.solids.values() if solid.role is Role.MARK and abs(solid.z - level) < FLOOR_HEIGHT)
+        near = [(distance, solid.name) for solid in marks if (distance := math.dist((solid.x, solid.y), point)) <= AT_PLACE]
+        return min(near)[1] if near else ""
+
     def floor_at(self, x: float, y: float, level: float) -> str | None:
         """The floor at a point; None if the map has none there."""
         floors = (solid for solid in self.solids.values() if solid.role is Role.FLOOR and abs(solid.top - level) < FLOOR_HEIGHT)

@@ -351,22 +351,25 @@ class Traveller:
             await self.robot.follow(self._way)
 
     def _waypoint(self, building: Building, place: WayPlace, start: str | None) -> Waypoint | None:
-        if place.name in self._berths:
-            berth = self._berths[place.name]
-            yaw = self._yaws.get(place.name)
-            return Waypoint(number=place.number, name=place.name, x=berth.x, y=berth.y, level=self.level, released=place.released, yaw=yaw)
-        if place.name not in building.roadmap.numbers:
+        berth, lane = self._berths.get(place.name), None
+        if berth is not None:
+            x, y, level = berth.x, berth.y, self.level
+        elif place.name in building.roadmap.numbers:
+            road_place, lane = building.place(place.name), building.lane(start, place.name) if start is not None else None
+            x, y, level = road_place.x, road_place.y, road_place.level
+        else:
             return None
-        road_place, lane = building.place(place.name), building.lane(start, place.name) if start is not None else None
         return Waypoint(
             number=place.number,
             name=place.name,
-            x=road_place.x,
-            y=road_place.y,
-            level=road_place.level,
+            mark=building.mark_at((x, y), level),
+            x=x,
+            y=y,
+            level=level,
             released=place.released,
             speed_limit=lane.speed_limit if lane is not None else None,
             travel=lane.travel if lane is not None else None,
+            yaw=self._yaws.get(place.name),
         )
 
     async def building(self, *, is_current: bool = True) -> Building:

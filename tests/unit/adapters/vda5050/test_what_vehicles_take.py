@@ -73,3 +73,15 @@ def test_an_identifier_fits_and_is_the_same_for_the_same_name(name: str, length:
     assert identifier == fitting_id(name, limits)
     assert 0 < len(identifier) <= (length or 1000)
     assert identifier.isdigit() if numerical else plain_id(identifier) == identifier
+
+
+@VERSIONS
+def test_nodes_have_the_names_of_places_that_vehicles_were_taught(version: Version) -> None:
+    pair = Pair(version)
+    start, end = way("A", "B")
+    pair.do(Follow(way=(start, msgspec.structs.replace(end, mark="Dock 1"))))
+    pair.run(5)
+    (order,) = pair.orders()
+    assert [node.node_id for node in order.nodes] == ["A", "Dock_1"]
+    assert order.edges[0].edge_id == "A-Dock_1"
+    assert pair.passed() == [1]

@@ -75,6 +75,11 @@ def base_end(way: Way) -> Waypoint:
     return [waypoint for waypoint in way if waypoint.released][-1]
 
 
+def name_of(waypoint: Waypoint) -> str:
+    """The name of a node: that of the Place of the map, if there is one, which vehicles may have been taught; else that of traffic."""
+    return waypoint.mark or waypoint.name
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrderWriter:
     """Writes the nodes and edges of a vehicle. `map_id`: the map on which it is. `pose`: where it stands; None: not known.
@@ -113,7 +118,7 @@ class OrderWriter:
         yaw = waypoint.yaw if is_end and "theta" in self.parameters else None
         theta = sent_angle(yaw - frame.yaw) if yaw is not None else None
         return Node(
-            node_id=fitting_id(waypoint.name, self.limits),
+            node_id=fitting_id(name_of(waypoint), self.limits),
             sequence_id=2 * (waypoint.number - first),
             released=waypoint.released,
             actions=(),
@@ -141,11 +146,11 @@ class OrderWriter:
         turns = {"orientation", "orientationType"} <= self.parameters
         orientation = {"Forward": 0.0, "Backward": sent_angle(math.pi)}.get(end.travel or "") if turns else None
         return Edge(
-            edge_id=fitting_id(f"{start.name}-{end.name}", self.limits),
+            edge_id=fitting_id(f"{name_of(start)}-{name_of(end)}", self.limits),
             sequence_id=2 * (end.number - first) - 1,
             released=start.released and end.released,
-            start_node_id=fitting_id(start.name, self.limits),
-            end_node_id=fitting_id(end.name, self.limits),
+            start_node_id=fitting_id(name_of(start), self.limits),
+            end_node_id=fitting_id(name_of(end), self.limits),
             actions=(),
             maximum_speed=end.speed_limit if "maximumSpeed" in self.parameters else None,
             orientation=orientation,
