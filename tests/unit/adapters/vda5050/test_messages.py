@@ -175,3 +175,12 @@ def test_the_version_is_the_closest_one() -> None:
 def test_timestamps() -> None:
     assert timestamp_of(0.25) == "1970-01-01T00:00:00.250Z"
     assert [seconds_of(text) for text in ("1970-01-01T00:00:00.250Z", "1970-01-01T00:00:01", "soon")] == [0.25, 1.0, None]
+
+
+def test_deviations_have_the_names_of_the_version() -> None:
+    with pytest.raises(InputError, match=r"state\.batteryState is no object"):
+        state(batteryState=17)
+    _, deviations = state(agvPosition={"x": "1", "y": 0.0, "theta": 0.0, "mapId": "hall"})
+    assert {"state.agvPosition.x is text", "state.agvPosition.positionInitialized is absent"} <= set(deviations)
+    with pytest.raises(InputError, match=r"state\.powerSupply is no object"):
+        state(Version.V3_0, powerSupply=17)

@@ -87,7 +87,7 @@ def test_what_a_vehicle_of_another_make_does_otherwise_is_named() -> None:
             "physicalParameters",
             "protocolLimits",
             "protocolFeatures",
-            "mobileRobotGeometry",
+            "agvGeometry",
             "loadSpecification",
         )
     }

@@ -150,14 +150,14 @@ class _Reader:
                 if field.required:
                     values[name] = self._default(owner, field, path)
                 continue
-            values[name] = self._value(value, field.type, f"{path}.{name}", _words(owner, name) if self.version.major == 2 else {})
+            values[name] = self._value(value, field.type, f"{path}.{key}", _words(owner, name) if self.version.major == 2 else {})
         if strange:
             self._name_strange_fields(document, owner, read, path)
         return values
 
     def _spelling(self, document: Mapping[str, Any], spellings: Mapping[str, str], owner: type[Struct], name: str, path: str) -> str | None:
         """The key under which a field is that is not under its name: in wrong case, or by the name of another version."""
-        for version in (self.version, Version.V2_0, Version.V2_1, Version.V3_0):
+        for version in (self.version, Version.V2_1, Version.V2_0, Version.V3_0):
             expected = wire_name(owner, name, version)
             if expected in document:
                 self._note(path, expected, f"belongs to {version}")
@@ -169,21 +169,22 @@ class _Reader:
 
     def _default(self, owner: type[Struct], field: inspect.Field, path: str) -> Any:
         name = field.encode_name
+        written_name = wire_name(owner, name, self.version)
         if owner is not State or name != "instantActionStates" or self.version.major > 2:
-            self._note(path, name, "is absent")
+            self._note(path, written_name, "is absent")
         if (default := DEFAULTS.get((owner.__name__, name))) is not None:
             return default
         match field.type:
             case inspect.VarTupleType():
                 return []
             case inspect.StructType(cls=cls) if cls.__module__ == FACTSHEET:
-                return _Reader(self.version).struct({}, cls, f"{path}.{name}")
+                return _Reader(self.version).struct({}, cls, f"{path}.{written_name}")
             case inspect.FloatType() | inspect.IntType() if owner.__module__ == FACTSHEET:
                 return 0
             case inspect.StrType() if owner.__module__ == FACTSHEET:
                 return ""
             case _:
-                raise InputError(f"{path}.{name} is absent")
+                raise InputError(f"{path}.{written_name} is absent")
 
     def _name_strange_fields(self, document: Mapping[str, Any], owner: type[Struct], read: set[str], path: str) -> None:
         header_names = HEADER_NAMES if owner in MESSAGES.values() else frozenset()
