@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -153,6 +154,7 @@ def _conversion(conversion: Conversion) -> str:
     parts += [f"+ {conversion.offset:g}"] if conversion.offset else []
     own_unit = conversion.attribute.unit
     parts += [f"{conversion.unit} to {own_unit}"] if conversion.unit is not None and conversion.unit != own_unit else []
+    parts += [f"from {conversion.minimum:g} to {conversion.maximum:g}"] if conversion.minimum > -math.inf else []
     return " ".join([str(conversion.attribute.kind), *parts])
 
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from somrs.adapters.things.session import REPEAT, PassageSession
 from somrs.adapters.things.session_messages import SessionRequest
+from somrs.adapters.things.simulated.servers import last_will
 from somrs.traffic.passage_call import PassageCall, PassageStatus
 
 LEVELS = {0.0: "G", 4.0: "1"}
@@ -90,6 +91,18 @@ def test_a_lift_that_cannot_be_reached_does_not_work() -> None:
     session.heard(state(), 0)
     session.is_reachable = False
     assert not session.status().working
+
+
+def test_a_lift_does_not_work_when_its_controller_is_cut_off() -> None:
+    session = lift()
+    session.heard(state(), 0)
+    will = last_will("lifts/1")
+    assert (will.topic, will.retain) == ("lifts/1/state", True)
+    assert isinstance(will.payload, bytes)
+    session.heard(will.payload, 1)
+    assert not session.status().working
+    session.heard(state(), 2)
+    assert session.status().working
 
 
 @given(st.binary(max_size=40) | st.text(max_size=40).map(str.encode))

@@ -13,7 +13,7 @@ import aiomqtt
 
 from somrs.adapters.things.simulated.body import KinematicPassage
 from somrs.adapters.things.simulated.controller import PassageController
-from somrs.adapters.things.simulated.servers import move, serve_mqtt
+from somrs.adapters.things.simulated.servers import last_will, move, serve_mqtt
 
 STOREY = 4.0
 """From one level of a lift to the next, m."""
@@ -32,7 +32,9 @@ async def _run(broker: str, controllers: dict[str, PassageController]) -> None:
     address = urlsplit(broker)
     async with asyncio.TaskGroup() as group:
         group.create_task(move(controllers))
-        group.create_task(serve_mqtt(aiomqtt.Client(address.hostname or "localhost", address.port or 1883), controllers))
+        for topic, controller in controllers.items():
+            client = aiomqtt.Client(address.hostname or "localhost", address.port or 1883, will=last_will(topic))
+            group.create_task(serve_mqtt(client, {topic: controller}))
 
 
 def main() -> None:

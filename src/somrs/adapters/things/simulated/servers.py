@@ -24,6 +24,12 @@ async def move(controllers: Mapping[str, PassageController], speed: float = 1.0)
             controller.body.step(STEP)
 
 
+def last_will(topic: str) -> aiomqtt.Will:
+    """What a broker says of the passage below a topic when its controller is cut off."""
+    state = SessionState(doors="closed", mode="out-of-order")
+    return aiomqtt.Will(f"{topic}/state", msgspec.json.encode(state), qos=1, retain=True)
+
+
 async def serve_mqtt(broker: aiomqtt.Client, controllers: Mapping[str, PassageController], speed: float = 1.0) -> None:
     """Be the passages at a broker, by the topics below which each is: TOPIC/request and TOPIC/state, which is retained.
 
