@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 
 from somrs.cli.commands import check
 from somrs.deployment.site_adapters import SiteAdapters
 from somrs.errors import ModelError
+from tests.support.paths import ROOT
 
 SITE = """\
 objects:
@@ -117,3 +119,10 @@ def test_the_map_of_an_earlier_run_may_have_what_the_files_have_not(tmp_path: Pa
     file = tmp_path / "hall.yaml"
     file.write_text(SITE + vehicle(name="Added1"))
     SiteAdapters([file], tmp_path, "127.0.0.1", {}, with_arcos=False).check(is_fresh=False)
+
+
+def test_the_whole_site_of_the_page_about_vehicles_has_no_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = (ROOT / "docs" / "how-to" / "connect-vda5050-vehicles.md").read_text()
+    (example,) = [block for block in page.split("```yaml\n")[1:] if "objects:" in block.partition("```")[0]]
+    (tmp_path / "hall.yaml").write_text(dedent(example.partition("    ```")[0]))
+    assert check([tmp_path / "hall.yaml"], json=False) == 0, capsys.readouterr().out
