@@ -73,7 +73,10 @@ class GatewayDevice(Device):
         state = self.hub.states[name]
         for heard_at in sorted({*state.heard_at.values()}):
             paths = [path for path, at_time in state.heard_at.items() if at_time == heard_at]
-            await self.report(str(state.situation(paths)), Observation(as_of=heard_at))
+            try:
+                await self.report(state.situation(paths), Observation(as_of=heard_at))
+            except RemoteError as error:
+                self._note_refusal(name, error)
         return Result(situation=task.effect, observation=Observation(as_of=state.known_at))
 
     async def _report_all(self) -> None:
