@@ -12,38 +12,42 @@ JOBS ?= auto
 MORE_JOBS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution sbom clean kill-runs adapter-runs attack upgrade-runs mutants slow
+.PHONY: setup ros2 demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution sbom clean kill-runs adapter-runs attack upgrade-runs mutants slow
 
 setup: .venv/.ready
 
 .venv/.ready: pyproject.toml constraints.txt scripts/setup
 	@scripts/setup "$(PYTHON)"
 
-demo: setup
+# A Python with ROS 2, for the tests of its adapter and for Scenario 6.
+ros2: setup
+	@scripts/ros2
+
+demo: setup $(if $(filter 6,$(SCENARIO)),ros2)
 	@$(BIN)/somrs demo $(SCENARIO) $(if $(ARCOS),--arcos) $(if $(SEED),--seed $(SEED)) --out out/scenario-$(SCENARIO)$(if $(ARCOS),-arcos)
 
 test:
 	@scripts/test
 
 # Tests of several parts and of whole systems, all at once.
-tests: setup
+tests: setup ros2
 	@$(BIN)/pytest tests/integration tests/system $(AT_ONCE)
 
 unit: setup
 	@$(BIN)/pytest tests/unit --numprocesses $(JOBS) --dist worksteal
 
 # Unit and integration tests, and the share of the lines of src that they run.
-coverage: setup
+coverage: setup ros2
 	@scripts/coverage tests/unit tests/integration $(AT_ONCE)
 
-integration: setup
+integration: setup ros2
 	@$(BIN)/pytest tests/integration $(AT_ONCE)
 
-system: setup
+system: setup ros2
 	@$(BIN)/pytest tests/system $(AT_ONCE)
 
 # Property tests with many times as many examples, and others every time.
-properties: setup
+properties: setup ros2
 	@EXAMPLES=$(or $(EXAMPLES),20) $(BIN)/pytest tests/unit tests/integration -m hypothesis $(AT_ONCE)
 
 lint: lint-python
@@ -70,7 +74,7 @@ browser: setup
 
 # The tests that take too long for `make test`: the package as it is installed elsewhere, programs of the tutorials, changes to the program that
 # tests have to notice, and every page in every look.
-slow: setup
+slow: setup ros2
 	@scripts/javascript setup
 	@ALL_LOOKS=1 $(BIN)/pytest tests -m "slow or looks" $(AT_ONCE)
 
@@ -99,7 +103,7 @@ benchmarks: setup
 	@for file in $(filter-out benchmarks/grids.py benchmarks/hall.py,$(wildcard benchmarks/*.py)); do echo "== $$file"; $(BIN)/python $$file || exit 1; done
 
 # Kills adapters, the other ends of their wires, and brokers, while robots drive.
-adapter-runs: setup
+adapter-runs: setup ros2
 	@$(BIN)/python -m verification.adapter_runs $(if $(N),--runs $(N)) $(if $(SEED_BASE),--first $(SEED_BASE))
 
 # Kills real processes at every type of message of the protocol; SEED=17 plays one run once more.

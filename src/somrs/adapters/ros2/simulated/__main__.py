@@ -24,6 +24,8 @@ from somrs.adapters.ros2.simulated.body import KinematicBody
 from somrs.adapters.ros2.simulated.link_body import LinkBody
 from somrs.adapters.ros2.simulated.nodes import SimulatedRobot, obey
 
+PATIENCE = 5.0
+"""Seconds for an orderly end when the input has ended."""
 THREADS = 8
 """A goal that is under way occupies one."""
 
@@ -43,9 +45,21 @@ class RobotDescription(Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     managed: bool = False
 
 
+async def _end_with_input(lines: asyncio.StreamReader) -> None:
+    """Have the process end soon after its input, also while it waits for the simulator, or for the middleware."""
+    while not lines.at_eof():
+        await asyncio.sleep(0.1)
+    ending = threading.Timer(PATIENCE, os._exit, [0])
+    ending.daemon = True
+    ending.start()
+
+
 async def run(description: RobotDescription, node: Any) -> None:
     """Run the robot until the input ends."""
     loop = asyncio.get_running_loop()
+    lines = asyncio.StreamReader()
+    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(lines), sys.stdin)
+    watching = asyncio.create_task(_end_with_input(lines))
     body: KinematicBody | LinkBody
     if description.link is not None:
         body = LinkBody(description.link, description.robot, description.origin)
@@ -55,8 +69,6 @@ async def run(description: RobotDescription, node: Any) -> None:
     robot = SimulatedRobot(node, description.namespace, body, loop, description.grid)
     if description.managed:
         robot.manage()
-    lines = asyncio.StreamReader()
-    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(lines), sys.stdin)
     publishing = asyncio.create_task(robot.publish())
     executor = MultiThreadedExecutor(THREADS)
     executor.add_node(node)
@@ -64,6 +76,7 @@ async def run(description: RobotDescription, node: Any) -> None:
     print("ready", flush=True)
     await obey(robot, lines)
     publishing.cancel()
+    await watching
     executor.shutdown(timeout_sec=1.0)
     robot.close()
     if isinstance(body, LinkBody):
