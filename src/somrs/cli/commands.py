@@ -17,7 +17,7 @@ from somrs.client import terminal
 from somrs.client.addresses import Addresses
 from somrs.client.client import Client
 from somrs.client.state_labels import neighbour_text
-from somrs.errors import ModelError, UsageError
+from somrs.errors import InputError, ModelError, UsageError
 from somrs.ontology.objects import Change, Object, ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Value
 from somrs.protocol.messages.directory import Discover
@@ -149,7 +149,7 @@ async def run_system(site: Sequence[Path], data: Path, make_system: Callable[[Se
         _print_open_ports(system, console)
         await _supervise(system, report, stopped)
     except Exception as error:  # whatever it is, the log of the system says why it ended
-        report(f"the system stops: {type(error).__name__}: {error}")
+        report(f"the system stops: {error}" if isinstance(error, InputError) else f"the system stops: {type(error).__name__}: {error}")
         raise
     finally:
         with contextlib.suppress(OSError):  # the terminal is gone

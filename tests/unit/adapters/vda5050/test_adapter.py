@@ -117,3 +117,18 @@ def test_in_a_building_with_several_storeys_each_is_a_map_and_others_are_refused
     assert list(site.fleet.devices) == ["Acme2"]
     assert site.fleet.devices["Acme2"].values["PositionZ"] == 8.0
     assert "is on the map hall, and the site has only L1, L2: give its `level` under `maps` in the settings" in caplog.text
+
+
+def test_what_a_vehicle_warns_of_and_why_it_cannot_drive_is_in_the_log_once(caplog: pytest.LogCaptureFixture) -> None:
+    site = Site(maps={"hall": {"level": 0}})
+    worn = {"errorType": "brushWorn", "errorLevel": "WARNING", "errorDescription": "change it"}
+    elsewhere = {"agvPosition": POSITION | {"mapId": "cellar"}}
+    for number in range(5):
+        said = MINIMAL | elsewhere | {"errors": [worn], "headerId": number, "timestamp": f"2026-11-29T10:00:0{number}.000Z"}
+        site.adapter._receive("uagv/v2/acme/1/state", json.dumps(said).encode())
+        site.adapter._receive("uagv/v2/acme/1/state", (" " * number + '{"headerId": NaN}').encode())
+    assert caplog.text.count("acme 1: brushWorn: change it") == 1
+    assert caplog.text.count("acme 1: cannot drive: is on the map cellar, and the site has only hall") == 1
+    assert caplog.text.count("acme 1: a message cannot be read") == 1
+    site.wait()
+    assert site.fleet.devices == {}
