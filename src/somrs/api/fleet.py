@@ -15,11 +15,14 @@ from somrs.api.context import Context
 from somrs.api.device_state import DeviceState, is_working, state_of
 from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally, device_of
 from somrs.api.service_presence import ServicePresence
-from somrs.api.simulator_gateway import SimulatedDeviceView, break_or_mend, put_robot, simulated_devices
+from somrs.api.simulator_gateway import NO_TRAFFIC, SimulatedDeviceView, break_or_mend, put_robot, simulated_devices
+from somrs.api.traffic_reader import reader_of
+from somrs.api.waiting import waiting_text
 from somrs.client.operations import operation
 from somrs.client.refusals import ErrorReport, NotFound, error_report
 from somrs.client.task_history import TaskHistory
 from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.link.roads import TrafficState
 from somrs.errors import SomrsError
 from somrs.kernel.offers import Offers
 from somrs.ontology.modes import DOOR, LIFT, MOBILE_ROBOT
@@ -102,7 +105,8 @@ class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     """A device. `lineage`: its type and that type's ancestors. `utilisation` (JSON: `load`): the share of the last `Devices.window` seconds
     in which it was at work, from 0 to 1. `since`: when it joined, if the log has that; `departed_at` (JSON: `left`) and `reason`: when and
     why it left; `registry`: the neighbour whose device it is, empty for one of this system; `assignments` (JSON: `doing`): its steps in
-    tasks; `simulated`: its state in the simulator."""
+    tasks; `waiting`: why it waits in traffic, such as `waits for Robot3, which charges`, empty if it does not; `simulated`: its state in
+    the simulator."""
 
     name: str
     type: str
@@ -130,6 +134,7 @@ class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     departed_at: float | None = msgspec.field(default=None, name="left")
     reason: str = ""
     registry: str = ""
+    waiting: str = ""
     simulated: SimulatedDeviceView | None = None
 
 
@@ -154,6 +159,7 @@ class FleetService:
         self._presence = ServicePresence()
         self._task_history = TaskHistory(context.client.records, context.client)
         self._reliability = ReliabilityStats()
+        self._reader = reader_of(context)
         context.hub.feed("fleet", self._feed)
 
     @operation("GET", "/services", Right.SEE)
@@ -171,9 +177,9 @@ class FleetService:
         """
         now = time.time()
         services = self._context.listener.services
-        tasks, states, offers, *_ = await asyncio.gather(
+        tasks, (states, traffic), offers, *_ = await asyncio.gather(
             self._context.client.tasks(running=True),
-            simulated_devices(self._context.addresses),
+            self._world(),
             self._offers(),
             self._presence.read(self._context.client, services.version),
             self._reliability.learn(self._task_history),
@@ -183,10 +189,19 @@ class FleetService:
         names = {*self._on_map(), *offers.providers}
         names.update(change.device for change in self._presence.log if not change.joined and change.at > now - DEPARTED_TIME)
         devices = (
-            self._device(name, offers.of_provider(name), assignments.get(name, ()), utilisations.get(name, 0.0), states.get(name))
+            self._device(name, offers.of_provider(name), assignments.get(name, ()), utilisations.get(name, 0.0), states.get(name), traffic)
             for name in names
         )
         return Devices(at=now, devices=tuple(sorted(devices, key=rank_and_name)), log=self._presence.log)
+
+    async def _world(self) -> tuple[Mapping[str, SimulatedDeviceView], TrafficState]:
+        """The simulated devices, and the traffic of the building, whether it is simulated or not."""
+        if self._reader is None:
+            return await simulated_devices(self._context.addresses)
+        try:
+            return {}, await self._reader.traffic()
+        except SomrsError:
+            return {}, NO_TRAFFIC
 
     @operation("POST", "/fleet/{robot}/faults/{fault}", Right.OPERATE)
     async def fault(self, robot: str, fault: Fault, repair: bool = False) -> None:
@@ -230,6 +245,7 @@ class FleetService:
         assignments: tuple[Assignment, ...],
         utilisation: float,
         state: SimulatedDeviceView | None,
+        traffic: TrafficState,
     ) -> DeviceView:
         map, ontology = self._context.map, self._context.ontology
         object = map.objects.get(name)
@@ -270,6 +286,7 @@ class FleetService:
             departed_at=departure.at if departure is not None and not offers else None,
             reason=departure.reason if departure is not None and not offers else "",
             registry=offers[0].registry if offers else departure.registry if departure is not None else "",
+            waiting=waiting_text(traffic.robots.get(name), traffic),
             simulated=state,
         )
 

@@ -8,12 +8,14 @@ from contextlib import asynccontextmanager
 
 import msgspec
 
-from somrs.api.waiting import waiting_text
 from somrs.client.addresses import Addresses
 from somrs.client.simulator_link import operator_link
 from somrs.devices.simulator.link.commands import Fault, LinkedDevice
 from somrs.devices.simulator.link.link import OperatorLink
+from somrs.devices.simulator.link.roads import TrafficState
 from somrs.errors import RemoteError, SomrsError, UsageError
+
+NO_TRAFFIC = TrafficState(roadmap=0, robots={})
 
 PATIENCE = 1.5
 """Seconds to wait for the simulator's answers to a few questions."""
@@ -30,23 +32,22 @@ class SimulatedDeviceView(msgspec.Struct, frozen=True, kw_only=True):
     command: str | None = msgspec.field(default=None, name="doing")
     faults: tuple[Fault, ...] = ()
     possible_faults: tuple[Fault, ...] = ()
-    waiting: str = ""
-    """Why it waits in traffic, such as `waits for Robot3, which charges`; empty if it does not wait."""
 
 
-async def simulated_devices(addresses: Addresses) -> Mapping[str, SimulatedDeviceView]:
-    """The simulated devices by name; empty if there is no simulator, or if it does not answer within `PATIENCE`."""
+async def simulated_devices(addresses: Addresses) -> tuple[Mapping[str, SimulatedDeviceView], TrafficState]:
+    """The simulated devices by name, and their traffic; both empty if there is no simulator, or if it does not answer within
+    `PATIENCE`."""
     if addresses.simulator is None:
-        return {}
+        return {}, NO_TRAFFIC
     try:
         async with answering(addresses) as operator:
             devices, traffic = await operator.devices(), await operator.traffic()
     except SomrsError:
-        return {}
-    return {name: _view(device, waiting_text(traffic.robots.get(name), traffic)) for name, device in devices.items()}
+        return {}, NO_TRAFFIC
+    return {name: _view(device) for name, device in devices.items()}, traffic
 
 
-def _view(device: LinkedDevice, waiting: str) -> SimulatedDeviceView:
+def _view(device: LinkedDevice) -> SimulatedDeviceView:
     """The state of a device, with its pose rounded so that a robot that stands still does not change."""
     state = device.state
     x, y, yaw = (round(value, 2) for value in (state.x, state.y, state.yaw))
@@ -58,7 +59,6 @@ def _view(device: LinkedDevice, waiting: str) -> SimulatedDeviceView:
         command=state.activity,
         faults=state.faults,
         possible_faults=device.possible_faults,
-        waiting=waiting,
     )
 
 

@@ -11,7 +11,7 @@ import msgspec
 from somrs.access.rights import Right
 from somrs.api.context import Context
 from somrs.api.simulator_gateway import answering
-from somrs.api.traffic_reader import TrafficReader
+from somrs.api.traffic_reader import TrafficReader, reader_of
 from somrs.api.waiting import waiting_text, waits_for
 from somrs.client.addresses import Addresses
 from somrs.client.operations import operation
@@ -54,8 +54,7 @@ class Traffic(msgspec.Struct, frozen=True, kw_only=True):
 class TrafficService:
     def __init__(self, context: Context) -> None:
         self._context = context
-        traffic, simulator = context.addresses.traffic, context.addresses.simulator
-        self._reader = TrafficReader(context.client, traffic) if traffic is not None and simulator is None else None
+        self._reader = reader_of(context)
         context.hub.feed("traffic", self._feed)
 
     @operation("GET", "/traffic", Right.SEE)

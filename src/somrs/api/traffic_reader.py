@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from somrs.api.context import Context
 from somrs.client.client import Client
 from somrs.client.task_managers import READ_TIME
 from somrs.devices.simulator.link.roads import Roadmap, RoadPoint, TrafficState, driving, road_point, undirected
@@ -66,6 +67,12 @@ class TrafficReader:
 
     async def _page(self, offset: int) -> RoadmapPage:
         return await self._client.ask(self._address, ReadRoadmap(after=offset), RoadmapPage, timeout=READ_TIME)
+
+
+def reader_of(context: Context) -> TrafficReader | None:
+    """Reads the traffic of a building that is not simulated; None if it is, or if there is none."""
+    addresses = context.addresses
+    return TrafficReader(context.client, addresses.traffic) if addresses.traffic is not None and addresses.simulator is None else None
 
 
 def _roadmap(number: int, places: Sequence[RoadmapPlace]) -> Roadmap:

@@ -99,8 +99,8 @@ def _describe_activity(device: DeviceView) -> str:
     held = device.simulated.holding if device.simulated is not None else None
     for name in dict.fromkeys([*((held,) if held else ()), *device.holding]):
         lines.append(f"{'carries' if 'Lift' in device.lineage else 'holds'} {name}")
-    if device.simulated is not None and device.simulated.waiting:
-        lines.append(device.simulated.waiting)
+    if device.waiting:
+        lines.append(device.waiting)
     return "\n".join(lines) or "-"
 
 

@@ -233,8 +233,8 @@ def _note(device: DeviceView) -> str:
         parts.append(f"It is {COMMAND_LABELS.get(device.simulated.command, f'doing {device.simulated.command}')}.")
     if device.paused_for is not None:
         parts.append(f"It stands still because task {short_id(device.paused_for)} is paused.")
-    if device.simulated is not None and device.simulated.waiting:
-        parts.append(f"It {device.simulated.waiting}.")
+    if device.waiting:
+        parts.append(f"It {device.waiting}.")
     return " ".join(parts)
 
 

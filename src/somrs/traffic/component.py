@@ -12,6 +12,8 @@ from collections.abc import Collection
 from itertools import chain
 from typing import Self
 
+from msgspec import structs
+
 from somrs.errors import InputError, UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Answered, Effect, Effects, ErrorAnswer, Input, Notified, Received, Send, SetTimer, Started, TimerFired
@@ -56,7 +58,7 @@ from somrs.traffic.state import (
     TrafficState,
     closed_by,
 )
-from somrs.traffic.view import roadmap_page, traffic_view
+from somrs.traffic.view import held_up, roadmap_page, traffic_view
 
 REMEMBERED = 1_000
 """How many entries are remembered, so that one that arrives again changes nothing."""
@@ -304,7 +306,8 @@ class Traffic:
             record.mobility = body.mobility
             self._dispatcher.work_changed()
         record.expires_at = now + record.lease
-        return self._entered(body.robot)
+        passage, robots = (None, ()) if count or body.between else held_up(body.robot, record, self._schedule, self._drives)
+        return structs.replace(self._entered(body.robot), passage=passage, waits_for=robots)
 
     def _record(self, name: str, fence: int) -> RobotRecord:
         """The record of a robot. Raises UsageError if it does not take part, or if the fence is an earlier one."""

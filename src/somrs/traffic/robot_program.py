@@ -48,6 +48,7 @@ from somrs.traffic.robot_tasks import (
     Astray,
     Complaint,
     Follow,
+    HeldUp,
     Locate,
     MobilityChanged,
     PlacePassed,
@@ -96,6 +97,8 @@ class RobotProgram:
         self._told: tuple[WayPlace, ...] = ()
         self._halts = 0
         """How often the robot has been told to stand still."""
+        self._held_up = HeldUp()
+        """What the robot was told that it waits for."""
         self._locating: _Question | None = None
         self._is_entering, self._entry_time = False, 0.0
         """Whether its entry has not been answered, and when it was sent."""
@@ -164,6 +167,7 @@ class RobotProgram:
                 yield from self._give_way_back()
             case TripEnded(trip=trip) if self._trip is not None and trip == self._trip.trip:
                 self._trip = None
+                yield from self._note_held_up(HeldUp())
                 yield self._ask(TripOver(trip, ended=body))
             case RoadmapReplaced(fence=fence) if fence == participant.fence:
                 self._participant = None
@@ -235,7 +239,7 @@ class RobotProgram:
         participant = self._participant
         if participant is None:
             return
-        yield SetTimer(_Due(), now + answer.renew_within / 2)
+        yield SetTimer(_Due(), now + (PAUSE if self._waits else answer.renew_within / 2))
         if isinstance(request, EnterTraffic) and participant.entered(answer):
             self._refusals = self._returning = 0
             self._is_entering = False
@@ -246,6 +250,7 @@ class RobotProgram:
             self._returning = 0
             yield self._report()
         yield from self._request_trip()
+        yield from self._note_held_up(HeldUp(answer.passage, answer.waits_for) if self._waits else HeldUp())
 
     def _try_again(self, now: float) -> Effects:
         participant = self._participant
@@ -272,6 +277,7 @@ class RobotProgram:
             case TripWanted():
                 self._trip, self._is_requested = notice, False
                 yield from self._request_trip()
+                yield SetTimer(_Due(), now + PAUSE)
             case TripGivenUp(halts):
                 self._halts, self._told = max(self._halts, halts), ()
                 yield from self._give_up()
@@ -316,6 +322,16 @@ class RobotProgram:
 
     # Driving
 
+    @property
+    def _waits(self) -> bool:
+        """Whether the robot has a trip, and stands where it may not go on yet."""
+        return self._trip is not None and self._participant is not None and self._participant.towards is None
+
+    def _note_held_up(self, held_up: HeldUp) -> Effects:
+        if held_up != self._held_up:
+            self._held_up = held_up
+            yield self._ask(held_up)
+
     def _pass(self, number: int) -> Effects:
         participant, has_moved = self._participant, False
         while participant is not None and participant.fence and self._number < number:
@@ -341,6 +357,8 @@ class RobotProgram:
         if way != self._told:
             self._told = way
             yield self._ask(Follow(way, self._halts))
+        if not self._waits:
+            yield from self._note_held_up(HeldUp())
 
     def _report(self) -> Send:
         assert self._participant is not None, "only who takes part reports"

@@ -58,6 +58,21 @@ class TripOver(Struct, frozen=True):
     refusal: str = ""
 
 
+class HeldUp(Struct, frozen=True):
+    """What keeps the robot from going on: a lift or a door that is not open for it (`passage`), or the robots that go first; nothing, if
+    it can."""
+
+    passage: str | None = None
+    robots: tuple[str, ...] = ()
+
+    @property
+    def reason(self) -> str | None:
+        """Why the robot waits, for people; None if it does not."""
+        if self.passage is not None:
+            return f"{self.passage} is not open yet"
+        return "; ".join(f"{robot} goes first" for robot in self.robots) or None
+
+
 class Complaint(Struct, frozen=True):
     """Traffic does not take the robot, for this reason."""
 

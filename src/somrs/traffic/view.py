@@ -44,6 +44,15 @@ def _robots(state: TrafficState, schedule: Schedule, berths: Berths, drives: Dri
         )
 
 
+def held_up(name: str, record: RobotRecord, schedule: Schedule, drives: Drives) -> tuple[str | None, tuple[str, ...]]:
+    """What keeps a robot from going on that wants to: the lift or the door that is not open for it, or the robots that go first."""
+    passage, is_inside = drives.awaited_by(name) if len(schedule.held(name)) > 1 else (None, False)
+    if passage is not None and not is_inside:
+        return passage, ()
+    wants_to_drive = record.trip is not None or bool(schedule.planned(name))
+    return None, _waits_for(name, record, schedule) if wants_to_drive and len(schedule.held(name)) == 1 else ()
+
+
 def _waits_for(name: str, record: RobotRecord, schedule: Schedule) -> tuple[str, ...]:
     """The robots that go first by the plan. While no way is planned, because nobody gets past: the first one on its shortest way."""
     first = tuple(dict.fromkeys(schedule.obstacles(name)))

@@ -9,6 +9,7 @@ from random import Random
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from somrs.kernel.component import (
     Answered,
@@ -24,16 +25,19 @@ from somrs.kernel.component import (
     TimerFired,
     Withdraw,
 )
-from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.traffic import Mobility, TripResult
+from somrs.space.solids import Role, Solid
 from somrs.traffic.component import Traffic
 from somrs.traffic.notices import ClosedLane, CloseWays, RoadmapMade
+from somrs.traffic.participant import PassageParticipant
 from somrs.traffic.planner import TrafficPlanner
 from somrs.traffic.roadmap import Lane, Place, Roadmap
 from somrs.traffic.robot_program import RobotProgram
 from somrs.traffic.robot_tasks import (
     Astray,
     Follow,
+    HeldUp,
     Locate,
     MobilityChanged,
     PlacePassed,
@@ -77,6 +81,7 @@ class Robot:
         self.overs: dict[str, TripOver] = {}
         self.is_stuck = False
         self.workplace = ""
+        self.held_up = HeldUp()
         self.visited = [place]
 
     def carry_out(self, task: object) -> object:
@@ -91,6 +96,8 @@ class Robot:
                 self.way, self.number = way, max(self.number, way[0].number)
             case TripOver(trip=trip):
                 self.overs[trip] = task
+            case HeldUp():
+                self.held_up = task
         return None
 
     def drive(self) -> None:
@@ -164,6 +171,8 @@ class Hall:
             while self._queue:
                 message = self._queue.popleft()
                 sender = message.header.sender or ""
+                if message.header.recipient not in ("traffic", *self.robots):
+                    continue  # nobody moves the door
                 if self._random.random() >= self._loss:
                     self.handle(message.header.recipient, Received(message))
                 elif not self.is_silently:
@@ -248,6 +257,40 @@ def test_one_that_comes_to_where_it_works_is_not_sent_away_before_it_has_begun()
     worker.notify(MobilityChanged(Mobility.FREE))
     hall.run(60.0)
     assert hall.robots["Cart"].result("trip2") is TripResult.ARRIVED
+
+
+def test_a_robot_is_told_for_whom_it_waits_also_when_that_one_cannot_be_reached() -> None:
+    """Seen: a robot that waited was said to drive."""
+    hall = Hall(line("A", "B", "C"), {"Cart": "A", "Mute": "B"})
+    hall.run(5.0)
+    cart, mute = hall.robots["Cart"], hall.robots["Mute"]
+    mute.notify(MobilityChanged(Mobility.BUSY))
+    mute.notify(SilenceChanged(True))
+    cart.go("trip1", "B")
+    hall.run(6.0)
+    assert cart.held_up == HeldUp(robots=("Mute",))
+    mute.notify(SilenceChanged(False))
+    mute.notify(MobilityChanged(Mobility.FREE))
+    hall.run(30.0)
+    assert (cart.held_up, cart.result("trip1")) == (HeldUp(), TripResult.ARRIVED)
+
+
+def test_a_robot_is_told_for_which_door_it_waits() -> None:
+    """Seen: a robot stood before a door that never opened, and was said to drive."""
+    door = Solid(
+        name="Door1", type="AutomaticDoor", role=Role.DOOR, x=2.5, y=0.0, z=0.0, yaw=0.0, form="Box", width=0.1, depth=1.0, height=2.0
+    )
+    hall = Hall(structs.replace(line("A", "B", "C", "D"), doors=(door,)), {"Cart": "A"})
+    program = PassageParticipant("Door1")
+    for number in (1, 2):
+        header = Header(sender="door", recipient="traffic", message_id=f"urn:door:{number}", reply_to="door")
+        body = program.enter(60.0) if number == 1 else program.report(is_open=False)
+        hall.handle("traffic", Received(Message(header=header, body=body)))
+        program.fence = hall._traffic.state.passages["Door1"].fence
+    hall.run(5.0)
+    hall.robots["Cart"].go("trip1", "D")
+    hall.run(10.0)
+    assert (hall.robots["Cart"].held_up, hall.robots["Cart"].place) == (HeldUp(passage="Door1"), "C")
 
 
 def test_a_trip_that_is_given_up_gives_its_way_back() -> None:

@@ -25,6 +25,7 @@ from somrs.traffic.robot_tasks import (
     Astray,
     Complaint,
     Follow,
+    HeldUp,
     Locate,
     MobilityChanged,
     PlacePassed,
@@ -88,8 +89,8 @@ class Traveller:
         self._berths: dict[str, Berth] = {}
         self._way: tuple[Waypoint, ...] = ()
         self._is_paused = False
-        self._blocked: set[str] = set()
-        """The places to which the robot could not drive on."""
+        self._held_up: str | None = None  # for what in traffic it waits, for people
+        self._blocked: set[str] = set()  # the places to which the robot could not drive on
         self.vain_trips = VainTrips()
         self._rest: asyncio.TimerHandle | None = None
         """The timer until whose end it is not asked to make room for others."""
@@ -123,7 +124,7 @@ class Traveller:
             faults=tuple(sorted(self._faults)),
             z=self.level,
             charge=self.robot.battery,
-            hindrance=self.robot.hindrance,
+            hindrance=self.robot.hindrance or self._held_up,
             trouble=self._trouble,
             remark=self.robot.remark,
         )
@@ -291,6 +292,9 @@ class Traveller:
                 over = self._trips.get(trip)
                 if over is not None and not over.done():
                     over.set_result(task)
+            case HeldUp(reason=reason):
+                self._held_up = reason
+                self.renew_state()
             case Complaint(text=text):
                 log.warning("%s does not take part in traffic: %s", self.robot.name, text)
             case _:

@@ -58,12 +58,18 @@ class EnterTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class TrafficEntered(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The robot holds its place. `until`: the end of its lease, on the clock of traffic; report at least every `renew_within` seconds."""
+    """The robot holds its place. `until`: the end of its lease, on the clock of traffic; report at least every `renew_within` seconds.
+
+    For one that has not moved since its last report and wants to, `passage`: the lift or the door that is not open for it; `waits_for`:
+    the robots that go first.
+    """
 
     robot: str
     fence: int
     until: float
     renew_within: float
+    passage: str | None = None
+    waits_for: tuple[str, ...] = ()
 
 
 class ReportPlace(MessageBody, frozen=True, kw_only=True, tag=True):
