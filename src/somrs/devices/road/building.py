@@ -195,6 +195,11 @@ class Building:
         return zones_of(self._map, self._ontology)
 
     def standing(self, driver: Driver) -> Iterator[tuple[float, Disc]]:
+        """Robots that cannot move, and things on the floor: traffic lets nobody drive there."""
+        for thing in self.solids.values():
+            level = self.level_of(thing.z)
+            if thing.role is Role.THING and -0.1 < thing.z - level < NEAR_FLOOR:
+                yield level, Disc(thing.x, thing.y, thing.extent)
         for name in self._map.with_value("Working", False):
             solid = self.solids.get(name)
             if solid is not None and solid.role is Role.ROBOT and name != driver.name:

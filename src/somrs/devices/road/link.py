@@ -45,6 +45,8 @@ log = logging.getLogger(__name__)
 
 PATIENCE, PAUSE = 45.0, 2.0
 """For how long a robot waits for others that are in the way to where it is to work, and the pause between two attempts, in seconds."""
+RETRYING = 12.0
+"""For how long a robot asks again for a trip that traffic refuses, s: whoever supervises it tries some times more."""
 REST = 0.3
 """Seconds between two states with the same pose from which on a robot stands."""
 STILL = 0.01
@@ -53,6 +55,10 @@ REACHED = 0.15
 """A robot that is this near to where it is to work stands there, m."""
 MARK_HEIGHT = 0.1
 """Difference in height up to which a charger is on the robot's floor, m."""
+
+
+class TripRefused(RobotGaveUp):
+    """Traffic has no way for a trip now. That may change: what is in the way is moved, or a door is mended."""
 
 
 class RoadLink(CommandLink):
@@ -192,6 +198,18 @@ class RoadLink(CommandLink):
     # Driving
 
     async def _drive_to(self, goal: Point, height: float | None) -> None:
+        """Drive to a point. A trip that traffic refuses is asked for again for a while."""
+        loop = asyncio.get_running_loop()
+        end = loop.time() + RETRYING
+        while True:
+            try:
+                return await self._driven_to(goal, height)
+            except TripRefused:
+                if loop.time() >= end:
+                    raise
+            await asyncio.sleep(PAUSE)
+
+    async def _driven_to(self, goal: Point, height: float | None) -> None:
         building = await self.traveller.building()
         level = building.level_of(self.traveller.level if height is None else height)
         stop = building.stop_at(self.traveller.driver(level), goal, self.traveller.new_name())
@@ -221,7 +239,8 @@ class RoadLink(CommandLink):
             problem = await self._approached(name)
             if problem is None:
                 return
-            if problem.reason != "blocked" or loop.time() > start_time + PATIENCE:
+            patience = RETRYING if isinstance(problem, TripRefused) else PATIENCE if problem.reason == "blocked" else 0.0
+            if loop.time() >= start_time + patience:
                 raise problem
             await asyncio.sleep(PAUSE)
 
@@ -258,7 +277,7 @@ class RoadLink(CommandLink):
         """Raise RobotGaveUp if a trip did not end at its goal."""
         if over.refusal:
             description = f"{self.robot.name} finds no path to ({goal[0]:.2f}, {goal[1]:.2f}): {over.refusal}"
-            raise RobotGaveUp("unreachable", description, self.state)
+            raise TripRefused("unreachable", description, self.state)
         problem = why_not_arrived(self.robot.name, goal, over.ended) if over.ended is not None else None
         if problem is not None:
             cannot_move = over.ended is not None and over.ended.result is TripResult.IMMOBILE

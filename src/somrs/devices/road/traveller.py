@@ -12,6 +12,7 @@ import uuid
 from collections.abc import Callable
 from dataclasses import replace
 
+from somrs.devices.road.berth_memory import BerthMemory
 from somrs.devices.road.building import Building, RoadDriver, standing
 from somrs.devices.road.gripper import Gripper
 from somrs.devices.road.hardware import Vehicle
@@ -44,8 +45,6 @@ REST = 0.3
 """Seconds between two states with the same pose from which on a robot stands."""
 STILL = 0.01
 """How far a robot that stands seems to move, m."""
-REMEMBERED = 8
-"""How many of the last berths are remembered."""
 
 EndCommand = Callable[[str, str], None]
 """Ends the command that is carried out, for a reason and with a description as of `RobotGaveUp`."""
@@ -86,7 +85,7 @@ class Traveller:
         self._trouble: str | None = None
         """Why it cannot drive, as a sentence."""
         self._roadmap: RoadmapRead | None = None
-        self._berths: dict[str, Berth] = {}
+        self._berths = BerthMemory()
         self._way: tuple[Waypoint, ...] = ()
         self._is_paused = False
         self._held_up: str | None = None  # for what in traffic it waits, for people
@@ -99,8 +98,6 @@ class Traveller:
         self._stopping: asyncio.Task[None] | None = None
         self._halts = 0
         """How often it was told to stand still: ways from before are not followed any more."""
-        self._yaws: dict[str, float] = {}
-        """The headings that it is to have at berths."""
         self._trips: dict[str, asyncio.Future[TripOver]] = {}
         self._life, self._numbers = uuid.uuid4().hex[:6], itertools.count(1)
 
@@ -233,7 +230,7 @@ class Traveller:
         if self._stopping is not None:
             await asyncio.wait({self._stopping})
         if isinstance(stop, Berth):
-            self._remember(stop, yaw)
+            self._berths.remember(stop, yaw)
         over: asyncio.Future[TripOver] = asyncio.get_running_loop().create_future()
         self._trips[trip] = over
         self._is_abandoned, self.stays = False, False
@@ -318,19 +315,13 @@ class Traveller:
         if stop is None:
             raise RemoteError(f"{self.robot.name} stands at ({state.x:.2f}, {state.y:.2f}), from where it sees no place of the roadmap")
         if isinstance(stop, Berth):
-            self._remember(stop, None)
+            self._berths.remember(stop, None)
         self._blocked, self._way = set(), ()
         return standing(stop, halts=self._halts)
 
-    def _remember(self, berth: Berth, yaw: float | None) -> None:
-        """Keep a berth: ways may lead there. `yaw`: the heading that the robot is to have there."""
-        self._berths = {**dict([*self._berths.items()][-REMEMBERED:]), berth.name: berth}
-        self._yaws = {name: heading for name, heading in self._yaws.items() if name in self._berths}
-        if yaw is not None:
-            self._yaws[berth.name] = yaw
-
     async def _follow(self, way: tuple[WayPlace, ...]) -> None:
         building = await self.building(is_current=False)
+        self._berths.use([place.name for place in way])
         waypoints: list[Waypoint] = []
         for place in way:
             waypoint = self._waypoint(building, place, waypoints[-1].name if waypoints else None)
@@ -355,7 +346,7 @@ class Traveller:
             await self.robot.follow(self._way)
 
     def _waypoint(self, building: Building, place: WayPlace, start: str | None) -> Waypoint | None:
-        berth, lane = self._berths.get(place.name), None
+        berth, lane = self._berths.berth(place.name), None
         if berth is not None:
             x, y, level = berth.x, berth.y, self.level
         elif place.name in building.roadmap.numbers:
@@ -373,7 +364,7 @@ class Traveller:
             released=place.released,
             speed_limit=lane.speed_limit if lane is not None else None,
             travel=lane.travel if lane is not None else None,
-            yaw=self._yaws.get(place.name),
+            yaw=self._berths.yaw(place.name),
         )
 
     async def building(self, *, is_current: bool = True) -> Building:
