@@ -16,7 +16,7 @@ from somrs.api.device_state import DeviceState, is_working, state_of
 from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally, device_of
 from somrs.api.service_presence import ServicePresence
 from somrs.api.simulator_gateway import NO_TRAFFIC, SimulatedDeviceView, break_or_mend, put_robot, simulated_devices
-from somrs.api.traffic_reader import reader_of
+from somrs.api.traffic_reader import last_place, reader_of
 from somrs.api.waiting import waiting_text
 from somrs.client.operations import operation
 from somrs.client.refusals import ErrorReport, NotFound, error_report
@@ -275,7 +275,7 @@ class FleetService:
             paused=value_of(name, PAUSED, map, ontology) is True,
             paused_for=paused_for,
             in_service=value_of(name, IN_SERVICE, map, ontology) is not False,
-            position=self._position(name),
+            position=(last_place(name, traffic) if state is None else None) or self._position(name),
             place=self._place(name),
             holding=tuple(arguments[0] for arguments in map.facts_with(_HELD_BY, 1, name)),
             charge=_number(value_of(name, "Charge", map, ontology)),

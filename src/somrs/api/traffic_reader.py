@@ -75,6 +75,13 @@ def reader_of(context: Context) -> TrafficReader | None:
     return TrafficReader(context.client, addresses.traffic) if addresses.traffic is not None and addresses.simulator is None else None
 
 
+def last_place(robot: str, traffic: TrafficState) -> tuple[float, ...] | None:
+    """The point, in metres, of the last place that a robot in traffic has come to: the map has where it was after its last work. None if
+    it takes no part."""
+    driving_robot = traffic.robots.get(robot)
+    return driving_robot.granted[0] if driving_robot is not None and driving_robot.granted else None
+
+
 def _roadmap(number: int, places: Sequence[RoadmapPlace]) -> Roadmap:
     positions = {place.name: position for position, place in enumerate(places)}
     directed = {(start, positions[lane.end]): lane for start, place in enumerate(places) for lane in place.lanes}
