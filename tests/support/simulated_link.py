@@ -19,6 +19,13 @@ class SimulatedLink(CommandLink):
         self.simulation, self.robot = simulation, robot
         simulation.set_outside(robot, True)
 
+    @classmethod
+    def of_device(cls, simulation: Simulation, name: str) -> Self:
+        """Control a device that does not drive: a door."""
+        link = cls.__new__(cls)
+        link.simulation, link.robot = simulation, name
+        return link
+
     async def __aenter__(self) -> Self:
         return self
 

@@ -27,9 +27,9 @@ EXAMPLE = ROOT / "examples" / "unknown_floor"
 
 
 @asynccontextmanager
-async def world() -> AsyncIterator[str]:
+async def world(site: Path = EXAMPLE / "world.yaml") -> AsyncIterator[str]:
     """A simulator with the world as it is. Yields its address."""
-    options = ["--site", str(EXAMPLE / "world.yaml"), "--speed", "30", "--world", "kinematic"]
+    options = ["--site", str(site), "--speed", "30", "--world", "kinematic"]
     command = [sys.executable, "-m", "somrs.cli.main", "run", "simulator", *options]
     process = await asyncio.create_subprocess_exec(*command, stdout=asyncio.subprocess.PIPE)
     try:

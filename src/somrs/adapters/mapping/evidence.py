@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from somrs.sites.occupancy.grid import Cell, OccupancyGrid, States
+from somrs.sites.occupancy.grid import Cell, Mask, OccupancyGrid, States
 
 RESOLUTION = 0.05
 """The side of a cell, m."""
@@ -55,6 +55,10 @@ class Evidence:
         is_inside = np.hypot(rows, columns) * self.resolution <= radius
         middle = np.floor(np.array([y, x]) / self.resolution).astype(np.int64)
         self._add(np.column_stack([rows, columns])[is_inside] + middle, np.zeros((0, 2), dtype=np.int64))
+
+    def forget(self, cells: Mask) -> None:
+        """What was seen in these cells of the grid does not count any more: something there has moved."""
+        self._log_odds[cells] = 0.0
 
     def _add(self, touched: Indexes, hits: Indexes) -> None:
         """Each cell counts once: as hit, if a ray ends in it, or else as passed."""

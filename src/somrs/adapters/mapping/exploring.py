@@ -1,11 +1,17 @@
-"""Explores a floor: looks, drives to the next frontier, and looks again, until nothing is left that can be looked at."""
+"""Explores a floor: looks, drives to the next frontier, and looks again, until nothing is left that can be looked at.
+
+Doors with a drive that are shut on the map are opened when nothing else is left, one after the other, and closed when the robot does not
+need them any more.
+"""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 
+from somrs.adapters.mapping.doors import Doors, NoDoors
 from somrs.adapters.mapping.survey import Survey, legs_of
+from somrs.adapters.mapping.ways import Frontier
 from somrs.devices.simulator.link.command_link import CommandLink
 from somrs.devices.simulator.link.commands import CommandDone, RobotState, Scan
 from somrs.devices.simulator.link.commands import Point as SeenPoint
@@ -27,19 +33,47 @@ Expected = Callable[[], Sequence[SeenPoint]]
 """The points at which something should be, of which each look tells whether they are in clear view."""
 
 
-async def explore(link: CommandLink, survey: Survey, noted: Noted, expected: Expected = tuple) -> RobotState:
+async def explore(link: CommandLink, survey: Survey, noted: Noted, expected: Expected = tuple, doors: Doors | None = None) -> RobotState:
     """Explore until nothing is left that can be looked at. Returns the robot's last state.
 
-    Raises RobotGaveUp if the robot cannot go on.
+    Raises RobotGaveUp if the robot cannot go on. Then doors may be open that it has had opened.
     """
-    state = await _look(link, survey, noted, expected)
-    while (frontier := survey.next_frontier((state.x, state.y))) is not None:
-        survey.note_looked_at(frontier)
-        for point in legs_of(frontier.way):
-            is_there = await _drive(link, point)
-            state = await _look(link, survey, noted, expected)
-            if not is_there:
-                break
+    doors = doors if doors is not None else NoDoors()
+
+    async def look() -> RobotState:
+        return await _look(link, survey, noted, expected)
+
+    state = await look()
+    while True:
+        while (frontier := survey.next_frontier((state.x, state.y))) is not None:
+            survey.note_looked_at(frontier)
+            state = await _go(link, frontier, state, look)
+        choice = survey.next_door((state.x, state.y), await doors.shut())
+        ahead = choice[1].way[-1] if choice is not None else None
+        for closable in survey.closable_doors((state.x, state.y), ahead):
+            if (view_beside := survey.stand_beside(closable, (state.x, state.y))) is not None:
+                state = await _go(link, view_beside, state, look)
+            survey.note_closed(closable)
+            await doors.close(closable.name)
+        if choice is None:
+            return state
+        door, view = choice
+        survey.note_tried(door)
+        state = await _go(link, view, state, look)
+        if await doors.open(door.name):
+            survey.note_open(door)
+            state = await look()
+            if (view_through := survey.look_through(door, (state.x, state.y))) is not None:
+                state = await _go(link, view_through, state, look)
+
+
+async def _go(link: CommandLink, view: Frontier, state: RobotState, look: Callable[[], Awaitable[RobotState]]) -> RobotState:
+    """Drive to where something is seen, and look after each leg. Returns the robot's last state."""
+    for point in legs_of(view.way):
+        is_there = await _drive(link, point)
+        state = await look()
+        if not is_there:
+            break
     return state
 
 

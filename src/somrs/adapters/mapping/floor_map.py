@@ -54,7 +54,8 @@ class Shown:
 
 @dataclass(slots=True, kw_only=True)
 class _Entry:
-    """An object of the map. `is_foreign`: somebody else has put it there; `is_earlier`: or an earlier survey of the same robot."""
+    """An object of the map. `is_foreign`: somebody else has put it there; `is_earlier`: or an earlier survey of the same robot;
+    `is_device`: it reports by itself how it is."""
 
     name: str
     shown: Shown
@@ -62,6 +63,7 @@ class _Entry:
     connects: tuple[str, ...] = ()
     is_foreign: bool = False
     is_earlier: bool = False
+    is_device: bool = False
 
 
 class FloorMap:
@@ -79,11 +81,20 @@ class FloorMap:
         """What an earlier survey has brought, and this one has not seen to be gone."""
 
     def add_foreign(
-        self, name: str, shown: Shown, floor: str | None = None, connects: tuple[str, ...] = (), *, is_earlier: bool = False
+        self,
+        name: str,
+        shown: Shown,
+        floor: str | None = None,
+        connects: tuple[str, ...] = (),
+        *,
+        is_earlier: bool = False,
+        is_device: bool = False,
     ) -> None:
         """Note an object that somebody else has put on the map, or an earlier survey. `floor`: that of a room; `connects`: the rooms that a
-        door joins."""
-        self._entries[name] = _Entry(name=name, shown=shown, floor=floor, connects=connects, is_foreign=True, is_earlier=is_earlier)
+        door joins. `is_device`: a door with a drive, which reports by itself whether it is open."""
+        self._entries[name] = _Entry(
+            name=name, shown=shown, floor=floor, connects=connects, is_foreign=True, is_earlier=is_earlier, is_device=is_device
+        )
 
     @property
     def surveyed_names(self) -> list[str]:
@@ -125,6 +136,8 @@ class FloorMap:
         parts, missed = [], []
         for name, entry in self._entries.items():
             box, kind = entry.shown.box, entry.shown.kind
+            if entry.is_device:
+                continue
             if kind == "Door" and (is_open := is_door_open(box, grid)) is not None:
                 if is_open is not bool(entry.shown.values.get("Open", True)):
                     parts.append(f"{name}.Open = {str(is_open).upper()}")

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import msgspec
 
+from somrs.adapters.mapping.doors import DoorTasks
 from somrs.adapters.mapping.expected import ExpectedThings
 from somrs.adapters.mapping.exploring import explore
 from somrs.adapters.mapping.floor_map import FloorMap, Shown
@@ -73,6 +74,8 @@ class MappingRobot(SimulatedDevice):
     type = "MobileRobot"
     types = (WAS_EXPLORED_BY,)
     features = ("OperationRange", "Speed", "Price")
+    _doors: DoorTasks | None = None
+    """The doors of the storey that it explores, or has explored last."""
 
     def _make_link(self) -> CommandLink:
         try:
@@ -95,16 +98,22 @@ class MappingRobot(SimulatedDevice):
         floor_map = await self._floor_map(task)
         things = ExpectedThings(await self._things(task, floor_map.elevation))
         findings = _Findings(self, task, survey, floor_map, things)
+        self._doors = doors = DoorTasks(self.name, self.map, self.tasks, floor_map.elevation, ON_FLOOR, _box_of)
         try:
-            state = await self.retry_when_link_lost(lambda: explore(self._link, survey, findings.note, lambda: things.points))
+            state = await self.retry_when_link_lost(lambda: explore(self._link, survey, findings.note, lambda: things.points, doors))
         except RobotGaveUp as failure:
+            await doors.leave()
             await findings.publish()
             raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
         await findings.publish(is_last=True)
+        if doors.failed:
+            await task.progress(1.0, note=f"cannot have opened: {', '.join(doors.failed)}. What is behind stays unknown")
         return " AND ".join([f"{task.inputs['Storey']} wasExploredBy {self.name}", *self._own_pose(state)])
 
     @explore_floor.stopping
     async def stand_still(self, task: Task) -> Situation:
+        if self._doors is not None:
+            await self._doors.leave()
         try:
             return " AND ".join(self._own_pose((await self.retry_when_link_lost(self._link.stop)).state))
         except RobotGaveUp as failure:
@@ -136,6 +145,7 @@ class MappingRobot(SimulatedDevice):
         """What the map has of the storey already."""
         storey, earlier_names = str(task.inputs["Storey"]), self.read_surveyed()
         names = [str(row["It"]) for row in await task.map.query("?It: Object = ?It")]
+        driven_doors = {str(row["It"]) for row in await task.map.query("?It: PoweredDoor = ?It")}
         floor_map = FloorMap(storey, await self.elevation(task), names)
         for kind in _FOLLOWED:
             for row in await task.map.query(f"?It: {kind}.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"):
@@ -144,7 +154,8 @@ class MappingRobot(SimulatedDevice):
                     rooms = await task.map.query(f"connects({object.name}, ?First, ?Second)", limit=1) if kind == "Door" else []
                     connects = tuple(str(row[side]) for row in rooms for side in ("First", "Second"))
                     is_earlier = object.name in earlier_names
-                    floor_map.add_foreign(object.name, _shown_as(object, kind), None, connects, is_earlier=is_earlier)
+                    shown = _shown_as(object, kind)
+                    floor_map.add_foreign(object.name, shown, None, connects, is_earlier=is_earlier, is_device=object.name in driven_doors)
         for row in await task.map.query(f"?Room: Room = ?Room AND ?Floor: Floor {PART_OF} ?Room"):
             floor, room = await task.map.object(str(row["Floor"])), str(row["Room"])
             if floor is not None:

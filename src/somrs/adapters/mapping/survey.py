@@ -9,11 +9,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from somrs.adapters.mapping.doors import DrivenDoor
 from somrs.adapters.mapping.evidence import Evidence
-from somrs.adapters.mapping.ways import Frontier, Ways
+from somrs.adapters.mapping.ways import VIEWING_DISTANCE, Frontier, Ways, covered_cells
 from somrs.devices.simulator.link.commands import Scan, Sighting
 from somrs.ontology.types import Value
-from somrs.sites.occupancy.grid import OccupancyGrid
+from somrs.sites.occupancy.grid import Cell, OccupancyGrid
 from somrs.sites.plan import Box, Point
 
 LEG = 1.5
@@ -29,6 +30,10 @@ BERTH = 0.25
 LEAST_SIGHTINGS = 2
 """A piece of furniture counts when it has been seen so often."""
 _TRIES = 2
+_DOORWAY = 0.1
+"""How far beside a door its leaf is seen, m."""
+_SWING_MARGIN = 0.1
+"""How far a robot keeps from where the leaf of a door may swing, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +79,11 @@ class Survey:
         """Where other robots stood when the camera saw them last."""
         self._looked_at: list[Point] = []
         """The middles of the frontiers to which the robot has driven, each time."""
+        self._tried_doors: set[str] = set()
+        """The doors that the robot has had opened, or has tried to."""
+        self._open_doors: list[DrivenDoor] = []
+        self._closed_doors: list[Box] = []
+        """Those that were opened for the robot, and are open or shut again."""
 
     def add_scan(self, x: float, y: float, yaw: float, scan: Scan, ranges: Sequence[float | None]) -> None:
         """Add a scan from a pose."""
@@ -110,17 +120,86 @@ class Survey:
         return [piece.box for piece in self.pieces if piece.count >= LEAST_SIGHTINGS]
 
     def grid(self) -> OccupancyGrid:
-        """What is known now."""
-        return self.evidence.grid()
+        """What is known now. Doorways that the robot has seen open are free, also when the doors are shut again."""
+        grid = self.evidence.grid()
+        for box in self._closed_doors:
+            grid.states[covered_cells(box, grid)] = Cell.FREE
+        return grid
+
+    def _ways(self, position: Point) -> Ways:
+        return self._ways_without((), position)
+
+    def _ways_without(self, doors: Sequence[DrivenDoor], position: Point) -> Ways:
+        """The ways if these doors were shut."""
+        shut_doors = [*self._closed_doors, *(door.box for door in doors)]
+        doorways = [_extended(door.box, self.radius + 2 * MARGIN) for door in self._open_doors]
+        clearance, berth = self.radius + MARGIN, 2 * self.radius + BERTH
+        return Ways(self.grid(), position, clearance, self.robots, berth, shut_doors, doorways, self.radius)
 
     def next_frontier(self, position: Point) -> Frontier | None:
         """Where to look next; None if there is nothing left that can be looked at."""
-        frontiers = Ways(self.grid(), position, self.radius + MARGIN, self.robots, 2 * self.radius + BERTH).frontiers()
         return min(
-            (frontier for frontier in frontiers if not self._is_vain(frontier)),
+            (frontier for frontier in self._ways(position).frontiers() if not self._is_vain(frontier)),
             key=lambda frontier: frontier.distance - 0.5 * min(frontier.length, 3.0),
             default=None,
         )
+
+    def next_door(self, position: Point, shut_doors: Sequence[DrivenDoor]) -> tuple[DrivenDoor, Frontier] | None:
+        """Which of the doors that are shut is to be opened next, and from where it is looked at, outside the swing of its leaf; None if
+        there is none whose front the robot has seen and that it has not tried."""
+        ways = self._ways(position)
+        views: list[tuple[DrivenDoor, Frontier]] = []
+        for door in shut_doors:
+            if door.name not in self._tried_doors and (view := self._view_of(door, ways, self._swing(door.box))) is not None:
+                views.append((door, view))
+        return min(views, key=lambda pair: pair[1].distance, default=None)
+
+    def look_through(self, door: DrivenDoor, position: Point) -> Frontier | None:
+        """From where the robot looks straight through a door that is open; None if it cannot come there."""
+        return self._view_of(door, self._ways(position), 0.0)
+
+    def _swing(self, box: Box) -> float:
+        """How far from a door the robot is out of the way of its leaf, m."""
+        return max(box.width, box.depth) + self.radius + _SWING_MARGIN
+
+    def _front_distance(self, box: Box) -> float:
+        """How far from the middle of a door a robot stands close in front of it, m."""
+        return min(box.width, box.depth) / 2 + self.radius + 2 * MARGIN
+
+    def _view_of(self, door: DrivenDoor, ways: Ways, least: float) -> Frontier | None:
+        """From where the floor in front of a door is seen that is nearest to it, at least `least` from there, m."""
+        box, front = door.box, self._front_distance(door.box)
+        sides = [box.world((0.0, side * front) if box.width >= box.depth else (side * front, 0.0)) for side in (1.0, -1.0)]
+        views = [view for middle in sides if (view := ways.view_of(middle, box.width, least, least + VIEWING_DISTANCE)) is not None]
+        return min(views, key=lambda view: view.distance, default=None)
+
+    def note_tried(self, door: DrivenDoor) -> None:
+        """The robot has this door opened."""
+        self._tried_doors.add(door.name)
+
+    def note_open(self, door: DrivenDoor) -> None:
+        """A door has opened: what was seen of its leaf is over."""
+        self.evidence.forget(covered_cells(_extended(door.box, _DOORWAY), self.evidence.grid()))
+        self._open_doors.append(door)
+
+    def note_closed(self, door: DrivenDoor) -> None:
+        """A door that was opened for the robot shuts."""
+        self._open_doors.remove(door)
+        self._closed_doors.append(door.box)
+
+    def closable_doors(self, position: Point, ahead: Point | None) -> list[DrivenDoor]:
+        """The doors opened for the robot that it does not need on its way to where it looks next. `ahead`: None if it looks nowhere."""
+        closable: list[DrivenDoor] = []
+        for door in self._open_doors:
+            if ahead is None or (
+                door.box.gap(position) > self._swing(door.box) and self._ways_without([*closable, door], position).is_reachable(ahead)
+            ):
+                closable.append(door)
+        return closable
+
+    def stand_beside(self, door: DrivenDoor, position: Point) -> Frontier | None:
+        """Where the robot is out of the way of a door; None if it is now, or cannot come there."""
+        return self._view_of(door, self._ways(position), self._swing(door.box)) if door.box.gap(position) < self._swing(door.box) else None
 
     def _is_vain(self, frontier: Frontier) -> bool:
         return sum(math.dist(frontier.middle, middle) <= SAME_FRONTIER for middle in self._looked_at) >= _TRIES
@@ -144,6 +223,13 @@ def _averaged(piece: Piece, sighting: Sighting) -> Piece:
         yaw=piece.yaw + share * math.remainder(sighting.yaw - piece.yaw, math.tau),
         count=piece.count + 1,
     )
+
+
+def _extended(door: Box, length: float) -> Box:
+    """The rectangle of a door, and the floor in front of it and behind, up to this distance, m."""
+    if door.width >= door.depth:
+        return replace(door, depth=door.depth + 2 * length)
+    return replace(door, width=door.width + 2 * length)
 
 
 def legs_of(way: Sequence[Point]) -> list[Point]:

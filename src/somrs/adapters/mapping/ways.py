@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -41,22 +41,39 @@ class Frontier:
 
 class Ways:
     """The ways from a point over the free cells of a grid that are at least `clearance` from all others, and `berth` from the middles of
-    `robots`, m."""
+    `robots`, m, and that do not lead through `shut_doors`. Through `doorways`, they lead over cells that are `radius` from all others."""
 
-    def __init__(self, grid: OccupancyGrid, start: Point, clearance: float, robots: Sequence[Point] = (), berth: float = 0.0) -> None:
+    def __init__(
+        self,
+        grid: OccupancyGrid,
+        start: Point,
+        clearance: float,
+        robots: Sequence[Point] = (),
+        berth: float = 0.0,
+        shut_doors: Sequence[Box] = (),
+        doorways: Sequence[Box] = (),
+        radius: float = 0.0,
+    ) -> None:
         self.grid, self.start = grid, start
         self._free = grid.mask(Cell.FREE)
         distances = ndimage.distance_transform_edt(np.pad(self._free, 1))[1:-1, 1:-1] * grid.resolution
         self.is_open: Mask = distances > clearance
-        for x, y in grid.to_local(robots).tolist() if robots else []:
-            self.is_open &= ~cells_of(Box(x, y, 2 * berth, 2 * berth), grid, 0.0)
+        for x, y in robots:
+            self.is_open &= ~covered_cells(Box(x, y, 2 * berth, 2 * berth), grid)
+        for doorway in doorways:
+            self.is_open |= covered_cells(doorway, grid) & (distances > radius)
+        for door in shut_doors:
+            self.is_open &= ~covered_cells(door, grid, clearance)
         self._start_cell = self._cell_near(start)
         self.lengths, self._predecessors = shortest_ways(self.is_open, self._start_cell)
 
+    def _cell_of(self, point: Point) -> tuple[int, int]:
+        ((x, y),) = self.grid.to_local([point]).tolist()
+        return math.floor(y / self.grid.resolution), math.floor(x / self.grid.resolution)
+
     def _cell_near(self, point: Point) -> tuple[int, int]:
         """The open cell nearest to a point; that of the point if none is."""
-        ((x, y),) = self.grid.to_local([point]).tolist()
-        row, column = math.floor(y / self.grid.resolution), math.floor(x / self.grid.resolution)
+        row, column = self._cell_of(point)
         rows, columns = np.nonzero(self.is_open)
         if not len(rows):
             return row, column
@@ -87,12 +104,34 @@ class Ways:
                 )
         return sorted(found_frontiers, key=lambda frontier: frontier.distance)
 
-    def _view_of(self, cell: tuple[int, int], reach: int, is_reachable: Mask) -> tuple[int, int] | None:
-        """The reachable cell from which a cell is seen, and that is the nearest to it; None if there is none within reach, in cells."""
+    def is_reachable(self, point: Point) -> bool:
+        """Whether a way leads to the cell of a point."""
+        row, column = self._cell_of(point)
+        height, width = self.lengths.shape
+        return 0 <= row < height and 0 <= column < width and bool(np.isfinite(self.lengths[row, column]))
+
+    def view_of(self, point: Point, length: float, least: float, reach: float) -> Frontier | None:
+        """From where a point is seen, at least `least` and at most `reach` from it, in m; None if it is not known to be free, or no way
+        leads to where it is seen."""
+        row, column = self._cell_of(point)
+        height, width = self._free.shape
+        if not (0 <= row < height and 0 <= column < width and self._free[row, column]):
+            return None
+        cells = math.ceil(reach / self.grid.resolution), math.ceil(least / self.grid.resolution)
+        view = self._view_of((row, column), cells[0], np.isfinite(self.lengths), cells[1])
+        if view is None:
+            return None
+        way = self._way_to(view)
+        return Frontier(middle=point, length=length, way=way, distance=path_length(way))
+
+    def _view_of(self, cell: tuple[int, int], reach: int, is_reachable: Mask, least: int = 0) -> tuple[int, int] | None:
+        """The reachable cell from which a cell is seen, and that is the nearest to it, though `least` cells away; None if there is none
+        within reach, in cells."""
         low_row, low_column = max(cell[0] - reach, 0), max(cell[1] - reach, 0)
         rows, columns = np.nonzero(is_reachable[low_row : cell[0] + reach + 1, low_column : cell[1] + reach + 1])
         distances = np.hypot(rows + low_row - cell[0], columns + low_column - cell[1])
-        for index in np.argsort(distances, kind="stable")[:200]:
+        order = np.argsort(distances, kind="stable")
+        for index in order[distances[order] >= least][:200]:
             candidate = int(rows[index]) + low_row, int(columns[index]) + low_column
             if distances[index] <= reach and is_clear_line(self._free, candidate, cell):
                 return candidate
@@ -119,6 +158,12 @@ class Ways:
     def _point(self, cell: tuple[int, int]) -> Point:
         ((x, y),) = self.grid.to_map([((cell[1] + 0.5) * self.grid.resolution, (cell[0] + 0.5) * self.grid.resolution)]).tolist()
         return x, y
+
+
+def covered_cells(box: Box, grid: OccupancyGrid, margin: float = 0.0) -> Mask:
+    """The cells that a rectangle of the map covers, or that are at most `margin` beside it, m."""
+    ((x, y),) = grid.to_local([(box.x, box.y)]).tolist()
+    return cells_of(replace(box, x=x, y=y, yaw=box.yaw - grid.yaw), grid, margin)
 
 
 def shortest_ways(is_open: Mask, start: tuple[int, int]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
