@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -14,19 +15,25 @@ from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.files.dump import dump_map
 from somrs.ontology.files.loading import upper
+from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Fact, Object
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.task_views import TaskView
+from somrs.sites.openrmf import import_building
 from tests.support import warm
 from tests.support.accomplishing import accomplish
 from tests.support.building import building
 from tests.support.hang import HANG_TIME
+from tests.support.paths import SHARED
 from tests.support.simulated_tower import tower
 
 pytestmark = pytest.mark.long
+
+HOTEL = SHARED / "sites" / "hotel.building.yaml"
 
 SITE = (
     building("Lab", 8, 6, "Wall1: {type: Wall, at: [4, 0.8, 0], Shape: {Form: Box, Width: 0.1, Depth: 1.6, Height: 2.5}}")
@@ -61,12 +68,12 @@ adapters:
 
 
 @contextlib.asynccontextmanager
-async def system(folder: Path, text: str) -> AsyncIterator[Client]:
+async def system(folder: Path, text: str, *, speed: str = "1", world: WorldKind = WorldKind.PHYSICS) -> AsyncIterator[Client]:
     site, data = folder / "site.yaml", folder / "data"
     site.write_text(text)
     async with (
         asyncio.timeout(HANG_TIME),
-        System([site], data, launcher=warm.launcher(), certificates=False),
+        System([site], data, speed=speed, world=world, launcher=warm.launcher(), certificates=False),
         Client(Addresses.read(data)) as client,
     ):
         yield client
@@ -132,9 +139,26 @@ def test_a_vehicle_that_was_cut_off_on_its_way_works_again_afterwards(tmp_path: 
 
 def test_a_vehicle_rides_a_lift_to_another_of_its_maps(tmp_path: Path) -> None:
     async def run() -> None:
-        async with system(tmp_path, two_storeys()) as client:
+        async with system(tmp_path, two_storeys(), speed="3", world=WorldKind.KINEMATIC) as client:
             view = await accomplish(client, "Jar1 isOn Table2")
             assert view.outcome is Outcome.ACCOMPLISHED
             assert providers(view) == ["Robot1"]
+
+    asyncio.run(run())
+
+
+@pytest.mark.skipif(not HOTEL.exists(), reason=f"NOT TESTED: there is no {HOTEL}")
+def test_vehicles_of_two_sizes_ride_the_lifts_of_a_hotel(tmp_path: Path) -> None:
+    """Seen in Open-RMF's hotel: vehicles did not take part in its large traffic, and those that did lost the storey on which they were."""
+    vehicles = {"tinyBot_1": {"simulated": "2.1"}, "deliveryBot_1": {"simulated": "3.0"}}
+    hotel = import_building(HOTEL)
+    text = f"{dump_site(hotel.ontology, hotel.map)}\nadapters: {json.dumps({'vda5050': {'broker': 'own', 'vehicles': vehicles}})}\n"
+
+    async def run() -> None:
+        async with system(tmp_path, text, speed="4", world=WorldKind.KINEMATIC) as client:
+            views = await asyncio.gather(*(accomplish(client, f"{robot} isAt L2_room1") for robot in vehicles))
+            assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 2
+            for robot in vehicles:
+                assert (await client.query(f"{robot}.PositionZ = 8")).rows
 
     asyncio.run(run())
