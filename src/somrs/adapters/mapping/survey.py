@@ -21,8 +21,10 @@ LEG = 1.5
 """The longest way that a robot drives without a scan, m."""
 MARGIN = 0.08
 """How far a robot keeps from what it has seen, besides its radius, m."""
-SAME_FRONTIER = 0.4
-"""A frontier that is so near to one that was looked at in vain is not looked at again, m."""
+FARTHEST_VIEW = 3.0
+"""A frontier that cannot be looked at from nearby is looked at from at most so far, m."""
+SAME_FRONTIER, SAME_STAND = 0.4, 0.5
+"""A frontier that is so near to one that was looked at in vain is not looked at again from a point that is so near, m."""
 SAME_PIECE = 0.4
 """Two sightings of one type that are so near are of one piece of furniture, m."""
 BERTH = 0.25
@@ -77,8 +79,8 @@ class Survey:
         self.pieces: list[Piece] = []
         self.robots: list[Point] = []
         """Where other robots stood when the camera saw them last."""
-        self._looked_at: list[Point] = []
-        """The middles of the frontiers to which the robot has driven, each time."""
+        self._looked_at: list[tuple[Point, Point]] = []
+        """The middles of the frontiers to which the robot has driven, each time, and from where it looked."""
         self._tried_doors: set[str] = set()
         """The doors that the robot has had opened, or has tried to."""
         self._open_doors: list[DrivenDoor] = []
@@ -137,12 +139,14 @@ class Survey:
         return Ways(self.grid(), position, clearance, self.robots, berth, shut_doors, doorways, self.radius)
 
     def next_frontier(self, position: Point) -> Frontier | None:
-        """Where to look next; None if there is nothing left that can be looked at."""
-        return min(
-            (frontier for frontier in self._ways(position).frontiers() if not self._is_vain(frontier)),
-            key=lambda frontier: frontier.distance - 0.5 * min(frontier.length, 3.0),
-            default=None,
-        )
+        """Where to look next; None if there is nothing left that can be looked at. Through gaps in which the robot does not fit, it looks
+        at the end."""
+        ways = self._ways(position)
+        for distance in (VIEWING_DISTANCE, FARTHEST_VIEW):
+            frontiers = [frontier for frontier in ways.frontiers(distance) if not self._is_vain(frontier)]
+            if frontiers:
+                return min(frontiers, key=lambda frontier: frontier.distance - 0.5 * min(frontier.length, 3.0))
+        return None
 
     def next_door(self, position: Point, shut_doors: Sequence[DrivenDoor]) -> tuple[DrivenDoor, Frontier] | None:
         """Which of the doors that are shut is to be opened next, and from where it is looked at, outside the swing of its leaf; None if
@@ -170,7 +174,7 @@ class Survey:
         """From where the floor in front of a door is seen that is nearest to it, at least `least` from there, m."""
         box, front = door.box, self._front_distance(door.box)
         sides = [box.world((0.0, side * front) if box.width >= box.depth else (side * front, 0.0)) for side in (1.0, -1.0)]
-        views = [view for middle in sides if (view := ways.view_of(middle, box.width, least, least + VIEWING_DISTANCE)) is not None]
+        views = [view for middle in sides if (view := ways.view_of(middle, box.width, least, least + 1.5)) is not None]
         return min(views, key=lambda view: view.distance, default=None)
 
     def note_tried(self, door: DrivenDoor) -> None:
@@ -202,11 +206,15 @@ class Survey:
         return self._view_of(door, self._ways(position), self._swing(door.box)) if door.box.gap(position) < self._swing(door.box) else None
 
     def _is_vain(self, frontier: Frontier) -> bool:
-        return sum(math.dist(frontier.middle, middle) <= SAME_FRONTIER for middle in self._looked_at) >= _TRIES
+        looks = sum(
+            math.dist(frontier.middle, middle) <= SAME_FRONTIER and math.dist(frontier.way[-1], stand) <= SAME_STAND
+            for middle, stand in self._looked_at
+        )
+        return looks >= _TRIES
 
     def note_looked_at(self, frontier: Frontier) -> None:
         """The robot has driven to where it looks at this frontier, or could not."""
-        self._looked_at.append(frontier.middle)
+        self._looked_at.append((frontier.middle, frontier.way[-1]))
 
 
 def _piece(sighting: Sighting) -> Piece:

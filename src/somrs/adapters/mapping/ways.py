@@ -24,6 +24,8 @@ SHORTEST_FRONTIER = 0.35
 """What is shorter is a gap between rays, or too narrow to look into, m."""
 VIEWING_DISTANCE = 1.0
 """A frontier is looked at from at most so far, m."""
+_NEAR_CANDIDATES, _STRIDE = 200, 10
+"""So many of the nearest cells from which something may be seen are tried, and of those farther away one of so many."""
 _STEPS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2)))
 """Steps to half of the eight cells around one, with their lengths in cells."""
 
@@ -80,15 +82,15 @@ class Ways:
         nearest = int(np.hypot(rows - row, columns - column).argmin())
         return int(rows[nearest]), int(columns[nearest])
 
-    def frontiers(self) -> list[Frontier]:
-        """The frontiers that can be looked at, the nearest first."""
+    def frontiers(self, viewing_distance: float = VIEWING_DISTANCE) -> list[Frontier]:
+        """The frontiers that can be looked at from at most so far, m; the nearest first."""
         unknown = ndimage.binary_dilation(self.grid.mask(Cell.UNKNOWN), np.ones((3, 3)))
         labels, _ = ndimage.label(self._free & unknown, structure=np.ones((3, 3)))
         is_reachable = np.isfinite(self.lengths)
         if not is_reachable.any():
             return []
         found_frontiers = []
-        reach = math.ceil(VIEWING_DISTANCE / self.grid.resolution)
+        reach = math.ceil(viewing_distance / self.grid.resolution)
         for number, place in enumerate(ndimage.find_objects(labels), 1):
             rows, columns = np.nonzero(labels[place] == number)
             if len(rows) * self.grid.resolution < SHORTEST_FRONTIER:
@@ -131,9 +133,10 @@ class Ways:
         rows, columns = np.nonzero(is_reachable[low_row : cell[0] + reach + 1, low_column : cell[1] + reach + 1])
         distances = np.hypot(rows + low_row - cell[0], columns + low_column - cell[1])
         order = np.argsort(distances, kind="stable")
-        for index in order[distances[order] >= least][:200]:
+        order = order[(distances[order] >= least) & (distances[order] <= reach)]
+        for index in np.concatenate([order[:_NEAR_CANDIDATES], order[_NEAR_CANDIDATES::_STRIDE]]):
             candidate = int(rows[index]) + low_row, int(columns[index]) + low_column
-            if distances[index] <= reach and is_clear_line(self._free, candidate, cell):
+            if is_clear_line(self._free, candidate, cell):
                 return candidate
         return None
 

@@ -41,6 +41,15 @@ def test_it_goes_on_until_all_is_seen() -> None:
     assert [piece.type for piece in survey.pieces] == ["Cupboard"]
 
 
+def test_it_looks_through_a_gap_in_which_it_does_not_fit() -> None:
+    screen = [box("Cupboard1", "Cupboard", (5.0, 1.4, 0), (0.4, 2.8, 1.5)), box("Cupboard2", "Cupboard", (5.0, 4.6, 0), (0.4, 2.8, 1.5))]
+    world = Simulation(Map([*shell(), *screen, robot("Robot1", (1.5, 3.0, 0.0))]), ONTOLOGY, WorldKind.KINEMATIC)
+    survey = Survey(0.22)
+    asyncio.run(explore(SimulatedLink(world, "Robot1"), survey, ignore))
+    (east_wall,) = (wall for wall in building_of(survey.grid(), survey.furniture()).walls if wall.x > 8)
+    assert east_wall.width > 1.5, "through a gap of 0.4 m, it sees 0.7 m of the wall from where it starts"
+
+
 class ObstructedLink(SimulatedLink):
     """A link to a robot in whose way something stands on its first drive. The world's clock goes on by a second with each look at it."""
 

@@ -15,6 +15,7 @@ from hypothesis.extra import numpy as arrays
 from somrs.adapters.mapping.survey import LEG, legs_of
 from somrs.adapters.mapping.ways import Ways, is_clear_line, path_length, shortest_ways
 from somrs.sites.occupancy.grid import Cell, OccupancyGrid
+from somrs.sites.plan import Box
 
 
 def plain_lengths(is_open: np.ndarray, start: tuple[int, int]) -> np.ndarray:
@@ -81,3 +82,13 @@ def test_no_leg_is_longer_than_a_robot_drives_without_a_scan() -> None:
     assert ends[-1] == (4.0, 1.0)
     assert (4.0, 0.0) in ends
     assert max(math.dist(start, end) for start, end in pairwise([(0.0, 0.0), *ends])) <= LEG
+
+
+def test_ways_lead_closer_to_the_ends_of_walls_in_a_doorway_and_not_through_a_shut_door() -> None:
+    states = np.full((40, 40), Cell.FREE, dtype=np.int8)
+    states[:, 20] = Cell.OCCUPIED
+    states[13:27, 20] = Cell.FREE  # a doorway of 0.7 m
+    grid, door = OccupancyGrid(states=states, resolution=0.05), Box(1.025, 1.0, 1.0, 0.7)
+    assert not Ways(grid, (0.5, 1.0), 0.4).is_reachable((1.5, 1.0))
+    assert Ways(grid, (0.5, 1.0), 0.4, doorways=[door], radius=0.3).is_reachable((1.5, 1.0))
+    assert not Ways(grid, (0.5, 1.0), 0.4, doorways=[door], radius=0.3, shut_doors=[door]).is_reachable((1.5, 1.0))
