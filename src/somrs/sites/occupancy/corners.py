@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import product
 
 import numpy as np
 
@@ -30,7 +31,43 @@ def with_corners(walls: Sequence[Box], grid: OccupancyGrid) -> list[Box]:
         corner = _crossing(result[first], result[second])
         if corner is not None and all(_may_reach(index, corner, result, grid) for index in (first, second)):
             result[first], result[second] = (_extended(result[index], corner) for index in (first, second))
-    return result
+    return [*result, *_bends(result, grid)]
+
+
+def _bends(walls: Sequence[Box], grid: OccupancyGrid) -> Iterator[Box]:
+    """The walls between the ends of two that go on in nearly the same direction, and of which nothing is known in between."""
+    for first, wall in enumerate(walls):
+        for second in range(first + 1, len(walls)):
+            partner = walls[second]
+            if math.dist((wall.x, wall.y), (partner.x, partner.y)) > wall.reach + partner.reach + _LONGEST:
+                continue
+            bend = _bend(wall, partner)
+            if not 2 * grid.resolution < bend.width <= _LONGEST or not (_goes_on(wall, bend) and _goes_on(partner, bend)):
+                continue
+            beside = [box for number, box in enumerate(walls) if number not in (first, second)]
+            if any(box.gap(end) <= _MEETING for box in beside for end in _ends(bend)):
+                continue
+            points = [
+                bend.world((float(u), 0.0)) for u in np.arange((grid.resolution - bend.width) / 2, bend.width / 2, grid.resolution / 2)
+            ]
+            if float(np.mean(grid.state_at(np.array(points)) == Cell.FREE)) <= _FREE:
+                yield bend
+
+
+def _bend(wall: Box, partner: Box) -> Box:
+    """The wall between the ends of two that are nearest to each other."""
+    start, end = min(product(_ends(wall), _ends(partner)), key=lambda pair: math.dist(*pair))
+    yaw = math.atan2(end[1] - start[1], end[0] - start[0])
+    return Box((start[0] + end[0]) / 2, (start[1] + end[1]) / 2, math.dist(start, end), min(wall.depth, partner.depth), yaw)
+
+
+def _goes_on(wall: Box, bend: Box) -> bool:
+    """Whether a wall is beyond the end of another one, and goes on in nearly the same direction."""
+    return abs(math.sin(wall.yaw - bend.yaw)) < _STEEPEST and abs(wall.local((bend.x, bend.y))[0]) > wall.width / 2
+
+
+def _ends(wall: Box) -> tuple[Point, Point]:
+    return wall.world((-wall.width / 2, 0.0)), wall.world((wall.width / 2, 0.0))
 
 
 def _meetings(walls: Sequence[Box], grid: OccupancyGrid) -> Iterator[tuple[float, int, int]]:

@@ -143,3 +143,18 @@ def test_walls_meet_in_a_corner_that_something_hides() -> None:
     building = building_of(OccupancyGrid(states=states, resolution=grid.resolution, x=grid.x, y=grid.y, yaw=grid.yaw))
     assert share_within(np.vstack([points_along(wall) for wall in plan.walls]), building.walls, 0.1) >= 0.98
     assert len(building.walls) == 4
+
+
+@pytest.mark.parametrize("is_hidden", [True, False])
+def test_a_wall_that_bends_behind_something_goes_on_and_an_opening_stays(is_hidden: bool) -> None:
+    states = np.full((160, 160), Cell.UNKNOWN, dtype=np.int8)
+    for column in range(20, 140):
+        row = 80 + max(0, round((column - 80) * math.tan(math.radians(12))))
+        is_gap = 65 <= column < 95
+        states[20:row, column] = Cell.FREE
+        states[row : row + 2, column] = Cell.OCCUPIED
+        if is_gap:
+            states[60 : row + 2, column] = Cell.UNKNOWN if is_hidden else Cell.FREE
+    walls = building_of(OccupancyGrid(states=states, resolution=0.05)).walls
+    points = np.array([(column * 0.05, 4.05 + max(0.0, (column - 80) * 0.05 * math.tan(math.radians(12)))) for column in range(25, 135)])
+    assert (share_within(points, walls, 0.2) > 0.98) is is_hidden
