@@ -214,13 +214,12 @@ def main() -> None:
     guard = node.create_guard_condition(work)
 
     def read() -> None:
-        while True:
+        line = b"\n"
+        while line:
             line = sys.stdin.buffer.readline()
             lines.put(line)
             guard.trigger()
-            if not line:
-                time.sleep(2 * PATIENCE)
-                os._exit(0)
+        signal.alarm(int(2 * PATIENCE))  # the middleware may hang with the lock of the interpreter
 
     write_line(say="Ready", distribution=os.environ.get("ROS_DISTRO", ""))
     threading.Thread(target=read, daemon=True).start()

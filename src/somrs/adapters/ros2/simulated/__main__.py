@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import os
+import signal
 import sys
 import threading
 from typing import Any
@@ -24,7 +25,7 @@ from somrs.adapters.ros2.simulated.body import KinematicBody
 from somrs.adapters.ros2.simulated.link_body import LinkBody
 from somrs.adapters.ros2.simulated.nodes import SimulatedRobot, obey
 
-PATIENCE = 5.0
+PATIENCE = 5
 """Seconds for an orderly end when the input has ended."""
 THREADS = 8
 """A goal that is under way occupies one."""
@@ -49,9 +50,7 @@ async def _end_with_input(lines: asyncio.StreamReader) -> None:
     """Have the process end soon after its input, also while it waits for the simulator, or for the middleware."""
     while not lines.at_eof():
         await asyncio.sleep(0.1)
-    ending = threading.Timer(PATIENCE, os._exit, [0])
-    ending.daemon = True
-    ending.start()
+    signal.alarm(PATIENCE)  # the middleware may hang with the lock of the interpreter
 
 
 async def run(description: RobotDescription, node: Any) -> None:
