@@ -238,6 +238,15 @@ class System:
         if self._adapters.needs_broker:
             host, port = self._adapters.broker_place
             await self._start(BROKER, "--host", host, "--port", str(port))
+        await self._start_devices_and_clients(driven, ports)
+        # Not earlier: when a start fails because an address is taken, the next start tries the same address again.
+        self.addresses.write(self.data, LAST_FILE)
+        if bus is not None:
+            await list_site(self.addresses, self._bus_credentials())
+
+    async def _start_devices_and_clients(self, driven: list[tuple[str, str]], ports: Ports) -> None:
+        """Start what needs the others: the programs of devices, adapters, the scheduler, and the servers for people. `driven`: the devices
+        with their drivers."""
         device_starts = [self._start_devices(group) for group in group_devices(driven, self._devices_per_process)]
         device_starts += [self._start_adapter(label, arguments) for label, arguments in self._adapters.programs()]
         access = "--secure" if self.secure else "--insecure"
@@ -249,10 +258,6 @@ class System:
             oidc = ["--oidc", str(self._oidc)] if self._oidc is not None else []
             clients.append(self._start("gui", "--port", str(ports[Part.WINDOWS]), access, *oidc))
         await asyncio.gather(*device_starts, *clients)
-        # Not earlier: when a start fails because an address is taken, the next start tries the same address again.
-        self.addresses.write(self.data, LAST_FILE)
-        if bus is not None:
-            await list_site(self.addresses, self._bus_credentials())
 
     def _address_of_world(self, map: str) -> str:
         """Where the map is in the world of a simulator that others run, which may have several; empty without such a simulator."""
