@@ -20,6 +20,7 @@ from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.traffic import ReadRoadmap, RoadmapPage
 from somrs.repository.update import update_outcome
+from somrs.space.solids import solid_of
 from somrs.traffic.component import Traffic
 from somrs.traffic.layout import OpenBuilding, lay_out
 from somrs.traffic.planner import TrafficPlanner
@@ -32,6 +33,8 @@ from tests.support.robot_lab import SITE, site
 
 T = TypeVar("T")
 
+REACH = 1.5
+"""How far from where it stands a robot takes things, m."""
 STEP = 0.1
 """Seconds between two states of a body."""
 DELAY = 0.01
@@ -106,7 +109,8 @@ class Body:
     async def take(self, thing: str) -> str | None:
         """Take a thing. Returns why it failed."""
         await asyncio.sleep(self.handling / 2)
-        if self.held_thing is not None or self.lab.places.get(thing) is None:
+        place = self.lab.places.get(thing)
+        if self.held_thing is not None or place is None or self.lab.distance(place, self.x, self.y) > REACH:
             return "there is nothing to take"
         self.held_thing = thing
         self.lab.places[thing] = None
@@ -240,6 +244,12 @@ class RoadLab:
     async def whole_map(self, *, is_current: bool = True) -> tuple[Map, Ontology]:
         await asyncio.sleep(0)
         return self.map, self.ontology
+
+    def distance(self, place: str, x: float, y: float) -> float:
+        """How far a point is from an object, m."""
+        solid = solid_of(self.map.objects[place], self.ontology)
+        assert solid is not None, "places have a position"
+        return solid.distance(x, y)
 
     def report(self, situation: str) -> None:
         """Put something on the map."""

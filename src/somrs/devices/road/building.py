@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from somrs.devices.simulator.link.commands import ObjectState
 from somrs.devices.simulator.motion.driven_world import Driver
 from somrs.devices.simulator.motion.driving import MARGIN, NEAR_FLOOR
 from somrs.devices.simulator.motion.placement import reaching_bases
@@ -101,6 +102,8 @@ class Building:
         self._layout: Layout | None = None
         self._ways: Ways | None = None
         self._roadmap: NumberedRoadmap | None = None
+        self.noted: dict[str, ObjectState] = {}
+        """Things that are elsewhere than the map has them, as a robot has found in work that it has not reported yet."""
 
     # What changes
 
@@ -146,6 +149,8 @@ class Building:
         return self._ways
 
     def pose(self, name: str) -> Pose:
+        if (noted := self.noted.get(name)) is not None:
+            return noted.x, noted.y, noted.z, noted.yaw
         solid = self.solids[name]
         return solid.x, solid.y, solid.z, solid.yaw
 
@@ -209,6 +214,8 @@ class Building:
 
     def support_of(self, thing: str) -> str | None:
         """What a thing is on, or in; None if the map does not say so."""
+        if thing in self.noted:
+            return self.noted[thing].support
         facts = (fact for relation in ("isOn", "isIn") for fact in self._map.facts(relation))
         return next((fact.arguments[1] for fact in facts if fact.arguments[0] == thing), None)
 

@@ -95,9 +95,19 @@ class Handling:
                 return state
             raise RobotGaveUp("not-holding", f"{self._robot.name} has put {thing} down already", self._traveller.state, (state,))
         if held is not None and self._gripper.is_unsure and (held.target or held.origin) != support:
-            await self._make_sure()
-            await self.grip(thing)
+            await self._take_again(await self._make_sure())
         return await self._drop(thing, support)
+
+    async def _take_again(self, state: ObjectState) -> None:
+        """Take a thing from where the robot has just put it: the map does not have it there yet. Raises RobotGaveUp, with where it is."""
+        noted = self._robot.building.noted
+        noted[state.object] = state
+        try:
+            await self.grip(state.object)
+        except RobotGaveUp as failure:
+            raise RobotGaveUp(failure.reason, failure.description, failure.state, failure.object_states or (state,)) from None
+        finally:
+            del noted[state.object]
 
     async def put_down(self) -> ObjectState:
         """Get rid of what it holds: put it down where the robot stands, or, if it cannot, bring it back to where it was, or to the nearest

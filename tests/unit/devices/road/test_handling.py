@@ -194,3 +194,25 @@ def test_it_is_known_where_a_thing_is_whenever_a_program_or_a_connection_ends(
         assert robot.body.held_thing is None
 
     in_virtual_time(test())
+
+
+def test_what_was_put_down_unnoticed_is_taken_from_there_to_be_brought_back(tmp_path: Path) -> None:
+    """Seen with ROS 2, whose gripper says nothing: the robot looked for the thing where it had been before."""
+
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        robot.senses = False
+        await lab.start()
+        await carrying(lab, robot)
+        await robot.link.approach("Platform1")
+        placing = asyncio.create_task(robot.link.place("Platform1"))
+        await asyncio.sleep(0.75 * robot.body.handling)
+        robot = await lab.restart("Robot1")
+        placing.cancel()
+        assert lab.places["Jar1"] == "Platform1"
+        await robot.link.approach("Table1")
+        (state,) = (await robot.link.place("Table1")).object_states
+        assert state.support == "Table1" == lab.places["Jar1"]
+
+    in_virtual_time(test())
