@@ -255,7 +255,7 @@ class Building:
     def has_room(self, support: str, spot: Point, thing: str | None) -> bool:
         """Whether nothing else on a support is where a thing would be put; None: it is only reached for."""
         solid = self.solids.get(thing) if thing is not None else None
-        if thing is None or self.solids[support].role not in CARRYING:
+        if thing is None or support not in self.solids or self.solids[support].role not in CARRYING:
             return True
         radius = APART + (solid.extent if solid is not None else HAND)
         return all(

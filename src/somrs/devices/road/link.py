@@ -131,6 +131,8 @@ class RoadLink(CommandLink):
         except RobotGaveUp as failure:
             states = failure.object_states or self._untouched(command)
             raise RobotGaveUp(failure.reason, failure.description, self.state, states) from None
+        except RemoteError as error:  # it does not take part in traffic yet, or the Repository does not answer
+            raise RobotGaveUp("not-possible", str(error), self.state, self._untouched(command)) from None
 
     async def _known_places(self) -> list[ObjectState]:
         """Where the thing is with which the robot had to do: as the map has it, or, where that has forgotten it, as the robot remembers."""
@@ -289,10 +291,8 @@ class RoadLink(CommandLink):
     async def _reach(self, name: str) -> Stand:
         """Stand where an object is within reach. Raises RobotGaveUp."""
         building = await self.traveller.building()
-        has_room = (
-            self._stand is not None and building.has_room(name, self._stand.spot, self.robot.holding) if name in building.solids else True
-        )
-        if self._reached != name or not self._stands_there() or not has_room:
+        stand = self._stand if self._reached == name and self._stands_there() else None
+        if stand is None or not building.has_room(name, stand.spot, self.robot.holding):
             await self._approach(name)
         assert self._stand is not None, "who has not come there has given up"
         return self._stand

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -49,5 +50,19 @@ def test_a_robot_that_cannot_drive_says_why(tmp_path: Path) -> None:
         robot.broken(None)
         await robot.link.approach("Jar1")
         assert (await robot.link.status()).state.trouble is None
+
+    in_virtual_time(test())
+
+
+def test_a_robot_that_does_not_take_part_in_traffic_yet_says_so(tmp_path: Path) -> None:
+    """Seen after its program was killed while it dropped something: the stop of its work ended with a stack trace."""
+
+    async def test() -> None:
+        robot = RoadLab(tmp_path).robots["Robot1"]
+        robot.say()
+        robot.holding = "Jar1"
+        for command in (robot.link.put_down_object, partial(robot.link.approach, "Jar1")):
+            with pytest.raises(RobotGaveUp, match="Robot1 does not take part in traffic yet"):
+                await command()
 
     in_virtual_time(test())
