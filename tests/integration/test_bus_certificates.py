@@ -22,6 +22,7 @@ from somrs.runtime.bus_requests import answer_subject
 from somrs.runtime.host import Host
 from somrs.runtime.wire import Unanswered, Wire
 from somrs.storage.audit_log import Actor, AuditLog
+from somrs.storage.nats_connection import connect, end
 from somrs.storage.stored_copy import CopyInfo
 from somrs.storage.stream_log import StreamLog
 from somrs.trust.authority import Authority
@@ -430,5 +431,23 @@ def test_a_program_ends_in_order_although_the_bus_has_ended_before(tmp_path: Pat
             client._pending_data_size += 6
         await connection.close()
         await log.close()
+
+    asyncio.run(asyncio.wait_for(play(), HANG_TIME))
+
+
+def test_a_connection_ends_although_the_server_went_away_while_tls_was_agreed_on(tmp_path: Path) -> None:
+    async def play() -> None:
+        async with secure_bus(tmp_path) as bus:
+            client = await connect(bus.address.servers, bus.enrolled("bus", Role.BUS))
+        has_refused = asyncio.Event()
+
+        async def refuse(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            writer.close()
+            has_refused.set()
+
+        async with await asyncio.start_server(refuse, "127.0.0.1", int(bus.address.servers.rpartition(":")[2])):
+            await has_refused.wait()
+            await asyncio.sleep(0.05)  # the client notices, and pauses before the next attempt
+            await end(client)
 
     asyncio.run(asyncio.wait_for(play(), HANG_TIME))

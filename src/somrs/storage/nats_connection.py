@@ -47,6 +47,9 @@ _TOO_MANY_COPIES = frozenset({10074, 10005})
 INBOXES = "_INBOX."
 """How subjects for answers begin. An answer goes nowhere else: it would be sent with the rights of who answers."""
 
+END_TIME = 1.0
+"""Seconds for a connection to end. What it has sent is flushed before; the library waits for ever for one whose TLS was never agreed on."""
+
 RENEWAL_LOOK = 2.0
 """Seconds between two looks whether the own certificate has been renewed."""
 
@@ -117,7 +120,8 @@ async def end(client: Client | None) -> None:
     if client is not None:
         # uvloop has closed it (RuntimeError), or asyncio's TLS has (AttributeError).
         with contextlib.suppress(OSError, RuntimeError, AttributeError):
-            await client.close()
+            async with asyncio.timeout(END_TIME):
+                await client.close()
 
 
 async def _renew(client: Client, credentials: Credentials, generation: int) -> None:
