@@ -21,6 +21,7 @@ from pathlib import Path, PurePosixPath
 import msgspec
 
 from somrs.access.store import LOCAL_FILE
+from somrs.atomic_files import write_atomically
 from somrs.client.addresses import SYSTEM_FILE, Addresses
 from somrs.deployment.incidents import FILE as INCIDENTS_FILE
 from somrs.deployment.private_files import make_private
@@ -78,7 +79,7 @@ async def back_up(data: Path, target: Path) -> None:
     if Addresses.read(data).bus is not None:
         raise UsageError(f"{data}: its system is on a bus, where each journal has copies; stop the system, and make the backup then")
     (data / ANSWER).unlink(missing_ok=True)
-    _put(data / REQUEST, Request(target=str(target)))
+    write_atomically(data / REQUEST, msgspec.json.encode(Request(target=str(target))))
     try:
         while (answer := _read_answer(data)) is None or answer.target != str(target):
             await asyncio.sleep(POLL_PAUSE)
@@ -105,7 +106,7 @@ async def serve_request(data: Path, programs: Sequence[Program]) -> None:
     finally:
         shutil.rmtree(data / COPY, ignore_errors=True)
         (data / REQUEST).unlink(missing_ok=True)
-    _put(data / ANSWER, Answer(target=request.target, problem=problem))
+    write_atomically(data / ANSWER, msgspec.json.encode(Answer(target=request.target, problem=problem)))
 
 
 async def _copy_at_one_moment(data: Path, programs: Sequence[Program]) -> None:
@@ -206,12 +207,6 @@ def _content(archive: tarfile.TarFile, entry: tarfile.TarInfo) -> bytes:
     if stream is None:
         raise tarfile.TarError(f"{entry.name} is no file")
     return stream.read()
-
-
-def _put(file: Path, value: msgspec.Struct) -> None:
-    new_file = file.with_name(file.name + ".new")
-    new_file.write_bytes(msgspec.json.encode(value))
-    new_file.replace(file)
 
 
 def _read_answer(data: Path) -> Answer | None:

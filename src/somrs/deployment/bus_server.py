@@ -16,6 +16,7 @@ from asyncio.subprocess import Process
 from collections.abc import Sequence
 from pathlib import Path
 
+from somrs.atomic_files import write_atomically
 from somrs.deployment.bus_stores import BusStores
 from somrs.deployment.programs import until_stopped
 from somrs.errors import RemoteError, UsageError
@@ -221,10 +222,9 @@ def _server_name(folder: Path, host: str, port: int) -> str:
     """
     if host not in ALL_ADDRESSES:
         return f"{host}:{port}"
-    file, draft = folder / "name", folder / "name.new"
+    file = folder / "name"
     if not file.exists():
-        draft.write_text(secrets.token_hex(8))
-        draft.replace(file)
+        write_atomically(file, secrets.token_hex(8).encode())
     return file.read_text()
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import msgspec
 
+from somrs.atomic_files import write_atomically
+
 FILE = "incidents.json"
 """In the data folder."""
 
@@ -36,6 +38,4 @@ def read_incidents(data: Path) -> tuple[Incident, ...]:
 def add_incident(data: Path, text: str) -> None:
     incidents = (*read_incidents(data), Incident(at=time.time(), text=text))[-MOST_INCIDENTS:]
     with contextlib.suppress(OSError):  # the disk is full
-        new_file = data / f"{FILE}.new"
-        new_file.write_bytes(msgspec.json.encode(incidents))
-        new_file.replace(data / FILE)
+        write_atomically(data / FILE, msgspec.json.encode(incidents))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from somrs.atomic_files import write_atomically
 from somrs.errors import RemoteError, SimulationError, UsageError
 from somrs.kernel.component import Effect, Input, Notified, Received, Send
 from somrs.protocol.messages.envelope import Message
@@ -66,10 +67,8 @@ class ForeignPositions:
 
     def store(self, positions: Mapping[str, tuple[Position, ...]]) -> None:
         """Raises SimulationError: robots must not be told what a simulator that is started again would not know."""
-        new_file = self._file.with_suffix(".new")
         try:
-            new_file.write_bytes(msgspec.json.encode(positions))
-            new_file.replace(self._file)
+            write_atomically(self._file, msgspec.json.encode(positions))
         except OSError as error:
             raise SimulationError(
                 f"{self._file}: the places of robots in traffic cannot be kept: {error.strerror or error}; make room on the disk, "

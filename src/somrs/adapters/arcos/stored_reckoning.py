@@ -9,6 +9,7 @@ import msgspec
 from msgspec import Struct
 
 from somrs.adapters.arcos.odometry import Pose, Reckoning
+from somrs.atomic_files import write_atomically
 
 log = logging.getLogger(__name__)
 
@@ -32,11 +33,8 @@ def load_reckoning(path: Path) -> Stored | None:
 
 
 def store_reckoning(path: Path, stored: Stored) -> None:
-    """Replace the file, so that it is whole at any time. A failure is logged: the robot can do without it."""
+    """Store it in place of what was stored before. A failure is logged: the robot can do without it."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(".part")
-        part.write_bytes(msgspec.json.encode(stored))
-        part.replace(path)
+        write_atomically(path, msgspec.json.encode(stored))
     except OSError as error:
         log.warning("%s cannot be written: %s", path, error)

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
+from somrs.atomic_files import write_atomically
 from somrs.devices.road.hardware import Vehicle
 from somrs.devices.simulator.link.commands import ObjectState
 
@@ -133,14 +134,10 @@ class Gripper:
             self._store(Stored(place=place))
 
     def _store(self, stored: Stored) -> None:
-        """Replace the file, so that it is whole at any time."""
         if stored == self._stored:
             return
-        self._stored, file = stored, self._file
+        self._stored = stored
         try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            part = file.with_suffix(".part")
-            part.write_bytes(msgspec.json.encode(stored))
-            part.replace(file)
+            write_atomically(self._file, msgspec.json.encode(stored))
         except OSError as error:
-            log.warning("%s cannot be written: %s", file, error)
+            log.warning("%s cannot be written: %s", self._file, error)
