@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from typer.main import get_command
@@ -20,6 +20,7 @@ from somrs.cli.options import (
     DEFAULT_FOLDER,
     LOOPBACK,
     SECURE,
+    ArcosOption,
     BusOption,
     Certificates,
     Data,
@@ -27,8 +28,10 @@ from somrs.cli.options import (
     DriverOption,
     FirstPort,
     Formula,
+    Fresh,
     HostOption,
     Json,
+    MqttOption,
     Neighbours,
     Oidc,
     OwnBusOption,
@@ -36,9 +39,12 @@ from somrs.cli.options import (
     Secure,
     SharedSimulator,
     Simulates,
+    SiteFiles,
     SiteName,
+    Speed,
     TaskManagers,
     UpCommand,
+    Vda5050Option,
     WorldOption,
     awaited,
     fail,
@@ -54,9 +60,6 @@ from somrs.cli.trust import trust_app
 from somrs.cli.zones import zones_app
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.version import __version__
-
-if TYPE_CHECKING:
-    from somrs.deployment.system import System
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -127,28 +130,19 @@ def demo(
 
 @app.command(cls=UpCommand)
 def up(
-    site: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            help="A site: map and ontology files, or a building to import. By default the one of the data folder, or the demonstration's.",
-            show_default=False,
-        ),
-    ] = None,
+    site: SiteFiles = None,
     data: Data = DEFAULT_FOLDER,
-    speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
+    speed: Speed = "1",
     world: WorldOption = WorldKind.PHYSICS,
     simulator: Simulates = True,
     shared_simulator: SharedSimulator = None,
     host: HostOption = LOOPBACK,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Discard the map of an earlier run, and start with the site's map.")] = False,
+    fresh: Fresh = False,
     devices_per_process: DevicesPerProcess = None,
     task_managers: TaskManagers = None,
     registries: Registries = None,
     bus: OwnBusOption = None,
-    mqtt: Annotated[
-        str | None,
-        typer.Option(metavar="HOST:PORT", help="Where the bus is a broker for MQTT. By default, at a free port.", show_default=False),
-    ] = None,
+    mqtt: MqttOption = None,
     name: SiteName = None,
     neighbours: Neighbours = None,
     first_port: FirstPort = None,
@@ -156,22 +150,18 @@ def up(
     secure: Secure = SECURE,
     oidc: Oidc = None,
     certificates: Certificates = None,
-    vda5050: Annotated[
-        str | None,
-        typer.Option(metavar="URL", help="Control the VDA 5050 vehicles at this broker, such as mqtt://HOST:1883.", show_default=False),
-    ] = None,
-    arcos: Annotated[bool, typer.Option("--arcos", help="Drive the Pioneer robots of the simulator by ARCOS.")] = False,
+    vda5050: Vda5050Option = None,
+    arcos: ArcosOption = False,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import run_system, site_to_run
     from somrs.deployment.launcher import Launcher, fork_launcher
 
     sources = guarded(lambda: site_to_run(site or [], data, fresh=fresh))
-    launcher_process = fork_launcher()
+    launcher_process = fork_launcher()  # before numpy starts threads
+    from somrs.deployment.system import System
 
     def make_system(files: Sequence[Path]) -> System:
-        from somrs.deployment.system import System
-
         return System(
             files,
             data,

@@ -17,6 +17,13 @@ from typer.core import TyperCommand
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import InputError, SomrsError
 
+SiteFiles = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        help="A site: map and ontology files, or a building to import. By default the one of the data folder, or the demonstration's.",
+        show_default=False,
+    ),
+]
 Data = Annotated[Path, typer.Option("--data", envvar="SOMRS_DATA", help="The data folder of the system.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 HostOption = Annotated[str, typer.Option("--host", envvar="SOMRS_HOST", help="The address to listen on.")]
@@ -127,6 +134,10 @@ OwnBusOption = Annotated[
         show_default=False,
     ),
 ]
+MqttOption = Annotated[
+    str | None,
+    typer.Option(metavar="HOST:PORT", help="Where the bus is a broker for MQTT. By default, at a free port.", show_default=False),
+]
 _SERVERS = re.compile(r"\w+://|[^/,]+:\d+(,|$)")
 """How the servers of a bus begin, and no file of a site."""
 
@@ -143,6 +154,13 @@ class UpCommand(TyperCommand):
         return super().parse_args(ctx, completed)
 
 
+Speed = Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Discard the map of an earlier run, and start with the site's map.")]
+Vda5050Option = Annotated[
+    str | None,
+    typer.Option(metavar="URL", help="Control the VDA 5050 vehicles at this broker, such as mqtt://HOST:1883.", show_default=False),
+]
+ArcosOption = Annotated[bool, typer.Option("--arcos", help="Drive the Pioneer robots of the simulator by ARCOS.")]
 Simulates = Annotated[
     bool,
     typer.Option(

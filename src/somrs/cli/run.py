@@ -21,6 +21,7 @@ from somrs.cli.options import (
     PortOption,
     Secure,
     SiteName,
+    Speed,
     WorldOption,
     guarded,
 )
@@ -170,7 +171,7 @@ def simulator(
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
-    speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
+    speed: Speed = "1",
     world: WorldOption = WorldKind.PHYSICS,
     bus: BusOption = None,
     name: SiteName = None,
