@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from somrs.kernel.admission import check_room
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import (
@@ -20,21 +18,18 @@ from somrs.kernel.component import (
     Started,
     TimerFired,
 )
-from somrs.kernel.replica import ReplicaUpdate
 from somrs.kernel.service_replica import ServiceUpdate
 from somrs.limits import Limits
-from somrs.ontology.modes import freed_devices
-from somrs.ontology.objects import objects_of
 from somrs.protocol.messages import directory, frp, neighbours, previews, records, reservations, submission, task_news
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, reply
 from somrs.protocol.messages.waits import WaitsForRepository
 from somrs.task_manager.context import TaskManagerContext
-from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.senders import answer_stranger
 from somrs.task_manager.migrations import MIGRATIONS
 from somrs.task_manager.requests import AssignmentAnswered, ForPlan, ReportAnswered, RequestResult, ReservationAnswered, ServicesKnown
 from somrs.task_manager.running_previews import RunningPreviews
+from somrs.task_manager.running_tasks import RunningTasks
 from somrs.task_manager.state import TaskManagerState, UnsettledReport
 from somrs.task_manager.submissions import Submissions, submitted_id
 from somrs.task_manager.subscriptions import Replies, TaskSubscriptions
@@ -59,10 +54,6 @@ from somrs.task_manager.timers import (
     StopDue,
     Timer,
 )
-from somrs.task_manager.transaction.repository_wait import RepositoryWait
-from somrs.task_manager.transaction.scope import TaskScope
-from somrs.task_manager.transaction.state import TaskState
-from somrs.task_manager.transaction.transaction import Transaction
 from somrs.task_manager.world_clock import WorldTimePassed
 
 READY_TIME = 30.0
@@ -96,10 +87,11 @@ class TaskManager:
             clock=state.clock,
             touched=state.touched,
             commitments=state.commitments,
-            still_at_work=self._still_at_work,
+            still_at_work=state.still_at_work,
             reserved_elsewhere=state.reserved_elsewhere,
             may_ask=state.may_ask,
         )
+        self._tasks = RunningTasks(state, self._context)
         self._subscriptions = TaskSubscriptions(state.subscriptions, state.tasks)
         self._queries = TaskQueries(state)
         self._submissions = Submissions(state)
@@ -128,29 +120,20 @@ class TaskManager:
         news = state.replica.handle(event, now)
         if news is not None:
             yield from news.effects
-            yield from self._map_changed(news, now)
-            for task in state.running if news.ontology_changed else ():
-                yield from self._transaction(task).proceed(now)
+            if state.replica.is_current:
+                yield from self._serve_awaiting_map(now)
+            yield from self._tasks.map_changed(news, now)
         elif (update := self._follow_registry(event, now)) is not None:
             yield from update.effects
-            yield from self._services_joined(update.joined, now)
+            yield from self._tasks.services_joined(update.joined, now)
         else:
             yield from self._handle(event, now)
         yield from self._answer_discoveries(now)
-        for task in state.local_reservations.admit_waiting(now) if state.local_reservations is not None else ():
-            if task in state.tasks:
-                yield from self._transaction(task).freed(now)
-        for task in state.queues.admit_waiting(self._still_at_work):
-            if task in state.tasks:
-                yield from self._transaction(task).proceed(now)
-        for task in state.next_to_ask():
-            yield from self._transaction(task).proceed(now)
+        yield from self._tasks.admit_waiting(now)
         yield from self._previews.quote_plans(now)
         if state.touched:
             yield from self._replies(self._subscriptions.notify_watchers(state.touched))
-        for id in [id for id in state.running if state.tasks[id].outcome is not None]:
-            state.running.remove(id)
-            state.forget_old_tasks()
+        self._tasks.forget_ended()
         self._previews.forget_ended()
 
     def _handle(self, event: Input, now: float) -> Effects:
@@ -171,11 +154,10 @@ class TaskManager:
                 yield from self._answered(question, value, now)
             case Notified(WorldTimePassed() as notice):
                 state.clock.adjust(notice, now)
-                for task in state.running:
-                    yield from self._transaction(task).clock_adjusted(now)
+                yield from self._tasks.clock_adjusted(now)
             case DeliveryFailed(message, reason) if message.header.message_id in state.requests.pending:
                 yield from self._request_answered((yield from state.requests.delivery_failed(message, reason, now)), now)
-                self._note_overdue(message.header.message_id, now)
+                self._tasks.note_overdue(message.header.message_id, now)
             case DeliveryFailed(message, reason):
                 yield from self._delivery_failed(message, reason, now)
 
@@ -184,17 +166,12 @@ class TaskManager:
         state.requests.start(now)
         state.subscriptions.start(now)
         yield from state.replica.start(now)
-        for task in state.running:
-            yield from self._transaction(task).restarted(now)
+        yield from self._tasks.restarted(now)
 
     # Services
 
     def _follow_registry(self, event: Input, now: float) -> ServiceUpdate | None:
         return self.state.discovery.handle(event, now) if not self.state.requests.concerns(event) else None
-
-    def _services_joined(self, services: Sequence[str], now: float) -> Effects:
-        for task in self.state.running if services else ():
-            yield from self._transaction(task).services_joined(services, now)
 
     def _answer_discoveries(self, now: float) -> Effects:
         """Tell tasks and previews the services on offer, as soon as they are known."""
@@ -213,7 +190,7 @@ class TaskManager:
             yield from self._request_answered((yield from state.requests.answered(message, state.replica.ontology, now)), now)
         elif isinstance(body, FrpBody) and message.header.transaction is not None:
             if message.header.transaction in state.tasks:
-                yield from self._transaction(message.header.transaction).receive(message, now)
+                yield from self._tasks.transaction(message.header.transaction).receive(message, now)
             elif message.header.transaction in state.previews:
                 yield from self._previews.advance(message.header.transaction, now, lambda preview: preview.receive(message, now))
             else:
@@ -235,10 +212,10 @@ class TaskManager:
             ):
                 yield self._reply(message, frp.Fault(code="env:Sender", text=f"there is no task {task} here"))
             case submission.CancelTask(task=task, reason=reason):
-                yield from self._transaction(task).cancel(now, reason)
+                yield from self._tasks.transaction(task).cancel(now, reason)
                 yield self._reply(message, submission.Cancelling(task=task))
             case submission.PauseTask(task=task, resume=resumes, author=author):
-                transaction = self._transaction(task)
+                transaction = self._tasks.transaction(task)
                 yield from (transaction.resume if resumes else transaction.pause)(author or message.header.sender, now)
                 yield self._reply(message, submission.TaskPaused(task=task, paused=state.tasks[task].pause is not None))
             case task_news.ReadTasks():
@@ -252,17 +229,17 @@ class TaskManager:
             case records.ReadRecords():
                 yield self._queries.read_records(message, message.body)
             case directory.ServicesJoined(offers=offers):
-                yield from self._services_joined([offer.service for offer in offers], now)
+                yield from self._tasks.services_joined([offer.service for offer in offers], now)
             case reservations.ReservationFree(task=task) | reservations.ReservationLost(task=task) if task not in state.running:
                 yield from state.requests.release_ended(task, now)
             case reservations.ReservationFree(task=task):
-                yield from self._transaction(task).freed(now)
+                yield from self._tasks.transaction(task).freed(now)
             case reservations.ReservationLost(task=task) as lost:
-                yield from self._transaction(task).lost_reservation(lost, now)
+                yield from self._tasks.transaction(task).lost_reservation(lost, now)
             case neighbours.NeighbourAwaited(task=task, request=request) as awaited:
                 if task in state.running and request in state.requests.pending:
                     wait = WaitsForRepository(since=awaited.since, map=awaited.map, objects=awaited.objects)
-                    self._repository_wait(task).begin(request, wait, now)
+                    self._tasks.repository_wait(task).begin(request, wait, now)
             case frp.Fault():
                 pass  # a Fault is never answered
             case body if type(body) not in REQUESTS and not isinstance(body, FrpBody):
@@ -273,7 +250,7 @@ class TaskManager:
 
     def _start_task(self, submission: Message | None, now: float) -> Effects:
         if submission is not None:
-            yield from self._transaction(submitted_id(submission)).start(now)
+            yield from self._tasks.transaction(submitted_id(submission)).start(now)
             yield self._submissions.acceptance(submission)
 
     # Timers and answers
@@ -294,9 +271,9 @@ class TaskManager:
                 state.discovery.timer_at = None
             case AnswerDue() as timer:
                 yield from self._request_answered((yield from state.requests.timer_fired(timer, now)), now)
-                self._note_overdue(timer.request, now)
+                self._tasks.note_overdue(timer.request, now)
             case BidsDue() | SilenceDue() | OverdueDue() | DeadlineDue() | RetryDue() | StopDue() if timer.owner in state.tasks:
-                yield from self._transaction(timer.owner).timer_fired(timer, now)
+                yield from self._tasks.transaction(timer.owner).timer_fired(timer, now)
             case BidsDue() | PreviewDue() if timer.owner in state.previews:
                 yield from self._previews.advance(timer.owner, now, lambda preview: preview.timer_fired(timer, now))
 
@@ -305,7 +282,7 @@ class TaskManager:
         answer: Answer = value if isinstance(value, Answer) else ErrorAnswer(str(value) or type(value).__name__)
         match question:
             case PlanWanted(owner=owner) if owner in state.tasks:
-                yield from self._transaction(owner).planned(question, answer, now)
+                yield from self._tasks.transaction(owner).planned(question, answer, now)
             case PlanWanted(owner=owner) if owner in state.previews:
                 yield from self._previews.advance(owner, now, lambda preview: preview.planned(question, answer, now))
             case RecordsWanted(request):
@@ -314,87 +291,43 @@ class TaskManager:
     def _delivery_failed(self, message: Message, reason: str, now: float) -> Effects:
         transaction = message.header.transaction or ""
         if transaction in self.state.tasks:
-            yield from self._transaction(transaction).delivery_failed(message, reason, now)
+            yield from self._tasks.transaction(transaction).delivery_failed(message, reason, now)
         elif transaction in self.state.previews:
             yield from self._previews.advance(transaction, now, lambda preview: preview.delivery_failed(message, reason, now))
-
-    def _note_overdue(self, request: str, now: float) -> None:
-        """The Repository has not answered in time."""
-        overdue = self.state.requests.overdue(request)
-        if overdue is not None and overdue[0] in self.state.running:
-            self._repository_wait(overdue[0]).begin(request, WaitsForRepository(since=overdue[1]), now)
 
     def _request_answered(self, result: RequestResult | None, now: float) -> Effects:
         """Handle the result of a request to the Repository or the Registry."""
         state = self.state
         if result is not None and result.purpose.owner in state.running:
-            self._repository_wait(result.purpose.owner).end(now)
+            self._tasks.repository_wait(result.purpose.owner).end(now)
         match result:
             case ServicesKnown(purpose, offers) if purpose.owner in state.tasks:
-                yield from self._transaction(purpose.owner).discovered(purpose, offers, now)
+                yield from self._tasks.transaction(purpose.owner).discovered(purpose, offers, now)
             case ServicesKnown(ForPlan(owner=owner), offers) if owner in state.previews:
                 yield from self._previews.advance(owner, now, lambda preview: preview.discovered(offers, now))
             case ReportAnswered(purpose, answer) if purpose.owner in state.tasks:
-                unsettled = yield from self._transaction(purpose.owner).report_answered(answer, now)
+                unsettled = yield from self._tasks.transaction(purpose.owner).report_answered(answer, now)
                 if unsettled is not None:
                     version, reported = unsettled
                     state.unsettled.append(UnsettledReport.of(version, purpose.owner, reported))
             case AssignmentAnswered(purpose, assigned):
                 yield from self._start_task((yield from self._submissions.assigned(purpose.owner, assigned, now)), now)
             case ReservationAnswered(purpose, answer) if purpose.owner in state.running:
-                yield from self._transaction(purpose.owner).reserved(purpose, answer, now)
+                yield from self._tasks.transaction(purpose.owner).reserved(purpose, answer, now)
             case ReservationAnswered() as answered if answered.purpose.owner in state.previews:
                 yield from self._previews.advance(answered.purpose.owner, now, lambda preview: preview.reserved(answered, now))
             case ReservationAnswered(purpose):
                 yield from state.requests.release_ended(purpose.owner, now)  # the request came after the release of the task that had ended
 
-    # The map
-
-    def _map_changed(self, news: ReplicaUpdate, now: float) -> Effects:
-        state = self.state
-        if not state.replica.ready:
-            return
-        waiting, state.awaiting_map = (state.awaiting_map, {}) if state.replica.is_current else ({}, state.awaiting_map)
+    def _serve_awaiting_map(self, now: float) -> Effects:
+        """Handle the requests that waited for the map."""
+        waiting, self.state.awaiting_map = self.state.awaiting_map, {}
         for id, message in waiting.items():
             yield SetTimer(MapDue(id), None)
             yield from self._serve(message, now)
-        # A lower version belongs to another store: the versions that reports wait for will never come.
-        begun_anew = news.reloaded and state.replica.version < state.map_version
-        if begun_anew:
-            yield from state.requests.claim(tuple(state.claims()), now)
-        state.map_version = state.replica.version
-        due = [report for report in state.unsettled if begun_anew or report.version <= state.replica.version]
-        state.unsettled = [report for report in state.unsettled if report not in due]
-        for task in state.running if news.new_names else ():
-            yield from self._transaction(task).objects_renamed(news.new_names, now)
-        for report in due:
-            if report.task in state.tasks:
-                yield from self._transaction(report.task).settled(report.result, now)
-        for task in state.running:
-            if state.tasks[task].has_invariants:
-                yield from self._transaction(task).map_changed(now)
-        if news.changes and (waiting_tasks := [task for task in state.running if state.tasks[task].goal.retry_at is not None]):
-            changed_objects = {name for change in news.changes for name in objects_of(change)}
-            for task in waiting_tasks:
-                yield from self._transaction(task).objects_changed(changed_objects, now)
-        if freed := freed_devices(news.changes, state.replica.map, state.replica.ontology):
-            for task in state.running:
-                yield from self._transaction(task).devices_freed(freed, now)
-
-    # What transactions share
-
-    def _transaction(self, id: str) -> Transaction:
-        return Transaction(self.state.tasks[id], self._context)
 
     def _plan_quoted(self, task: str, preview: str, answer: previews.Previewed, now: float) -> Effects:
-        yield from self._transaction(task).plan_quoted(preview, answer, now)
-
-    def _repository_wait(self, id: str) -> RepositoryWait:
-        return RepositoryWait(TaskScope(self.state.tasks[id], self._context))
-
-    def _still_at_work(self, work: AtWork) -> bool:
-        task: TaskState | None = self.state.tasks.get(work.transaction)
-        return task is not None and task.members.at_work(work.participant)
+        yield from self._tasks.transaction(task).plan_quoted(preview, answer, now)
 
     # Replies
 

@@ -13,7 +13,7 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.observations import Reception
 from somrs.protocol.messages.reservations import Claim
 from somrs.task_manager.context import Commitments, Interval, Quotes
-from somrs.task_manager.device_queue import DeviceQueues
+from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from somrs.task_manager.discovery import Discovery
 from somrs.task_manager.execution.reports import ReportResult
 from somrs.task_manager.pace import Pace
@@ -100,6 +100,11 @@ class TaskManagerState(Struct, kw_only=True):
         for task in self.running_tasks:
             if (claim := task.reservation.claim(task.id, task.task.effect, task.task.priority)) is not None:
                 yield claim
+
+    def still_at_work(self, work: AtWork) -> bool:
+        """Whether the device of a participant still carries out its last order."""
+        task = self.tasks.get(work.transaction)
+        return task is not None and task.members.at_work(work.participant)
 
     def reserved_elsewhere(self, id: str) -> frozenset[str]:
         """The objects that other tasks have reserved to change them."""
