@@ -11,6 +11,7 @@ from typing import TypeVar
 from msgspec import structs
 
 from somrs.ontology.indexes import Index
+from somrs.ontology.map_indexes import IndexDraft, MapIndexes, ValueKey, value_key
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.paged import PagedDict, mutable_copy, settled
 from somrs.ontology.places import PlaceIndex, X, Y
@@ -47,15 +48,7 @@ class Map:
     def _load(self, objects: Mapping[str, Object], facts: Mapping[str, Mapping[tuple[str, ...], None]]) -> None:
         self.objects: Mapping[str, Object] = settled(objects)
         self._facts: dict[str, Mapping[tuple[str, ...], None]] = {relation: settled(tuples) for relation, tuples in facts.items()}
-        # Indexes, built on first use: the facts of a relation by the object at a place, and the most arguments that one of them had; the
-        # objects by exact type, those of them that are part of nothing, and the objects by the values of an attribute.
-        self._by_argument: dict[str, dict[int, Index[str, tuple[str, ...]]]] = {}
-        self._arities: dict[str, int] = {}
-        self._by_type: Index[str, str] | None = None
-        self._wholes_by_type: Index[str, str] | None = None
-        self._by_value: dict[str, Index[_ValueKey, str]] = {}
-        self._places: PlaceIndex | None = None
-        self._homes: dict[str, int] | None = None
+        self._indexes = MapIndexes()
         self._index_large()
 
     def _index_large(self) -> None:
@@ -111,7 +104,7 @@ class Map:
         return self._argument_index(relation, place).keys()
 
     def _argument_index(self, relation: str, place: int) -> Index[str, tuple[str, ...]]:
-        places = self._by_argument.setdefault(relation, {})
+        places = self._indexes.by_argument.setdefault(relation, {})
         if place not in places:
             tuples = self._facts.get(relation, {})
             pairs = ((arguments[place], arguments) for arguments in tuples if place < len(arguments))
@@ -120,8 +113,8 @@ class Map:
 
     def _arity(self, relation: str) -> int:
         """The most arguments that a fact of the relation had."""
-        if (arity := self._arities.get(relation)) is None:
-            arity = self._arities[relation] = max(map(len, self._facts[relation]), default=0)
+        if (arity := self._indexes.arities.get(relation)) is None:
+            arity = self._indexes.arities[relation] = max(map(len, self._facts[relation]), default=0)
         return arity
 
     def facts_about(self, name: str) -> Iterator[Fact]:
@@ -147,40 +140,39 @@ class Map:
         return self._type_index().keys()
 
     def _type_index(self) -> Index[str, str]:
-        if self._by_type is None:
-            self._by_type = self._index((object.type, object.name) for object in self.objects.values())
-        return self._by_type
+        if self._indexes.by_type is None:
+            self._indexes.by_type = self._index((object.type, object.name) for object in self.objects.values())
+        return self._indexes.by_type
 
     def wholes_of_type(self, type_name: str) -> Collection[str]:
         """Those objects of exactly this type that are part of nothing."""
         return self._whole_index().values_for(type_name)
 
     def _whole_index(self) -> Index[str, str]:
-        if self._wholes_by_type is None:
-            self._wholes_by_type = self._index(
-                (object.type, object.name) for object in self.objects.values() if self._is_whole(object.name)
-            )
-        return self._wholes_by_type
+        if self._indexes.wholes_by_type is None:
+            wholes = ((object.type, object.name) for object in self.objects.values() if self._is_whole(object.name))
+            self._indexes.wholes_by_type = self._index(wholes)
+        return self._indexes.wholes_by_type
 
     def _is_whole(self, name: str) -> bool:
         return not self.facts_with(PART_OF, 0, name)
 
     def with_value(self, path: str, value: Value) -> Collection[str]:
         """The names of the objects that set the value themselves, without those that have it by default."""
-        return self._value_index(path).values_for(_value_key(value))
+        return self._value_index(path).values_for(value_key(value))
 
-    def _value_index(self, path: str) -> Index[_ValueKey, str]:
-        if path not in self._by_value:
+    def _value_index(self, path: str) -> Index[ValueKey, str]:
+        if path not in self._indexes.by_value:
             value_pairs = ((object.values.get(path), object.name) for object in self.objects.values())
-            self._by_value[path] = self._index((_value_key(value), name) for value, name in value_pairs if value is not None)
-        return self._by_value[path]
+            self._indexes.by_value[path] = self._index((value_key(value), name) for value, name in value_pairs if value is not None)
+        return self._indexes.by_value[path]
 
     @property
     def places(self) -> PlaceIndex:
         """Where the objects state that they are."""
-        if self._places is None:
-            self._places = PlaceIndex(self.objects.values())
-        return self._places
+        if self._indexes.places is None:
+            self._indexes.places = PlaceIndex(self.objects.values())
+        return self._indexes.places
 
     def _index(self, pairs: Iterable[tuple[_K, str]]) -> Index[_K, str]:
         """An index of objects."""
@@ -213,9 +205,9 @@ class Map:
         return self._count_homes().get(home, 0)
 
     def _count_homes(self) -> dict[str, int]:
-        if self._homes is None:
-            self._homes = dict(Counter(home for name in self.objects if (home := home_of(name))))
-        return self._homes
+        if self._indexes.homes is None:
+            self._indexes.homes = dict(Counter(home for name in self.objects if (home := home_of(name))))
+        return self._indexes.homes
 
     def named(self, name: str) -> Map:
         """The same map under another name."""
@@ -253,12 +245,10 @@ class _Draft:
     """A map that is being derived from another: it is changed in place, and copies what both share before that."""
 
     def __init__(self, base: Map) -> None:
-        self.base = base
+        self.base, self._indexes = base, IndexDraft(base._indexes)
         self.map = map = Map.__new__(Map)
-        map.objects, map._facts = base.objects, dict(base._facts)
-        map._by_argument, map._arities = dict(base._by_argument), dict(base._arities)
-        map._by_type, map._wholes_by_type, map._by_value = base._by_type, base._wholes_by_type, dict(base._by_value)
-        map._places, map._homes, map.name, map.complete = base._places, base._homes, base.name, base.complete
+        map.objects, map._facts, map._indexes = base.objects, dict(base._facts), self._indexes.indexes
+        map.name, map.complete = base.name, base.complete
         self._objects: MutableMapping[str, Object] | None = None
         self._relations: dict[str, MutableMapping[tuple[str, ...], None]] = {}
         """The facts of the relations that have changed."""
@@ -271,7 +261,9 @@ class _Draft:
         match change:
             case ObjectAdded(object):
                 self._unindex_object(object.name)
-                self._insert_object(object)
+                self._own_objects()[object.name] = object
+                self._regrouped[object.name] = self._moved[object.name] = None
+                self._indexes.add_object(object)
             case ObjectRemoved(name):
                 self._unindex_object(name)
                 self._own_objects().pop(name, None)
@@ -279,7 +271,7 @@ class _Draft:
                     self._remove(fact)
             case ValueSet(name, path, value):
                 object = self.map.objects[name]
-                self._reindex_value(object, path, value)
+                self._indexes.set_value(object, path, value)
                 if path in (X, Y):
                     self._moved[name] = None
                 values = {**object.values, path: value} if value is not None else {p: v for p, v in object.values.items() if p != path}
@@ -291,27 +283,20 @@ class _Draft:
 
     def finished(self) -> Map:
         """The map, when all changes have been applied; the old one, if they changed nothing."""
-        map, base = self.map, self.base
+        map, base, indexes = self.map, self.base, self._indexes
         if self._objects is None and not self._relations:
             return base
         for relation in self._relations:
-            map._facts[relation] = settled(map._facts[relation])
-            if isinstance(map._facts[relation], PagedDict) is not isinstance(base._facts.get(relation), PagedDict):
-                map._by_argument.pop(relation, None)  # the order of its facts is another one
-            for index in map._by_argument.get(relation, {}).values():
-                index.settle()
+            map._facts[relation] = facts = settled(map._facts[relation])
+            is_reordered = isinstance(facts, PagedDict) is not isinstance(base._facts.get(relation), PagedDict)
+            indexes.finish_relation(relation, is_reordered=is_reordered)
         if self._objects is not None:
             map.objects = settled(self._objects)
             if isinstance(map.objects, PagedDict) is not isinstance(base.objects, PagedDict):
-                map._by_type, map._wholes_by_type, map._by_value = None, None, {}
-        if self._regrouped and map._wholes_by_type is not None:
-            self._reindex_wholes(map._wholes_by_type.copy())
-        if map._by_type is not None:
-            map._by_type.settle()
-        for values in map._by_value.values():
-            values.settle()
-        if self._moved and map._places is not None:
-            map._places = map._places.changed((base.objects.get(name), map.objects.get(name)) for name in self._moved)
+                indexes.forget_objects()
+        if self._regrouped:
+            indexes.regroup_wholes((_whole_of(base, name), _whole_of(map, name)) for name in self._regrouped)
+        indexes.finish_objects([(base.objects.get(name), map.objects.get(name)) for name in self._moved])
         map._index_large()
         return map
 
@@ -320,76 +305,24 @@ class _Draft:
             self.map.objects = self._objects = mutable_copy(self.map.objects)
         return self._objects
 
-    def _insert_object(self, object: Object) -> None:
-        self._own_objects()[object.name] = object
-        self._count_home(object.name, 1)
-        self._regrouped[object.name] = self._moved[object.name] = None
-        if self.map._by_type is not None:
-            self._own_types().add(object.type, object.name)
-        for path in self.map._by_value:
-            if (value := object.values.get(path)) is not None:
-                self._own_values(path).add(_value_key(value), object.name)
-
     def _unindex_object(self, name: str) -> None:
         """Remove an object from the indexes, if it is there."""
         object = self.map.objects.get(name)
-        if object is None:
-            return
-        self._count_home(name, -1)
-        self._regrouped[name] = self._moved[name] = None
-        if self.map._by_type is not None:
-            self._own_types().remove(object.type, name)
-        for path in self.map._by_value:
-            self._reindex_value(object, path, None)
-
-    def _count_home(self, name: str, difference: int) -> None:
-        if (home := home_of(name)) and self.map._homes is not None:
-            count = self.map._homes.get(home, 0) + difference
-            self.map._homes = {**self.map._homes, home: count}
-            if not count:
-                del self.map._homes[home]
-
-    def _reindex_value(self, object: Object, path: str, value: Value | None) -> None:
-        """Replace the old value of an object in the index of the attribute's values."""
-        old_value = object.values.get(path)
-        if path not in self.map._by_value or (old_value is None and value is None):
-            return
-        index = self._own_values(path)
-        if old_value is not None:
-            index.remove(_value_key(old_value), object.name)
-        if value is not None:
-            index.add(_value_key(value), object.name)
-
-    def _reindex_wholes(self, index: Index[str, str]) -> None:
-        for name in self._regrouped:
-            old_object, new_object = self.base.objects.get(name), self.map.objects.get(name)
-            if old_object is not None and self.base._is_whole(name):
-                index.remove(old_object.type, name)
-            if new_object is not None and self.map._is_whole(name):
-                index.add(new_object.type, name)
-        index.settle()
-        self.map._wholes_by_type = index
+        if object is not None:
+            self._regrouped[name] = self._moved[name] = None
+            self._indexes.remove_object(object)
 
     def _add(self, fact: Fact) -> None:
-        relation, arguments = fact.relation, fact.arguments
-        if self.map.has_fact(relation, arguments):
-            return
-        self._own_relation(relation)[arguments] = None
-        if len(arguments) > self.map._arities.get(relation, len(arguments)):
-            self.map._arities[relation] = len(arguments)
-        for place, index in self.map._by_argument.get(relation, {}).items():
-            if place < len(arguments):
-                index.add(arguments[place], arguments)
-        self._note_part(fact)
+        if not self.map.has_fact(fact.relation, fact.arguments):
+            self._own_relation(fact.relation)[fact.arguments] = None
+            self._indexes.add_fact(fact.relation, fact.arguments)
+            self._note_part(fact)
 
     def _remove(self, fact: Fact) -> None:
-        if not self.map.has_fact(fact.relation, fact.arguments):
-            return
-        del self._own_relation(fact.relation)[fact.arguments]
-        for place, index in self.map._by_argument.get(fact.relation, {}).items():
-            if place < len(fact.arguments):
-                index.remove(fact.arguments[place], fact.arguments)
-        self._note_part(fact)
+        if self.map.has_fact(fact.relation, fact.arguments):
+            del self._own_relation(fact.relation)[fact.arguments]
+            self._indexes.remove_fact(fact.relation, fact.arguments)
+            self._note_part(fact)
 
     def _note_part(self, fact: Fact) -> None:
         if fact.relation == PART_OF and fact.arguments:
@@ -398,25 +331,11 @@ class _Draft:
     def _own_relation(self, name: str) -> MutableMapping[tuple[str, ...], None]:
         if name not in self._relations:
             self.map._facts[name] = self._relations[name] = mutable_copy(self.map._facts.get(name, {}))
-            if name in self.map._by_argument:
-                self.map._by_argument[name] = {place: index.copy() for place, index in self.map._by_argument[name].items()}
+            self._indexes.own_relation(name)
         return self._relations[name]
 
-    def _own_types(self) -> Index[str, str]:
-        assert self.map._by_type is not None
-        if self.map._by_type is self.base._by_type:
-            self.map._by_type = self.map._by_type.copy()
-        return self.map._by_type
 
-    def _own_values(self, path: str) -> Index[_ValueKey, str]:
-        if self.map._by_value[path] is self.base._by_value.get(path):
-            self.map._by_value[path] = self.map._by_value[path].copy()
-        return self.map._by_value[path]
-
-
-_ValueKey = tuple[bool, Value]
-"""A value as a key of an index: texts cannot be compared with numbers."""
-
-
-def _value_key(value: Value) -> _ValueKey:
-    return isinstance(value, str), value
+def _whole_of(map: Map, name: str) -> Object | None:
+    """The object, if it is there and part of nothing."""
+    object = map.objects.get(name)
+    return object if object is not None and map._is_whole(name) else None
