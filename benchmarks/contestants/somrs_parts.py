@@ -10,7 +10,8 @@ from pathlib import Path
 from contestants.contest import BIDDERS, MAX_CONVERSATIONS
 from somrs.entish.formula import Name, Relation, Term, substitute
 from somrs.entish.parse import parse
-from somrs.ontology.files.loading import LoadedModel, load_text
+from somrs.ontology.files.loaded import LoadedModel
+from somrs.ontology.files.loading import load_text
 from somrs.ontology.map import Map
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import Problem

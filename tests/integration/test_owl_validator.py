@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 
 from somrs.ontology.conformance import violations
-from somrs.ontology.files.loading import LoadedModel, load_text, upper
+from somrs.ontology.files.loaded import LoadedModel
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Change, Fact, FactAdded, Object, ObjectAdded, ValueSet
 from somrs.ontology.owl import to_graph

@@ -11,7 +11,8 @@ from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.entish.formula import variables
 from somrs.entish.parse import parse
-from somrs.ontology.files.loading import LoadedModel, load_text, upper
+from somrs.ontology.files.loaded import LoadedModel
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.map import Map
 from somrs.ontology.truth import formula_holds
 from somrs.protocol.messages.knowledge import UpdateMap

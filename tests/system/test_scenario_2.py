@@ -6,7 +6,8 @@ from importlib import resources
 
 from somrs.deployment.devices_of_map import devices
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, Grip, LookAround, Place, Sense, Stop
-from somrs.ontology.files.loading import LoadedModel, load
+from somrs.ontology.files.loaded import LoadedModel
+from somrs.ontology.files.loading import load
 from somrs.ontology.map import Map
 from somrs.ontology.objects import ValueSet
 from tests.support.simulator_room import Run

@@ -13,7 +13,8 @@ from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.errors import UsageError
-from somrs.ontology.files.loading import LoadedModel, load
+from somrs.ontology.files.loaded import LoadedModel
+from somrs.ontology.files.loading import load
 from somrs.ontology.map import Map
 from somrs.space.free_space import FreeSpace
 from somrs.space.solids import Point, Role, Solid, solid_of

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from somrs.errors import Problem
 
 if TYPE_CHECKING:
-    from somrs.ontology.files.loading import LoadedModel
+    from somrs.ontology.files.loaded import LoadedModel
 
 MOST_OF_A_KIND = 12
 """How many problems of one kind are printed: the others of the kind mostly have the same cause."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from somrs.deployment.adapters import BUS_BROKER, OWN_BROKER, AdapterSettings
 from somrs.errors import InputError, ModelError, Problem, SettingsError
-from somrs.ontology.files.loading import AdapterEntry
+from somrs.ontology.files.loaded import AdapterEntry
 from somrs.ontology.map import Map
 from somrs.ports import host_and_port
 

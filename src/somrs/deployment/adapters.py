@@ -30,7 +30,7 @@ from somrs.trust.mqtt_topics import EVERYTHING
 
 if TYPE_CHECKING:
     from somrs.adapters.adapter import Adapter
-    from somrs.ontology.files.loading import AdapterEntry
+    from somrs.ontology.files.loaded import AdapterEntry
 
 log = logging.getLogger(__name__)
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from somrs.devices.simulator.server.server import Server
     from somrs.devices.simulator.server.simulation import Simulation
     from somrs.devices.simulator.world.kinds import WorldKind
-    from somrs.ontology.files.loading import LoadedModel
+    from somrs.ontology.files.loaded import LoadedModel
 
 log = logging.getLogger(__name__)
 

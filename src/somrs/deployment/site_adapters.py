@@ -14,7 +14,7 @@ from somrs.ports import Reservation, host_and_port
 
 if TYPE_CHECKING:
     from somrs.adapters.adapter import Adapter
-    from somrs.ontology.files.loading import AdapterEntry
+    from somrs.ontology.files.loaded import AdapterEntry
 
 PIONEER = "PioneerP3DX"
 """The type of the robots that the simulator drives by ARCOS, if it is to."""

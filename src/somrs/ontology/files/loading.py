@@ -1,4 +1,5 @@
-"""Reads ontologies and maps from YAML files. `schema.py` defines their structure, `dump.py` writes them.
+"""Reads ontologies and maps from YAML files. `schema.py` defines their structure, `loaded.py` what comes of them, and
+`dump.py` writes them.
 
 One run reports all problems with file and line, without those that only follow from other problems.
 """
@@ -22,6 +23,7 @@ from somrs.ontology.conformance import Violation, violations
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dependency_index import lost_dependencies
 from somrs.ontology.files.levels import LATEST, LIBRARY, at_level
+from somrs.ontology.files.loaded import POSITION, AdapterEntry, LoadedModel, Place
 from somrs.ontology.files.nodes import Path, Source
 from somrs.ontology.files.structure import definition, flat, structure_problems
 from somrs.ontology.map import Map
@@ -37,36 +39,6 @@ MAP_KEYS = frozenset(("map", "objects", "facts"))
 
 _FACT = re.compile(rf"({NAME.pattern})\s+({NAME.pattern})\s+({NAME.pattern})")
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)\s*")
-_POSITION = ("PositionX", "PositionY", "PositionZ")
-
-
-@dataclass(frozen=True, slots=True)
-class AdapterEntry:
-    """What a file has of an adapter: its name, its settings, and the folder of the file."""
-
-    name: str
-    settings: Mapping[str, Any]
-    folder: FilePath
-    source: Source = field(repr=False, compare=False)
-
-    def written(self, path: tuple[str, ...]) -> tuple[str, int | None]:
-        """The file and the line where a setting is."""
-        return self.source.file, self.source.line(("adapters", self.name, *path))
-
-
-@dataclass(frozen=True, slots=True)
-class LoadedModel:
-    """The content of files: the ontology, including its base, the map, if there is one, and the adapters by name."""
-
-    ontology: Ontology
-    map: Map | None
-    places: Mapping[str, _Place] = field(default_factory=dict, repr=False, compare=False)
-    adapters: Mapping[str, AdapterEntry] = field(default_factory=dict, compare=False)
-
-    def written(self, object: str) -> tuple[str, int | None]:
-        """The file and the line where an object is defined."""
-        place = self.places.get(f"objects {object}")
-        return (place.source.file, place.line()) if place is not None else ("map", None)
 
 
 @lru_cache(maxsize=LATEST)
@@ -103,23 +75,6 @@ def load_definitions(text: str, file: str, base: Ontology) -> Ontology:
 
 
 @dataclass(slots=True)
-class _Place:
-    """The place in a file where an object, a fact or a definition was read."""
-
-    source: Source
-    path: Path
-
-    def line(self, inner: str = "") -> int | None:
-        """The line of the key at the path `inner`, or at the longest part of it that is written."""
-        keys = self.source.keys(self.path)
-        if inner in keys:
-            return self.source.line((*self.path, inner))
-        steps = tuple(int(step) if step.isdigit() else step for step in inner.split(".")) if inner else ()
-        short = {"RotationZ": "turned", **dict.fromkeys(_POSITION, "at")}.get(inner)
-        return self.source.line((*self.path, *((short,) if short in keys and short is not None else steps)))
-
-
-@dataclass(slots=True)
 class _Reading:
     """The state of one `load`."""
 
@@ -136,7 +91,7 @@ class _Reading:
     half_read: set[str] = field(default_factory=set)
     """Objects with an unreadable value; missing values of them are not reported."""
     definitions: dict[str, Definition] = field(default_factory=dict)
-    places: dict[str, _Place] = field(default_factory=dict)
+    places: dict[str, Place] = field(default_factory=dict)
     """By section and name: `objects Jar002`, `types Jar`, `facts Jar002 isOn Cupboard001`."""
     objects: dict[str, Object] = field(default_factory=dict)
     facts: dict[Fact, None] = field(default_factory=dict)
@@ -236,7 +191,7 @@ class _Reading:
         for name, settings in entries.items() if isinstance(entries, dict) else ():
             if name in self.adapters:
                 message = "is in another file of the site already; write all settings of an adapter in one file"
-                self._problem(_Place(source, ("adapters", name)), name, "duplicate", message)
+                self._problem(Place(source, ("adapters", name)), name, "duplicate", message)
             elif isinstance(settings, dict):
                 self.adapters[name] = AdapterEntry(name, settings, FilePath(source.file).parent, source)
 
@@ -249,7 +204,7 @@ class _Reading:
             if not isinstance(text, str):
                 continue  # reported with the structure
             section, _, name = text.partition(" ")
-            place = _Place(source, ("without", index))
+            place = Place(source, ("without", index))
             if section not in ENTRIES or not name:
                 message = f"{text!r} names no definition; write a section and a name, such as types Jar"
                 self._problem(place, "without", "structure", message)
@@ -265,7 +220,7 @@ class _Reading:
         for section, model in ENTRIES.items():
             entries = source.data.get(section)
             for name, body in entries.items() if isinstance(entries, dict) else ():
-                place = _Place(source, (section, name))
+                place = Place(source, (section, name))
                 if not self._named(name, place):
                     continue
                 try:
@@ -275,7 +230,7 @@ class _Reading:
                 defaults = ((path, self._default(name, place, path, value)) for path, value in flat(getattr(entry, "defaults", {})))
                 self._define(section, definition(name, entry, {path: value for path, value in defaults if value is not None}), place)
 
-    def _define(self, section: str, definition: Definition, place: _Place) -> None:
+    def _define(self, section: str, definition: Definition, place: Place) -> None:
         name, key = definition.name, f"{section} {definition.name}"
         base_definition = getattr(self.base, section).get(name)
         if key in self.definitions:
@@ -291,7 +246,7 @@ class _Reading:
             self.definitions[key] = definition
             self.places[key] = place
 
-    def _default(self, subject: str, place: _Place, path: str, value: Any) -> Value | None:
+    def _default(self, subject: str, place: Place, path: str, value: Any) -> Value | None:
         """A type's default in the attribute's unit."""
         name = path.rpartition(".")[2]
         attribute_definition = self.definitions.get(f"attributes {name}", self.base.attributes.get(name))
@@ -312,7 +267,7 @@ class _Reading:
                 self._object(source, ontology, kinds, name, body, ("objects", name), None)
         for index, text in enumerate(facts if isinstance(facts, list) else ()):
             if isinstance(text, str):
-                self._fact(text, _Place(source, ("facts", index)))
+                self._fact(text, Place(source, ("facts", index)))
 
     def _object(
         self,
@@ -324,7 +279,7 @@ class _Reading:
         path: Path,
         whole: str | None,
     ) -> None:
-        place = _Place(source, path)
+        place = Place(source, path)
         if not self._named(name, place) or not isinstance(body, dict):
             return
         if name in self.objects:
@@ -343,12 +298,12 @@ class _Reading:
             for part, inner in parts.items():
                 self._object(source, ontology, kinds, part, inner, (*path, "parts", part), name)
 
-    def _values(self, name: str, body: dict[str, Any], kinds: Mapping[str, AttributeType], place: _Place) -> dict[str, Value]:
+    def _values(self, name: str, body: dict[str, Any], kinds: Mapping[str, AttributeType], place: Place) -> dict[str, Value]:
         values: dict[str, Value] = {}
         written = [(path, value, path) for path, value in flat({key: value for key, value in body.items() if key not in RESERVED})]
         if isinstance(position := body.get("at"), list):
             written = [
-                *((path, value, f"at.{index}") for index, (path, value) in enumerate(zip(_POSITION, position, strict=False))),
+                *((path, value, f"at.{index}") for index, (path, value) in enumerate(zip(POSITION, position, strict=False))),
                 *written,
             ]
         if (turned := body.get("turned")) is not None:
@@ -362,7 +317,7 @@ class _Reading:
             self.half_read.add(name)
         return values
 
-    def _value(self, subject: str, place: _Place, attribute: AttributeType | None, path: str, value: Any, key: str) -> Value | None:
+    def _value(self, subject: str, place: Place, attribute: AttributeType | None, path: str, value: Any, key: str) -> Value | None:
         """The value, a number in the attribute's unit; None after a problem. `conformance.py` checks its kind."""
         if isinstance(value, bool | float) or (isinstance(value, str) and (attribute is None or attribute.kind is not Kind.NUMBER)):
             return value
@@ -380,7 +335,7 @@ class _Reading:
             self._problem(place, subject, "unit", f"{path} is a number{unit}, and {value!r} cannot be expressed in it", key)
         return number
 
-    def _fact(self, text: str, place: _Place) -> None:
+    def _fact(self, text: str, place: Place) -> None:
         match = _FACT.fullmatch(text.strip())
         if match is not None:
             fact = Fact(match[2], (match[1], match[3]))
@@ -400,7 +355,7 @@ class _Reading:
         self.facts[fact] = None
         self.places.setdefault(f"facts {fact}", place)
 
-    def _named(self, name: Any, place: _Place) -> bool:
+    def _named(self, name: Any, place: Place) -> bool:
         if isinstance(name, str) and NAME.fullmatch(name) and name not in KEYWORDS:
             return True
         message = "is not a name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, FORALL, EXISTS, TRUE or FALSE"
@@ -408,7 +363,7 @@ class _Reading:
         self.broken.add(str(name))
         return False
 
-    def _problem(self, place: _Place, subject: str, rule: str, message: str, inner: str = "") -> None:
+    def _problem(self, place: Place, subject: str, rule: str, message: str, inner: str = "") -> None:
         self.problems.append(Problem(file=place.source.file, line=place.line(inner), subject=subject, rule=rule, message=message))
 
 

@@ -19,7 +19,8 @@ from somrs.errors import ModelError, Problem
 from somrs.ontology.conformance import violations
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.dump import dump_map, dump_ontology
-from somrs.ontology.files.loading import LoadedModel, load, load_definitions, load_text, upper
+from somrs.ontology.files.loaded import LoadedModel
+from somrs.ontology.files.loading import load, load_definitions, load_text, upper
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Fact, Object
 from somrs.ontology.schema import json_schema, published_schema

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from somrs.errors import UsageError
-from somrs.ontology.files.loading import LoadedModel, load
+from somrs.ontology.files.loaded import LoadedModel
+from somrs.ontology.files.loading import load
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Fact, Object
 from somrs.ontology.owl import Format, OwlImport, export, read, to_graph
