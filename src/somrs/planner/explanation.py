@@ -40,6 +40,7 @@ from somrs.planner.model.problem import AvailableService, Problem, rejection_tex
 from somrs.planner.model.reading import outputs_in_effect, tells
 from somrs.planner.model.vocabulary import Inexpressible
 from somrs.planner.model.world import World
+from somrs.planner.reasons import Reasons
 from somrs.planner.search.conflict import Tries, find_minimal_conflict, find_torn_object, is_impossible
 
 DEPTH = 4
@@ -51,32 +52,24 @@ EXPLAINED = 5
 def explain_failure(problem: Problem, world: World, guessed: bool = False) -> NoPlan:
     """The reasons for the goal's alternative with the fewest unreachable parts. `guessed`: numbers and texts that the task does not name
     were not tried as inputs."""
-    best: _Reasons | None = None
+    best: Reasons | None = None
     tries = Tries()
-    for branch in _branches(problem.goal, _Reasons(problem, world, tries)):
-        reasons = _Reasons(problem, world, tries)
-        reasons.explain_all(branch)
-        if best is None or len(reasons.unreachable) < len(best.unreachable):
-            best = reasons
+    for branch in _branches(problem.goal, _Explainer(problem, world, tries)):
+        explainer = _Explainer(problem, world, tries)
+        explainer.explain_all(branch)
+        if best is None or len(explainer.reasons.unreachable) < len(best.unreachable):
+            best = explainer.reasons
     assert best is not None, "a formula has an alternative"
     explanation = "; ".join(best.texts)
-    omissions = [inexpressible for inexpressible in world.repertoire.omissions if str(inexpressible) not in explanation]
-    best.texts.update((f"not considered: {inexpressible}", None) for inexpressible in omissions)
+    for inexpressible in world.repertoire.omissions:
+        if str(inexpressible) not in explanation:
+            best.say(f"not considered: {inexpressible}")
     if guessed:
-        best.texts["services with a number or text as input were tried only with the values that the task names"] = None
-    return NoPlan(
-        explanation="; ".join(best.texts),
-        unreachable=tuple(best.unreachable),
-        missing=tuple(best.missing),
-        unoffered=tuple(best.unoffered),
-        undecided=guessed or bool(world.repertoire.omissions),
-        separate_reasons=tuple(best.texts),
-        obstacles=tuple(obstacle for obstacle in Obstacle if obstacle in best.obstacles),
-        lost=tuple(best.lost),
-    )
+        best.say("services with a number or text as input were tried only with the values that the task names")
+    return best.no_plan(undecided=guessed or bool(world.repertoire.omissions))
 
 
-def _branches(goal: Formula, reasons: _Reasons) -> Iterator[list[Literal]]:
+def _branches(goal: Formula, explainer: _Explainer) -> Iterator[list[Literal]]:
     """The alternatives of the goal to explain. Of too many, only the nearest: of each independent choice, the alternative with the fewest
     unreachable parts."""
     groups = group_by_variables(conjuncts(goal), affirmed_variables(goal))
@@ -85,25 +78,20 @@ def _branches(goal: Formula, reasons: _Reasons) -> Iterator[list[Literal]]:
             yield [part for part in branch if isinstance(part, Literal)]
         return
     nearest_branches = (
-        min(_branches(conjunction(*group), reasons), key=lambda branch: sum(not reasons.reachable([literal]) for literal in branch))
+        min(_branches(conjunction(*group), explainer), key=lambda branch: sum(not explainer.reachable([literal]) for literal in branch))
         for group in groups
     )
     yield [literal for branch in nearest_branches for literal in branch]
 
 
 @dataclass(slots=True, eq=False)
-class _Reasons:
-    """Collects the reasons."""
+class _Explainer:
+    """Finds the reasons for one alternative of the goal."""
 
     problem: Problem
     world: World
     tries: Tries
-    unreachable: list[str] = field(default_factory=list)
-    missing: dict[str, None] = field(default_factory=dict)
-    unoffered: dict[str, None] = field(default_factory=dict)
-    texts: dict[str, None] = field(default_factory=dict)
-    obstacles: set[Obstacle] = field(default_factory=set)
-    lost: dict[str, None] = field(default_factory=dict)
+    reasons: Reasons = field(default_factory=Reasons)
     _conceivable: Achievability = field(init=False)
     """What could be brought about whichever devices come: a condition that no service type changes stays as it is."""
 
@@ -113,23 +101,23 @@ class _Reasons:
     def explain_all(self, parts: Sequence[Literal]) -> None:
         """Explain each part of the goal that is unreachable by itself; if there is none, a minimal set of parts that conflict."""
         unreachable = [literal for literal in parts if not self.reachable([literal])]
-        self.unreachable.extend(map(str, unreachable))
+        self.reasons.unreachable.extend(map(str, unreachable))
         for literal in unreachable[:EXPLAINED]:
             self._explain(literal, DEPTH)
         if len(unreachable) > EXPLAINED:
-            self.texts[f"{len(unreachable) - EXPLAINED} more parts of the goal are out of reach, too"] = None
-        if self.unreachable:
+            self.reasons.say(f"{len(unreachable) - EXPLAINED} more parts of the goal are out of reach, too")
+        if self.reasons.unreachable:
             return
         conflict = find_minimal_conflict(parts, self.world, self.tries)
-        self.unreachable.extend(map(str, conflict))
+        self.reasons.unreachable.extend(map(str, conflict))
         if len(conflict) == 1:
-            self.texts[f"no order of services makes {_format_literal(conflict[0])} true"] = None
+            self.reasons.say(f"no order of services makes {_format_literal(conflict[0])} true")
             self._explain(conflict[0], DEPTH)
             return
         thing = find_torn_object(conflict, self.world)
-        self.obstacles.update([Obstacle.TWO_PLACES] * (thing is not None))
+        self.reasons.obstacles.update([Obstacle.TWO_PLACES] * (thing is not None))
         cause = f": {thing} would be in two places at a time" if thing is not None else ", in no order of services"
-        self.texts[f"{' and '.join(map(_format_literal, conflict))} can each be brought about, but not all together{cause}"] = None
+        self.reasons.say(f"{' and '.join(map(_format_literal, conflict))} can each be brought about, but not all together{cause}")
 
     def reachable(self, literals: Sequence[Literal]) -> bool:
         """Whether the literals are reachable together in the delete relaxation (no fact becomes false); True when undecided."""
@@ -155,12 +143,11 @@ class _Reasons:
             if tells(service):
                 outputs = " and ".join(f"?{name}" for name in outputs_in_effect(service))
                 known_late = f"but its {outputs} is known only when it is done"
-                self.texts[f"{service.name} could bring about {_format_literal(literal)}, {known_late}"] = None
+                self.reasons.say(f"{service.name} could bring about {_format_literal(literal)}, {known_late}")
                 continue
             unexpressed = [i for i in self.world.repertoire.omissions if str(i.formula).startswith(f"{service.name}: ")]
-            self.texts.update(
-                (f"{literal} could be brought about by {service.name}, which cannot be planned with: {i}", None) for i in unexpressed
-            )
+            for inexpressible in unexpressed:
+                self.reasons.say(f"{literal} could be brought about by {service.name}, which cannot be planned with: {inexpressible}")
             if not unexpressed:
                 self._explain_lacking(available, literal, depth)
 
@@ -203,9 +190,9 @@ class _Reasons:
         ]
         finders = {str(term): text for term in unknown if (text := self._who_finds_out(Comparison(term, "=", Variable("value"))))}
         for name, text in finders.items():
-            self.missing[name] = None
-            self.obstacles.add(Obstacle.UNKNOWN)
-            self.texts[f"{name} is not known{text}"] = None
+            self.reasons.note_missing(name)
+            self.reasons.obstacles.add(Obstacle.UNKNOWN)
+            self.reasons.say(f"{name} is not known{text}")
         return bool(finders)
 
     def _who_finds_out(self, literal: Literal) -> str:
@@ -220,7 +207,7 @@ class _Reasons:
             return ""
         offered = [name for name in finders if self.world.providers.get(name)]
         if not offered:
-            self._note_unoffered(finders)
+            self.reasons.note_unoffered(finders)
             return f"; {' or '.join(finders)}, which {self._not_offered(finders)}, could find it out"
         uses = [use for name in offered for _, use in self.problem.fruitless if use.startswith(f"{name}(")]
         in_vain = sorted({device for device, use in self.problem.fruitless if use in uses and names(literal)[0] in use})
@@ -232,17 +219,17 @@ class _Reasons:
     def _unknown_objects(self, literal: Literal) -> bool:
         unknown = [name for name in self._objects(literal) if name not in self.problem.map.objects]
         for name in unknown:
-            self.obstacles.add(Obstacle.NO_OBJECT)
+            self.reasons.obstacles.add(Obstacle.NO_OBJECT)
             hint = nearest(name, self.problem.map.similar_names(name))
-            self.texts[f"{literal}: {absence_text(name, self.problem.map)}" + (f"; {hint}" if hint else "")] = None
+            self.reasons.say(f"{literal}: {absence_text(name, self.problem.map)}" + (f"; {hint}" if hint else ""))
         excluded_names = [name for name in names(literal) if name in self.problem.excluded]
         if excluded_names:
-            self.obstacles.update(exclusion_obstacles(excluded_names, self.problem))
+            self.reasons.obstacles.update(exclusion_obstacles(excluded_names, self.problem))
             unknown_names = [name for name in excluded_names if name in self.problem.unknown]
             finders = "".join(
                 dict.fromkeys(self._who_finds_out(Comparison(Attribute(Name(name), UNKNOWN), "=", Truth(False))) for name in unknown_names)
             )
-            self.texts[f"{literal}: {exclusion_text(excluded_names, self.problem)}{finders}"] = None
+            self.reasons.say(f"{literal}: {exclusion_text(excluded_names, self.problem)}{finders}")
         return bool(unknown or excluded_names)
 
     def _objects(self, literal: Literal) -> Iterator[str]:
@@ -259,16 +246,17 @@ class _Reasons:
             concerned = [loss for loss in self.problem.lost if loss.service in {f"{name}.{service.name}" for name in providers}]
             excluded_names = [name for name in providers if name in self.problem.excluded]
             if excluded_names:
-                self.obstacles.update(exclusion_obstacles(excluded_names, self.problem))
+                self.reasons.obstacles.update(exclusion_obstacles(excluded_names, self.problem))
                 texts.append(f"{service.name}, but {exclusion_text(excluded_names, self.problem)}")
             elif concerned:
-                self.lost.update((loss.service, None) for loss in concerned)
+                self.reasons.note_lost(loss.service for loss in concerned)
                 texts.append(f"{service.name}, but no service is left ({losses_text(concerned)})")
             elif providers:
-                self._note_unoffered([service.name])
+                self.reasons.note_unoffered([service.name])
                 resting = [loss for loss in self.problem.resting if loss.service in {f"{name}.{service.name}" for name in providers}]
                 texts.append(f"{service.name}, which {' and '.join(providers)} does not offer now{resting_text(resting)}")
-        self.texts.update((f"{_format_literal(literal)} could be brought about by {text}", None) for text in texts)
+        for text in texts:
+            self.reasons.say(f"{_format_literal(literal)} could be brought about by {text}")
         return bool(texts)
 
     def _explain_no_provider(self, literal: Literal, offered: Mapping[str, ServiceType]) -> None:
@@ -285,19 +273,19 @@ class _Reasons:
         }
         lost = {name: [loss for loss in self.problem.lost if loss.service_type.name == name] for name in absent if name not in busy}
         for name, providers in busy.items():
-            self.obstacles.update(exclusion_obstacles(providers, self.problem))
+            self.reasons.obstacles.update(exclusion_obstacles(providers, self.problem))
             cause = exclusion_text(providers, self.problem)
-            self.texts[f"{_format_literal(literal)} could be brought about by {name}, but {cause}"] = None
+            self.reasons.say(f"{_format_literal(literal)} could be brought about by {name}, but {cause}")
         for name, services in lost.items():
             if services:
-                self.lost.update((loss.service, None) for loss in services)
-                self.texts[
+                self.reasons.note_lost(loss.service for loss in services)
+                self.reasons.say(
                     f"{_format_literal(literal)} could be brought about by {name}, but no service is left ({losses_text(services)})"
-                ] = None
+                )
         if unoffered_names := [name for name, services in lost.items() if not services]:
-            self._note_unoffered(unoffered_names)
+            self.reasons.note_unoffered(unoffered_names)
             text = f"{' or '.join(unoffered_names)}, which {self._not_offered(unoffered_names)}"
-            self.texts[f"{_format_literal(literal)} could be brought about by {text}"] = None
+            self.reasons.say(f"{_format_literal(literal)} could be brought about by {text}")
         if not absent and not self._explain_unknown_values(literal) and not self._explain_named_provider(literal, offered.values()):
             lacking = {name: hindrance for name, hindrance in hindrances.items() if hindrance is not None}
             self._explain_no_service_type(literal, service_types.values(), lacking)
@@ -305,18 +293,14 @@ class _Reasons:
     def _not_offered(self, service_types: Sequence[str]) -> str:
         return f"no device offers now{resting_text(loss for loss in self.problem.resting if loss.service_type.name in service_types)}"
 
-    def _note_unoffered(self, service_types: Iterable[str]) -> None:
-        self.obstacles.add(Obstacle.NOT_OFFERED)
-        self.unoffered.update(dict.fromkeys(service_types))
-
     def _explain_no_service_type(self, literal: Literal, service_types: Iterable[ServiceType], hindrances: Mapping[str, Hindrance]) -> None:
-        self.obstacles.add(Obstacle.NO_SERVICE_TYPE)
-        self.missing.update(dict.fromkeys(hindrance.condition for hindrance in hindrances.values()) or {_format_literal(literal): None})
+        self.reasons.obstacles.add(Obstacle.NO_SERVICE_TYPE)
+        self.reasons.note_missing(*([hindrance.condition for hindrance in hindrances.values()] or [_format_literal(literal)]))
         map, ontology = self.problem.map, self.problem.ontology
         unfit = (misfit for service in service_types for misfit in misfits(service, literal, ontology, map))
         reason = hindrance_text(hindrances) if hindrances else next(unfit, present_value(literal, ontology, map))
         reason = f": {reason}" if reason else ""
-        self.texts[f"{_format_literal(literal)} does not hold on the map, and no service type brings it about{reason}"] = None
+        self.reasons.say(f"{_format_literal(literal)} does not hold on the map, and no service type brings it about{reason}")
 
     def _known_service_types(self) -> dict[str, ServiceType]:
         """The service types of the ontology, and those that are or were on offer."""
@@ -342,7 +326,7 @@ class _Reasons:
         service = available.service_type
         if inputs := undetermined_inputs(service):
             text = f"nothing says which value its input {' and '.join(f'?{name}' for name in inputs)} has"
-            self.texts[f"{service.name} could bring about {_format_literal(literal)}, but {text}"] = None
+            self.reasons.say(f"{service.name} could bring about {_format_literal(literal)}, but {text}")
             return
         unifier = next(achieving_bindings(service, literal, self.problem.ontology, self.problem.map), {})
         substitution = {name: term for name, term in unifier.items() if not isinstance(term, Variable)}
@@ -360,19 +344,19 @@ class _Reasons:
                 continue
             missing = substitute(part, row)
             assert isinstance(missing, Literal), "variables of a literal were replaced"
-            circular = _format_literal(missing) in (_format_literal(literal), *self.missing)
-            self.missing[_format_literal(missing)] = None
+            circular = _format_literal(missing) in (_format_literal(literal), *self.reasons.missing)
+            self.reasons.note_missing(_format_literal(missing))
             if not circular or depth == DEPTH:
                 need = f"{_format_literal(missing)}{self._describe_current(missing)}"
-                self.texts[f"{service.name} could bring about {_format_literal(literal)}, but needs {need}"] = None
+                self.reasons.say(f"{service.name} could bring about {_format_literal(literal)}, but needs {need}")
             if depth > 0 and not circular:
                 self._explain(missing, depth - 1)
         if not lacking and self.tries.left:
-            self.texts[f"{service.name} has such effects, but not {_format_literal(literal)}"] = None
+            self.reasons.say(f"{service.name} has such effects, but not {_format_literal(literal)}")
         elif not lacking:
-            self.texts[
+            self.reasons.say(
                 f"{service.name} could bring about {_format_literal(literal)}, but not here: it would take too long to find out why"
-            ] = None
+            )
 
     def _row(self, attainable: Sequence[Literal]) -> Substitution:
         """Values on the map for the variables of the parts, as far as relations bind them."""
@@ -383,10 +367,10 @@ class _Reasons:
     def _explain_conflict(self, service: str, literal: Literal, parts: Sequence[Literal]) -> None:
         """Explain that the preconditions of the service are reachable one by one, but conflict with each other."""
         conflict_text = str(conjunction(*parts)).replace(" AND ", " and ")
-        self.missing[conflict_text] = None
-        self.texts[
+        self.reasons.note_missing(conflict_text)
+        self.reasons.say(
             f"{service} could bring about {_format_literal(literal)}, but needs {conflict_text}, and no order of services leads to that"
-        ] = None
+        )
 
     def _describe_current(self, literal: Literal) -> str:
         """Text for the facts that hold on the map instead of the required relation."""
