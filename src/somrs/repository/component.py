@@ -3,7 +3,7 @@ reserves objects for tasks.
 
 Paper, "Repository": a realisation of the common knowledge of the environment's representation, and a storage of its maps.
 Elsewhere: the effect of a map update (`update.py`), of a change of the ontology (`definition.py`) and of an undo (`undo.py`);
-history (`history_queries.py`); paging (`pages.py`); the stored state (`state.py`).
+reading (`reading.py`); history (`history_queries.py`); the stored state (`state.py`).
 """
 
 from __future__ import annotations
@@ -70,18 +70,15 @@ from somrs.protocol.messages.reservations import (
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.committing import Committing
 from somrs.repository.definition import define_outcome, rename_outcome
-from somrs.repository.former_names import with_former_names
 from somrs.repository.forwarding import foreign_parts, impossible_request, own_changes, refusals, superseded_at_homes
-from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
-from somrs.repository.map_answers import MapAnswers
+from somrs.repository.history_queries import archive_reply, events_query, history_query, undo_query
 from somrs.repository.merging import merge_outcome
 from somrs.repository.neighbour_state import NeighbourDue
-from somrs.repository.neighbour_view import View
 from somrs.repository.neighbourhood import Neighbourhood
 from somrs.repository.neighbouring import NeighboursConfigured
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
-from somrs.repository.pages import ontology_page
-from somrs.repository.publishing import OWN_OBJECTS, Publishing
+from somrs.repository.publishing import Publishing
+from somrs.repository.reading import Reading
 from somrs.repository.reserving import Reserving, lost_reservation
 from somrs.repository.state import (
     REMEMBERED,
@@ -89,7 +86,6 @@ from somrs.repository.state import (
     ArchivedEvents,
     ArchiveWanted,
     Contents,
-    LargeQuery,
     LeasesDue,
     RepetitionDue,
     ReservationsDue,
@@ -109,7 +105,7 @@ class Repository:
     def __init__(self, address: str, contents: Contents) -> None:
         contents.address = address
         self.contents = contents
-        self._answers, self._reserving, self._publishing = MapAnswers(), Reserving(contents), Publishing(contents)
+        self._reading, self._reserving, self._publishing = Reading(contents), Reserving(contents), Publishing(contents)
         self._committing = Committing(contents)
         self._neighbours = Neighbourhood(contents, self._reserving, self._committing, self._publishing, self._remember_answer)
 
@@ -180,10 +176,9 @@ class Repository:
 
     def _serve(self, message: Message, now: float) -> Effects:
         match message.body:
-            case ReadOntology() | ReadMap() as question:
-                yield self._read(message, question)
-            case QueryMap() as query:
-                yield self._read_promised(message, query)
+            case ReadOntology() | ReadMap() | QueryMap() as question:
+                answer = self._reading.answer(question, message.header.sender)
+                yield _ask(message, answer) if isinstance(answer, Task) else self._answer(message, answer)
             case UpdateMap() | Define() | RenameObject() | MergeObject() as alteration:
                 yield from self._run_once(message, lambda: self._alter(message, alteration, self._alteration_outcome(alteration, now), now))
             case Undo() as undo:
@@ -225,32 +220,6 @@ class Repository:
     def _answer(self, request: Message, body: Body) -> Send:
         return Send(reply(request, body, self.contents.address))
 
-    # Queries
-
-    def _read(self, message: Message, question: ReadOntology | ReadMap) -> Effect:
-        contents = self.contents
-        if question.at_version is not None:
-            if isinstance(question, ReadMap) and question.situation is not None:
-                raise InputError("a situation is promised for the map as it is now: give `situation` or `at_version`, not both")
-            return _ask(message, page_query(question, question.at_version, contents))
-        if isinstance(question, ReadOntology):
-            return self._answer(message, ontology_page(contents.ontology, contents.version, question.after, contents.ontology_changed_at))
-        neighbour = contents.neighbour_at(message.header.sender)
-        reader = neighbour.settings if neighbour is not None else OWN_OBJECTS if question.own and contents.map.homes else None
-        if reader is not None and question.situation is None:
-            leaving = {handover.object for handover in contents.handovers.values() if handover.map == reader.map}
-            view = View(reader, contents.map, contents.ontology)
-            shown_page = view.page(contents.version, question.after, leaving)
-            return self._answer(message, with_former_names(shown_page, question, contents, view))
-        return self._read_promised(message, question)
-
-    def _read_promised(self, message: Message, question: QueryMap | ReadMap) -> Effect:
-        contents = self.contents
-        answer = self._answers.answer(question, contents.map, contents.ontology, contents.version)
-        if isinstance(answer, MapPage) and isinstance(question, ReadMap):
-            answer = with_former_names(answer, question, contents)
-        return _ask(message, answer) if isinstance(answer, LargeQuery) else self._answer(message, answer)
-
     def _answered(self, message: Message, value: object, now: float) -> Effects:
         """Handle an answer of the archive."""
         match message.body, value:
@@ -260,6 +229,8 @@ class Repository:
                 yield self._consider(message, undo, self._undo_outcome(undo, events))
             case _:
                 yield self._answer(message, archive_reply(message, value, self.contents))
+
+    # Changes
 
     def _adopt(self, message: Message, body: Adopt, now: float) -> Effects:
         answer = yield from self._neighbours.handing_over.adopt(message, body, now)
@@ -274,8 +245,6 @@ class Repository:
         answer, notices = self._reserving.reserve(request, message.header.sender, now)
         yield self._answer(message, answer) if request.mode is ReservationMode.ASK else self._remember_answer(message, answer)
         yield from notices
-
-    # Changes
 
     def _run_once(self, message: Message, work: Callable[[], Iterator[Effect]]) -> Effects:
         """Execute a request, or repeat the stored answer if the request was executed before."""
