@@ -31,10 +31,9 @@ from somrs.kernel.replica import Replica
 from somrs.limits import Limits
 from somrs.protocol.messages import orders
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
+from somrs.protocol.messages.envelope import ANONYMOUS, Message, message_id, reply
 from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.leases import grant_lease
-from somrs.protocol.messages.orders import OrderSaved, OrdersChanged, Run, RunState, StandingOrder, Template
+from somrs.protocol.messages.orders import OrderSaved, Run, RunState, StandingOrder, Template
 from somrs.protocol.messages.paging import fit_page
 from somrs.protocol.messages.submission import Submit
 from somrs.scheduling.book import Book, expect
@@ -42,6 +41,7 @@ from somrs.scheduling.execution import LATE, Execution, task_for
 from somrs.scheduling.recurrence import check_recurrence, due_after, due_between, zone_of
 from somrs.scheduling.renamed_objects import BookRenamer
 from somrs.scheduling.state import Located, MapDue, OrdersDue, SchedulerState, Timer
+from somrs.scheduling.subscriptions import OrderSubscriptions
 from somrs.scheduling.templates import check, fill_template, name_of
 
 LOOK = 30.0
@@ -75,6 +75,7 @@ class Scheduler:
     def _adopt(self, state: SchedulerState) -> None:
         self.state = state
         self._execution = Execution(state, self._task_of, self._note)
+        self._subscriptions = OrderSubscriptions(state)
 
     @property
     def book(self) -> Book:
@@ -110,7 +111,7 @@ class Scheduler:
         if news is not None and news.new_names:
             templates, orders = BookRenamer(news.new_names, self.replica.ontology).rename(self.book)
             if templates or orders:
-                yield from self._publish(templates=templates, orders=orders)
+                yield from self._subscriptions.publish(templates=templates, orders=orders)
         if self.replica.ready:
             yield from self._serve_waiting(now)
         if news is None or news.reloaded:  # most inputs are map changes, which make nothing due
@@ -128,7 +129,7 @@ class Scheduler:
             case Received(message):
                 yield from self._received(message, now)
             case DeliveryFailed(Message(header=header, body=orders.OrdersChanged())):
-                state.subscribers.pop(header.recipient, None)
+                self._subscriptions.undelivered(header.recipient)
             case DeliveryFailed(message):
                 self._execution.undelivered(message.header.message_id, now)
             case TimerFired(OrdersDue()):
@@ -192,15 +193,15 @@ class Scheduler:
     def _note(self, id: str, run: Run) -> Effects:
         if id in self.book.orders:  # the order may have been removed meanwhile
             self.book.note(id, run)
-            yield from self._publish(orders=True)
+            yield from self._subscriptions.publish(orders=True)
 
     # Requests
 
     def _received(self, message: Message, now: float) -> Effects:
         try:
             match message.body:
-                case orders.SubscribeOrders(lease=lease):
-                    yield self._subscribe(message, grant_lease(lease), now)
+                case orders.SubscribeOrders() as request:
+                    yield self._answer(message, self._subscriptions.subscribe(request, message.header.sender, now))
                 case Fault():
                     pass  # a Fault is never answered, least of all by a Fault
                 case body if isinstance(body, NEED_MAP) and not self.replica.ready:
@@ -233,11 +234,11 @@ class Scheduler:
                 return (yield from self._save_template(body, now))
             case orders.RenameTemplate(name=name, to=new_name, expected_version=version, by=author):
                 renamed = self.book.rename_template(self._expected(name, version), name_of(new_name), author, now)
-                yield from self._publish(templates=True, orders=True)
+                yield from self._subscriptions.publish(templates=True, orders=True)
                 return orders.TemplateKept(template=renamed)
             case orders.RemoveTemplate(name=name, expected_version=version):
                 self.book.remove_template(self._expected(name, version))
-                yield from self._publish(templates=True)
+                yield from self._subscriptions.publish(templates=True)
                 return orders.NoLongerKept()
             case orders.FillTemplate(name=name, values=values):
                 return orders.TemplateFilled(task=fill_template(self.book.template(name), values, self.replica))
@@ -260,7 +261,7 @@ class Scheduler:
                 old_order = self.book.order(id)
                 expect(version, old_order.version, f"the order {old_order.name}", old_order.changed_by)
                 self.book.remove_order(id)
-                yield from self._publish(orders=True)
+                yield from self._subscriptions.publish(orders=True)
                 return orders.NoLongerKept()
             case orders.ReadRuns():
                 return self._runs(body)
@@ -290,7 +291,7 @@ class Scheduler:
             changed_at=now,
             changed_by=saved.by,
         )
-        yield from self._publish(templates=True)
+        yield from self._subscriptions.publish(templates=True)
         return orders.TemplateKept(template=template)
 
     def _save_order(self, id: str, saved: OrderSaved, now: float) -> EffectsReturning[Body]:
@@ -328,7 +329,7 @@ class Scheduler:
 
     def _order_kept(self, order: StandingOrder, now: float) -> EffectsReturning[Body]:
         self.book.orders[order.id] = order
-        yield from self._publish(orders=True)
+        yield from self._subscriptions.publish(orders=True)
         return orders.OrderKept(order=self._order_view(order, now))
 
     def _order_view(self, order: StandingOrder, now: float) -> StandingOrder:
@@ -343,28 +344,6 @@ class Scheduler:
         runs = runs[: max(request.limit, 0)]
         page = tuple(fit_page(runs))
         return orders.RunsPage(runs=page, more=len(page) < len(runs))
-
-    # News
-
-    def _subscribe(self, message: Message, lease: float, now: float) -> Send:
-        if message.header.sender == ANONYMOUS:
-            raise UsageError("news can only be sent to a sender with an address: set the sender to an address that can be reached")
-        state = self.state
-        state.subscribers[message.header.sender] = lease_end = now + lease
-        state.subscribers = {address: end for address, end in state.subscribers.items() if end > now}
-        return self._answer(message, orders.OrdersSubscribed(until=lease_end, begun=state.started_at))
-
-    def _publish(self, *, templates: bool = False, orders: bool = False) -> Effects:
-        self.state.news_count += 1
-        news = OrdersChanged(templates=templates, orders=orders)
-        for subscriber in self.state.subscribers:
-            yield Send(Message(header=self._header(subscriber), body=news))
-
-    def _header(self, subscriber: str) -> Header:
-        # The id contains the start time, since with another file the news are counted from 1 again.
-        address = self.state.address
-        id = message_id(address, subscriber, "news", self.state.news_count, self.state.started_at)
-        return Header(sender=address, recipient=subscriber, message_id=id)
 
 
 _REJECTED = orders.OrdersRejected.__struct_fields__
