@@ -40,6 +40,7 @@ from somrs.runtime.outbox import OutgoingMessage
 from somrs.runtime.output import Output
 from somrs.runtime.pending_replies import PendingReplies, in_session, is_waited_for
 from somrs.runtime.reception import NotTaken
+from somrs.runtime.timers import Timers
 from somrs.storage.disk import TRY_PAUSE, WriteFailed
 from somrs.storage.journal import Journal
 from somrs.storage.stored_copy import Replaced
@@ -51,12 +52,6 @@ ANSWER_TIME = 120.0
 
 QUIET = 0.05
 """Seconds without an input after which a snapshot that is due is taken."""
-
-LATE = 0.5
-"""Seconds after its time from which a timer is late: the process was held up. Inputs that arrived meanwhile go before the timer."""
-
-GRACE = 1.0
-"""Seconds for such inputs to be read, at most."""
 
 DISK_TIME = 5.0
 """Seconds within which the disk must finish writing when the node stops."""
@@ -115,7 +110,7 @@ class Node:
         """Whether another process continues the component; senders have to try again, and reach that one."""
         self.broken = asyncio.Event()
         """Set when an input could not be stored: the component takes no more inputs."""
-        self._timers: dict[Hashable, asyncio.TimerHandle] = {}
+        self._timers = Timers(clock, lambda timer: self._feed_late(TimerFired(timer)))
         self._work_tasks: dict[Hashable, asyncio.Task[None]] = {}
         self._pending_replies = PendingReplies()
         self._snapshot: asyncio.TimerHandle | None = None
@@ -223,7 +218,7 @@ class Node:
             else:
                 self._send(outgoing)
         for timer, fire_time in pending.timers.items():
-            self._set_timer(timer, fire_time)
+            self._timers.set(timer, fire_time)
         answers = dict(pending.find_abandoned_questions(journaled.schema.volatile))
         for question, task in pending.questions.items():
             if question in answers:
@@ -245,8 +240,9 @@ class Node:
                 await self.output.on_disk()
 
     async def _stop_work(self) -> None:
-        for timer in (*self._timers.values(), *([self._snapshot] if self._snapshot is not None else [])):
-            timer.cancel()
+        self._timers.cancel_all()
+        if self._snapshot is not None:
+            self._snapshot.cancel()
         for task in (running := [*self._work_tasks.values()]):
             task.cancel()
         await asyncio.gather(*running, return_exceptions=True)
@@ -274,7 +270,7 @@ class Node:
         """Perform an effect, now or when everything it may depend on is on disk."""
         # Every effect comes this way, and class patterns take longer.
         if isinstance(effect, SetTimer):
-            self._set_timer(effect.timer, effect.at)  # not visible outside; the effects of its firing wait in their turn
+            self._timers.set(effect.timer, effect.at)  # not visible outside; the effects of its firing wait in their turn
         elif not isinstance(effect, Record):  # the journal stores records
             self.output.add_effect(effect, number)
 
@@ -295,7 +291,7 @@ class Node:
         """Continue as the journal has it: with what only reads at once, with everything when the journal can be written again."""
         assert self._journal is not None, "something could not be stored"
         await self._stop_work()
-        self._timers, self._work_tasks, self._snapshot = {}, {}, None
+        self._work_tasks, self._snapshot = {}, None
         self._inputs.clear()
         disk = self._journal.disk
         while self._broken:
@@ -330,21 +326,6 @@ class Node:
             case Withdraw(question):
                 if (running_task := self._work_tasks.get(question)) is not None:
                     running_task.cancel()
-
-    def _set_timer(self, timer: Hashable, fire_time: float | None) -> None:
-        if (old := self._timers.pop(timer, None)) is not None:
-            old.cancel()
-        if fire_time is not None:
-            delay = max(0.0, fire_time - self._clock.now())
-            self._timers[timer] = asyncio.get_running_loop().call_later(delay, self._fire_timer, timer, fire_time)
-
-    def _fire_timer(self, timer: Hashable, fire_time: float | None) -> None:
-        """Pass a timer to the component. One that is late waits once: what it says is missing may have arrived, and is not read yet."""
-        if fire_time is not None and (lateness := self._clock.now() - fire_time) > LATE:
-            self._timers[timer] = asyncio.get_running_loop().call_later(min(lateness, GRACE), self._fire_timer, timer, None)
-            return
-        self._timers.pop(timer, None)
-        self._feed_late(TimerFired(timer))
 
     def _ask(self, question: Hashable, task: object) -> None:
         self._work_tasks[question] = asyncio.create_task(self._carry(question, task))
