@@ -90,13 +90,13 @@ def test_who_opens_it_on_the_map_keeps_it_open() -> None:
 
 def test_a_robot_waits_for_a_door_that_an_operator_has_stopped(world: WorldKind) -> None:
     run = Run(two_rooms((2.0, 2.9, 0.0)), world)
-    run.simulation.set_paused(DOOR, True)
+    run.simulation.linked.set_paused(DOOR, True)
     end = run.start("Robot1", DriveTo(x=7, y=2.9))
     run.run_for(30)
     assert not end
     assert run.simulation.state("Robot1").hindrance == "Door1 is stopped"
     assert run.simulation.state("Robot1").x < 4 - run.simulation.robots["Robot1"].size.radius - DOOR_ROOM
-    run.simulation.set_paused(DOOR, False)
+    run.simulation.linked.set_paused(DOOR, False)
     run.run_until(lambda: end)
     assert isinstance(end[0], CommandDone), end
 

@@ -313,7 +313,7 @@ def test_a_foreign_robot_rides_in_a_lift_by_turns_with_a_simulated_one(tmp_path:
             if (here.zone, here.level) != (there.zone, there.level):
 
                 def look(simulation: Simulation) -> None:
-                    (lift,) = simulation.lifts
+                    (lift,) = simulation.linked.lifts
                     gate = simulation.scene.leaves("Gate1" if there.level == 0.0 else "Gate2")[0]
                     assert abs(lift.solid.z - there.level) < 0.01
                     passed.append((there.level, gate.is_open(simulation.scene.leaf_position(gate))))
@@ -398,7 +398,7 @@ def test_nobody_else_is_let_into_a_lift_in_which_a_robot_may_be_that_has_not_ent
         ends = building.drive("Robot1", 3, 3, 2 * HEIGHT)
         foreigner.wait_until(lambda: bool(ends))
         assert isinstance(ends[0], CommandGivenUp), ends
-        building.call(lambda simulation: heights.append(simulation.lifts[0].solid.z))
+        building.call(lambda simulation: heights.append(simulation.linked.lifts[0].solid.z))
         assert heights[-1] == 0.0
 
     def stay(building: Building) -> None:

@@ -179,11 +179,11 @@ def test_a_call_is_stopped_by_an_operator_and_ends_when_the_drive_breaks() -> No
     run = Run(tower((2, 2, 0)), WorldKind.KINEMATIC)
     call = run.start("Lift1", MoveCabin(z=HEIGHT))
     run.run_for(1.0)
-    run.simulation.set_paused("Lift1", True)
+    run.simulation.linked.set_paused("Lift1", True)
     height = run.simulation.state("Lift1").z
     run.run_for(5.0)
     assert (run.simulation.state("Lift1").z, call) == (height, [])
-    run.simulation.set_paused("Lift1", False)
+    run.simulation.linked.set_paused("Lift1", False)
     run.simulation.fault("Lift1", Fault.DRIVE)
     assert isinstance(call[0], CommandGivenUp)
     assert call[0].reason == "drive-dead"

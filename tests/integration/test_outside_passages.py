@@ -30,10 +30,10 @@ def test_a_lift_serves_a_floor_with_open_doors_until_it_is_released(world: World
     assert isinstance(end, CommandDone), end
     assert end.state.z == pytest.approx(HEIGHT, abs=0.02)
     run.run_for(10.0)
-    assert run.simulation.lifts[0].is_open(HEIGHT)
+    assert run.simulation.linked.lifts[0].is_open(HEIGHT)
     assert isinstance(end_of(run, "Lift1", ReleasePassage()), CommandDone)
     run.run_for(10.0)
-    assert not run.simulation.lifts[0].is_open(HEIGHT)
+    assert not run.simulation.linked.lifts[0].is_open(HEIGHT)
 
 
 def test_a_door_stays_open_until_it_is_released(world: WorldKind) -> None:

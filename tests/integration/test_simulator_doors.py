@@ -137,11 +137,11 @@ def test_a_door_does_not_close_on_a_robot_or_a_thing(world: WorldKind) -> None:
     assert end.reason == "blocked"
     assert "Jar1 stands in the way" in end.description
     run = Run(_two_rooms(robot("Robot2", (4.0, 2.9, 0.0)), door_open=True), world)
-    run.simulation.set_paused("Robot2", True)
+    run.simulation.linked.set_paused("Robot2", True)
     run.start("Robot1", Close(object="Door1"))
     run.run_until(lambda: run.simulation.time > 30)
     assert _is_open(run, "Door1")
-    run.simulation.set_paused("Robot2", False)  # so that it makes room
+    run.simulation.linked.set_paused("Robot2", False)  # so that it makes room
     _done(run, Close(object="Door1"))
     assert not _is_open(run, "Door1")
     assert not run.collisions

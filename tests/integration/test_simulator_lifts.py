@@ -67,11 +67,11 @@ def test_a_lift_that_breaks_keeps_its_robot_until_it_is_mended(world: WorldKind)
     assert run.simulation.state("Robot1").hindrance == "Lift1 does not work"
     run.simulation.repair("Lift1", Fault.DRIVE)
     assert run.simulation.state("Robot1").hindrance is None
-    run.simulation.set_paused("Lift1", True)
+    run.simulation.linked.set_paused("Lift1", True)
     run.run_for(10)
     assert height(run, "Robot1") == stuck_at
     assert run.simulation.state("Robot1").hindrance == "Lift1 is stopped"
-    run.simulation.set_paused("Lift1", False)
+    run.simulation.linked.set_paused("Lift1", False)
     run.run_until(lambda: end)
     assert isinstance(end[0], CommandDone), end
     assert run.simulation.state("Robot1").z == HEIGHT
@@ -135,10 +135,10 @@ def test_a_robot_that_was_granted_a_lift_takes_it_after_everything_was_stopped_f
     end = run.start("Robot1", DriveTo(x=3, y=3, z=HEIGHT))
     run.run_for(2)
     for device in simulation.devices():
-        simulation.set_paused(device, True)
+        simulation.linked.set_paused(device, True)
     run.run_until(lambda: simulation.rest(simulation.time + 60))
     for device in simulation.devices():
-        simulation.set_paused(device, False)
+        simulation.linked.set_paused(device, False)
     run.run_until(lambda: end)
     assert isinstance(end[0], CommandDone), end
 

@@ -31,13 +31,13 @@ def test_a_stopped_robot_stands_within_a_second_and_goes_on_to_its_goal(world: W
     end = run.start("Robot1", DriveTo(x=6, y=3))
     robot = run.simulation.robots["Robot1"]
     run.run_until(lambda: robot.speed > 0.3)
-    run.simulation.set_paused("Robot1", True)
+    run.simulation.linked.set_paused("Robot1", True)
     run.run_for(1.0)
     place = robot.pose()
     run.run_for(20.0)
     assert math.dist(robot.pose()[:2], place[:2]) < 0.005
     assert not end
-    run.simulation.set_paused("Robot1", False)
+    run.simulation.linked.set_paused("Robot1", False)
     run.run_until(lambda: end)
     assert isinstance(end[0], CommandDone)
     assert math.dist(robot.pose()[:2], (6, 3)) < 0.1
@@ -45,7 +45,7 @@ def test_a_stopped_robot_stands_within_a_second_and_goes_on_to_its_goal(world: W
 
 def test_another_robot_works_while_one_is_stopped(world: WorldKind) -> None:
     run = Run(room((1.5, 3, 0), (6.5, 1, math.pi)), world)
-    run.simulation.set_paused("Robot1", True)
+    run.simulation.linked.set_paused("Robot1", True)
     assert isinstance(run.execute("Robot2", DriveTo(x=2, y=1)), CommandDone)
 
 

@@ -34,14 +34,14 @@ def waiting(run: Run, name: str) -> str:
 
 def test_a_robot_in_a_corridor_waits_for_the_one_that_an_operator_has_stopped_there(world: WorldKind) -> None:
     run = Run(corridor(), world)
-    run.simulation.set_paused("Robot1", True)
+    run.simulation.linked.set_paused("Robot1", True)
     run.start("Robot2", DriveTo(x=1, y=0))
     run.run_until(lambda: waiting(run, "Robot2"))
     assert waiting(run, "Robot2") == "waits for Robot1, which an operator has stopped"
     run.simulation.hold("fire alarm in Building1")
     assert waiting(run, "Robot2") == "waits because traffic is held: fire alarm in Building1"
     run.simulation.hold("")
-    run.simulation.set_paused("Robot1", False)
+    run.simulation.linked.set_paused("Robot1", False)
     run.run_until(lambda: not waiting(run, "Robot2") and not waiting(run, "Robot1"))
 
 

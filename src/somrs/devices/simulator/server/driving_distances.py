@@ -56,11 +56,11 @@ class _SimulatedSurroundings:
 
     @property
     def unusable_doors(self) -> Collection[str]:
-        return {*self._simulation.out_of_order, *self._simulation.robots.doors}
+        return {*self._simulation.linked.out_of_order, *self._simulation.robots.doors}
 
     @property
     def unusable_lifts(self) -> Collection[str]:
-        return {lift.name for lift in self._simulation.lifts if not lift.is_usable}
+        return {lift.name for lift in self._simulation.linked.lifts if not lift.is_usable}
 
     @property
     def zones(self) -> Zones:

@@ -32,7 +32,7 @@ class Schedule:
         self._planned: list[_PlannedFault] = []
 
     def add(self, request: Break) -> None:
-        self._simulation.check_fault(request.robot, request.fault)
+        self._simulation.linked.check_fault(request.robot, request.fault)
         if request.released and request.carried is not None:
             raise UsageError("a fault can occur while something is carried or when it was released: give only one of the two")
         self._planned.append(_PlannedFault(request, self._simulation.time + (request.delay or 0.0)))

@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.lines import Mover, Poses, RobotStatus
-from somrs.devices.simulator.server.simulation import Linked, Simulation
+from somrs.devices.simulator.server.linked_devices import Linked
+from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.joints import ARM_SEEN
 from somrs.space.distances import Array
 from somrs.space.solids import Role

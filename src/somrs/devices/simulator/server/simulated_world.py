@@ -56,7 +56,7 @@ class SimulatedWorld:
         self.map, self.ontology = map, ontology
         self.simulation = simulation = Simulation(map, ontology, self._kind, traffic_address=self._traffic)
         for name, object in map.objects.items():
-            simulation.set_paused(name, _is_paused(object))
+            simulation.linked.set_paused(name, _is_paused(object))
         self._follow_modes(simulation)
         self.read.set()
 
@@ -90,7 +90,7 @@ class SimulatedWorld:
                     simulation.rename(thing, object)
                 case ObjectAdded(object):
                     simulation.add(object)
-                    simulation.set_paused(object.name, _is_paused(object))
+                    simulation.linked.set_paused(object.name, _is_paused(object))
                 case ObjectRemoved(name) if renamed and renamed[0].name == name and home_of(renamed[0].to) == home_of(name):
                     pass  # the next addition is the renamed object
                 case ObjectRemoved(name) if renamed and renamed[0].name == name:
@@ -102,7 +102,7 @@ class SimulatedWorld:
                 case ValueSet(name, "Open") if (door := self.map.objects.get(name)) is not None:
                     simulation.renew(door)
                 case ValueSet(name, path) if path in (PAUSED, PAUSED_FOR) and (device := self.map.objects.get(name)) is not None:
-                    simulation.set_paused(name, _is_paused(device))
+                    simulation.linked.set_paused(name, _is_paused(device))
                 case ValueSet(name, "NavigationGraph"):
                     simulation.set_graph(name, None if change.value is None else str(change.value))
                 case ValueSet(name, "Supporting") if (support := self.map.objects.get(name)) is not None:

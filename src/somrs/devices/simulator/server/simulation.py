@@ -6,10 +6,7 @@ How robots carry out commands is in `robot_work.py`, and the physics in `world/`
 
 from __future__ import annotations
 
-from collections import ChainMap
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, LinkedDevice, ObjectState, RobotState, Scan, Sense, Status
 from somrs.devices.simulator.link.roads import Roadmap, TrafficState
@@ -19,6 +16,7 @@ from somrs.devices.simulator.motion.robot import Fleet, Robot
 from somrs.devices.simulator.server import traffic_office
 from somrs.devices.simulator.server.carrying_robots import put_at, why_no_room
 from somrs.devices.simulator.server.free_spaces import FreeSpaces
+from somrs.devices.simulator.server.linked_devices import LinkedDevices
 from somrs.devices.simulator.server.moved_leaves import MovedLeaves
 from somrs.devices.simulator.server.robot_work import RobotWork
 from somrs.devices.simulator.server.sensing import sensed
@@ -27,9 +25,7 @@ from somrs.devices.simulator.server.traffic_view import roadmap_view, traffic_vi
 from somrs.devices.simulator.world.kinds import WorldKind, make_scene
 from somrs.devices.simulator.world.scanning import scanned
 from somrs.devices.simulator.world.scene import RESTING
-from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
-from somrs.devices.simulator.world.vision import StationaryCamera
-from somrs.devices.simulator.world.weighing_scale import WeighingScale
+from somrs.devices.simulator.world.stationary import OnEnd
 from somrs.errors import UsageError
 from somrs.ontology.map import Map
 from somrs.ontology.objects import FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
@@ -42,9 +38,6 @@ from somrs.space.storeys import span_of
 from somrs.space.zones import Zones, zones_of
 from somrs.traffic.ways import Ways
 
-Linked = Robot | StationaryDevice
-"""A device with a robot link."""
-
 
 class Simulation:
     """A world built from a map, with its robots and cameras."""
@@ -56,16 +49,10 @@ class Simulation:
         self.scene = make_scene(world, map, ontology)
         self._free_spaces = self._new_free_spaces()
         self.robots = Fleet()
-        self.stationary: dict[str, StationaryDevice] = {}
-        """The cameras, scales and powered doors."""
-        self._paused: set[str] = set()
-        """The devices that stand still and that an operator has stopped."""
-        self.linked: Mapping[str, Linked] = ChainMap[str, Any](self.stationary, self.robots)
+        self.linked = LinkedDevices(self.scene, self.robots)
         """Everything with a robot link."""
         self._work = RobotWork(self.scene, self.robots)
         self._traffic = SimulatedTraffic(self.scene, self.robots, self._free_space_at, traffic_address)
-        self.out_of_order: frozenset[str] = frozenset()
-        """The doors and lifts that no robot uses."""
         self._leaves = MovedLeaves(self.scene, self.robots, self._note_leaves)
         self._last_motion = 0.0
         """Simulated time of the last motion that was observed."""
@@ -83,18 +70,7 @@ class Simulation:
     @property
     def busy(self) -> bool:
         """Whether anything moves, or work is pending."""
-        drives: list[DoorDrive | LiftDrive] = [*self._drives, *self.lifts]
-        working = self._work.busy or any(drive.busy for drive in drives if drive.solid.name not in self._paused)
-        return working or self._traffic.busy or not self._at_rest()
-
-    @property
-    def _drives(self) -> list[DoorDrive]:
-        return [device for device in self.stationary.values() if isinstance(device, DoorDrive)]
-
-    @property
-    def lifts(self) -> list[LiftDrive]:
-        """The lifts."""
-        return [device for device in self.stationary.values() if isinstance(device, LiftDrive)]
+        return self._work.busy or self.linked.are_drives_busy or self._traffic.busy or not self._at_rest()
 
     def _at_rest(self) -> bool:
         held = set(self.scene.hands.held.values())
@@ -122,12 +98,9 @@ class Simulation:
             self._work.make_room(robot)
             self._traffic.note_mobility(robot, self._work.mobility(robot))
             robot.end_period()
-        for drive in self._drives:
-            if drive.solid.name not in self._paused and drive.step():
-                self._note_leaves(drive.solid.name)
-        for lift in self.lifts:
-            if lift.name not in self._paused:
-                lift.step()
+        for door in self.linked.step_doors():
+            self._note_leaves(door)
+        self.linked.step_lifts()
         self._leaves.advance()
         self.scene.step()
 
@@ -144,7 +117,7 @@ class Simulation:
 
         `on_end` is called once with the result; a silent robot sends none. Raises UsageError for an unknown robot.
         """
-        device = self._linked(robot)
+        device = self.linked.find(robot)
         if isinstance(command, Status):
             on_end(CommandDone(state=device.state()))
             return
@@ -167,7 +140,7 @@ class Simulation:
         """Let a robot, a lift or a door take part in traffic by messages of a program of its own, or again by the simulation."""
         if robot in self.robots:
             self._traffic.set_outside(self.robots[robot], is_outside)
-        elif isinstance(passage := self._linked(robot), LiftDrive | DoorDrive):
+        elif isinstance(passage := self.linked.find(robot), LiftDrive | DoorDrive):
             passage.is_outside = is_outside
             self._traffic.set_passage_outside(robot, is_outside=is_outside)
 
@@ -175,7 +148,7 @@ class Simulation:
 
     def state(self, robot: str) -> RobotState:
         """The state of a robot or camera. Raises UsageError."""
-        return self._linked(robot).state()
+        return self.linked.find(robot).state()
 
     def devices(self) -> dict[str, LinkedDevice]:
         """Everything with a robot link, by name."""
@@ -201,16 +174,10 @@ class Simulation:
 
     # Faults
 
-    def check_fault(self, robot: str, fault: Fault) -> None:
-        """Raise UsageError if there is no such robot or other device, or if it cannot have the fault."""
-        possible_faults = self._linked(robot).possible_faults
-        if fault not in possible_faults:
-            raise UsageError(f"{robot} cannot have the fault {fault}; it can have {', '.join(possible_faults)}")
-
     def fault(self, robot: str, fault: Fault) -> None:
         """Inject a fault. Raises UsageError."""
-        self.check_fault(robot, fault)
-        device = self._linked(robot)
+        self.linked.check_fault(robot, fault)
+        device = self.linked[robot]
         device.faults.add(fault)
         self._last_motion = self.time
         self._traffic.changed = True
@@ -224,7 +191,7 @@ class Simulation:
 
     def repair(self, robot: str, fault: Fault) -> None:
         """Repair a fault. Commands that were given up because of it are not resumed."""
-        device = self._linked(robot)
+        device = self.linked.find(robot)
         device.faults.discard(fault)
         self._traffic.changed = True
         if isinstance(device, Robot):
@@ -259,9 +226,7 @@ class Simulation:
         self._work.object_removed(name)
         if self.robots.pop(name, None) is not None:
             self._traffic.leave(name)
-        self.stationary.pop(name, None)
-        self.robots.lifts.pop(name, None)
-        self.robots.doors.pop(name, None)
+        self.linked.remove_stationary(name)
         self._leaves.forget(name)
         if solid is not None:
             self.scene.remove(name)
@@ -288,7 +253,7 @@ class Simulation:
             return
         self._map = self._map.changed([change])
         shafts = {shaft.name: shaft for shaft in shafts_of(self._map, self._ontology)}
-        for lift in self.lifts:
+        for lift in self.linked.lifts:
             lift.shaft = shafts[lift.name]
         self._renew_free_spaces()
         self._traffic.outdated = True
@@ -320,7 +285,7 @@ class Simulation:
         if not self.scene.leaves(object.name):
             self.remove(object.name)
             self.add(object)
-        elif renewed.automatic and isinstance(drive := self.stationary.get(object.name), DoorDrive):
+        elif renewed.automatic and isinstance(drive := self.linked.get(object.name), DoorDrive):
             drive.stays_open = renewed.open
         else:
             self._leaves.move(object.name, is_open=bool(renewed.open))
@@ -330,17 +295,6 @@ class Simulation:
         solid, role = self.scene.world.solids.get(object.name), role_of(object, self._ontology)
         if solid is not None and {solid.role, role} == {Role.SUPPORT, Role.STATIC}:
             self.scene.world.solids[object.name] = replace(solid, role=role)
-
-    def set_paused(self, device: str, paused: bool) -> None:
-        """Stop a device where it is, or let it go on. Its command waits meanwhile; other objects are ignored."""
-        if isinstance(drive := self.stationary.get(device), LiftDrive | DoorDrive):
-            drive.is_paused = paused
-        if device in self.robots:
-            self.robots[device].paused = paused
-        elif device in self.stationary and paused:
-            self._paused.add(device)
-        else:
-            self._paused.discard(device)
 
     def hold(self, reason: str) -> None:
         """Let no robot drive on for a reason, such as a fire; or without one let them go on."""
@@ -362,10 +316,7 @@ class Simulation:
 
     def close_passages(self, names: tuple[str, ...]) -> None:
         """Let no robot use these doors and lifts, which are out of order, and only these."""
-        self.out_of_order = frozenset(names)
-        drives: list[DoorDrive | LiftDrive] = [*self._drives, *self.lifts]
-        for drive in drives:
-            drive.is_out_of_order = drive.solid.name in names
+        self.linked.set_out_of_order(names)
         self._traffic.close_passages(names)
 
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
@@ -398,19 +349,10 @@ class Simulation:
         self.scene.set_weight(thing, weight)
 
     def _add_linked(self, solid: Solid) -> None:
-        if solid.role is Role.CAMERA:
-            self.stationary[solid.name] = StationaryCamera(solid, self.scene)
-        elif solid.powered and self._ontology.driver(solid.type) is not None:
-            self.stationary[solid.name] = drive = DoorDrive(solid, self.scene, self.robots)
-            if solid.automatic and self.scene.leaves(solid.name):
-                self.robots.doors[solid.name] = drive
-        elif solid.scale:
-            self.stationary[solid.name] = WeighingScale(solid, self.scene)
-        elif solid.role is Role.ROBOT:
+        if solid.role is Role.ROBOT:
             self.robots[solid.name] = Robot(solid, self.scene, self._free_space_at, self.robots, self._traffic.user(solid))
-        elif solid.role is Role.LIFT:
-            shaft = next(shaft for shaft in shafts_of(self._map, self._ontology) if shaft.name == solid.name)
-            self.stationary[solid.name] = self.robots.lifts[solid.name] = LiftDrive(solid, self.scene, self.robots, shaft)
+        else:
+            self.linked.add_stationary(solid, self._map, self._ontology)
 
     # Robots that are not simulated
 
@@ -433,8 +375,3 @@ class Simulation:
 
     def _new_free_spaces(self) -> FreeSpaces:
         return FreeSpaces(self._map, self._ontology, self.scene.world.positions)
-
-    def _linked(self, name: str) -> Linked:
-        if name not in self.linked:
-            raise UsageError(f"{name} is not a robot in the simulated world; there are {', '.join(self.linked) or 'none'}")
-        return self.linked[name]
