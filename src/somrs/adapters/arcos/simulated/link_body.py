@@ -17,6 +17,7 @@ from somrs.devices.simulator.link.commands import CommandDone, Fault, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Mover
 from somrs.devices.simulator.link.link import OperatorLink, RobotLink, link_address
+from somrs.devices.simulator.link.reaching import put_ahead, things_ahead
 
 log = logging.getLogger(__name__)
 
@@ -26,12 +27,6 @@ PERIOD = 0.1
 """Seconds between two velocities that are sent."""
 LASTS = 0.5
 """Seconds for which a velocity holds: the simulated wheels stop when this program does."""
-REACH = 1.0
-"""How far from the robot's centre its arm takes things, m."""
-ASIDE = math.radians(30)
-"""How far aside of where the robot looks a thing may be, rad."""
-SUPPORT_ASIDE = math.radians(80)
-"""The same for the middle of a support, which may be wide, rad."""
 SCAN = Scan(rays=90, range=2.5)
 """What sonar would hear: the nearest things around."""
 SCAN_PERIOD = 0.2
@@ -48,7 +43,8 @@ class World:
     def __init__(self, link: OperatorLink) -> None:
         self._link = link
         self._movers: tuple[Mover, ...] = ()
-        self._poses: dict[str, tuple[float, ...]] = {}
+        self.things: dict[str, tuple[float, float]] = {}
+        """Their points, by name."""
 
     async def run(self) -> None:
         """Follow the poses, until cancelled."""
@@ -56,18 +52,16 @@ class World:
             try:
                 async for poses in self._link.poses(rate=10):
                     if poses.movers is not None:
-                        self._movers, self._poses = poses.movers, {}
+                        self._movers, self.things = poses.movers, {}
                     values = iter(poses.values)
                     for index in poses.moved:
                         mover = self._movers[index]
-                        self._poses[mover.name] = tuple(next(values) for _ in range(mover.numbers))
+                        pose = [next(values) for _ in range(mover.numbers)]
+                        if mover.is_thing:
+                            self.things[mover.name] = pose[0], pose[1]
             except RobotGaveUp as failure:
                 log.info("the simulator is gone, and is waited for: %s", failure)
                 await asyncio.sleep(1.0)
-
-    def things(self) -> Mapping[str, tuple[float, float]]:
-        """The points of the things, by name."""
-        return {name: (pose[0], pose[1]) for name, pose in self._poses.items() if len(pose) == 6}
 
 
 class LinkBody:
@@ -126,7 +120,7 @@ class LinkBody:
 
     @property
     def has_thing(self) -> bool:
-        return self._state.holding is not None or self._nearest(self._world.things()) is not None
+        return self._state.holding is not None or bool(things_ahead(self._state, self._world.things))
 
     def drive(self, forward: float, turning: float) -> None:
         if forward * self._direction < 0:
@@ -155,13 +149,13 @@ class LinkBody:
             await asyncio.sleep(SCAN_PERIOD)
 
     def grip(self) -> None:
-        thing = self._nearest(self._world.things())
-        if thing is not None and self._state.holding is None:
-            self._handling = asyncio.create_task(self._try(self._link.grip(thing)))
+        things = things_ahead(self._state, self._world.things)
+        if things and self._state.holding is None:
+            self._handling = asyncio.create_task(self._try(self._link.grip(things[0])))
 
     def release(self) -> None:
         if self._state.holding is not None:
-            self._handling = asyncio.create_task(self._try(self._put_away()))
+            self._handling = asyncio.create_task(self._try(put_ahead(self._link)))
 
     def set_charging(self, is_charging: bool) -> None:
         if is_charging and not self.has_charger:
@@ -191,30 +185,6 @@ class LinkBody:
         except RobotGaveUp as failure:
             if failure.reason != "stopped":
                 log.info("%s: %s", self._link.robot, failure)
-
-    async def _put_away(self) -> CommandDone:
-        """Put what the robot holds on the piece of furniture before it, or on the floor if none is in reach."""
-        view = await self._link.sense(radius=2 * REACH)
-        landmarks = {landmark.object: (landmark.x, landmark.y) for landmark in view.object_states}
-        for support in self._ahead(landmarks, 2 * REACH, SUPPORT_ASIDE):
-            try:
-                return await self._link.place(support)
-            except RobotGaveUp as failure:
-                log.debug("%s does not put it on %s: %s", self._link.robot, support, failure)
-        return await self._link.put_down_object()
-
-    def _nearest(self, points: Mapping[str, tuple[float, float]]) -> str | None:
-        return next(iter(self._ahead(points, REACH, ASIDE)), None)
-
-    def _ahead(self, points: Mapping[str, tuple[float, float]], reach: float, aside: float) -> list[str]:
-        """The objects in reach, those first that are straightest ahead."""
-        place = self.place
-        bearings = {}
-        for name, (x, y) in points.items():
-            bearing = abs(math.remainder(math.atan2(y - place.y, x - place.x) - place.yaw, 2 * math.pi))
-            if bearing < aside and math.dist((x, y), (place.x, place.y)) < reach:
-                bearings[name] = bearing
-        return sorted(bearings, key=lambda name: bearings[name])
 
 
 def _nothing() -> None:

@@ -98,7 +98,7 @@ class KinematicBody:
             raise BodyFailed(f"it holds {self.holding}")
         near = sorted((math.dist(self.pose[:2], place), name) for name, place in self.things.items() if thing in (None, name))
         if not near or near[0][0] > REACH:
-            raise BodyFailed(f"{thing or 'nothing'} is within reach" if thing is None else f"{thing} is not within reach")
+            raise BodyFailed("nothing is within reach" if thing is None else f"{thing} is not within reach")
         self.holding = near[0][1]
         del self.things[self.holding]
 

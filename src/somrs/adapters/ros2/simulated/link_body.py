@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from somrs.adapters.ros2.simulated.body import BodyFailed
 from somrs.devices.link_security import link_credentials
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.link import OperatorLink, RobotLink, link_address
-
-REACH = 1.0
-"""How far from the robot's centre its gripper takes things, m."""
-SUPPORT_REACH = 2.0
-"""The same for the middle of a support, m."""
-ASIDE, SUPPORT_ASIDE = math.radians(30), math.radians(80)
-"""How far aside of where the robot looks a thing, and the middle of a support, may be, rad."""
-THING_NUMBERS = 6
-"""The numbers of a pose by which things are told from robots and doors."""
+from somrs.devices.simulator.link.reaching import put_ahead, things_ahead
 
 
 @contextlib.contextmanager
@@ -87,42 +79,29 @@ class LinkBody:
 
     async def take(self, thing: str | None) -> None:
         with _reasons():
-            near = [thing] if thing is not None else self._ahead(await self._things(), REACH, ASIDE)
-            if not near:
-                raise BodyFailed("nothing is within reach")
-            await self._link.grip(near[0])
+            await self._link.grip(thing if thing is not None else await self._thing_ahead())
 
     async def put(self, support: str | None) -> None:
         with _reasons():
-            if support is not None:
-                await self._link.place(support)
-                return
-            landmarks = (await self._link.sense(radius=SUPPORT_REACH)).object_states
-            for name in self._ahead({mark.object: (mark.x, mark.y) for mark in landmarks}, SUPPORT_REACH, SUPPORT_ASIDE):
-                with contextlib.suppress(RobotGaveUp):
-                    await self._link.place(name)
-                    return
-            await self._link.put_down_object()
+            await (self._link.place(support) if support is not None else put_ahead(self._link))
+
+    async def _thing_ahead(self) -> str:
+        """The thing that the gripper closes around. Raises BodyFailed if there is none."""
+        state = self._link.state
+        assert state is not None, "the body is open"
+        near = things_ahead(state, await self._things())
+        if not near:
+            raise BodyFailed("nothing is within reach")
+        return near[0]
 
     async def _things(self) -> dict[str, tuple[float, float]]:
-        """Where the things are, by name."""
+        """The points of the things, by name."""
         async with contextlib.aclosing(self._operator.poses(rate=10)) as news:
             async for poses in news:
                 values = iter(poses.values)
                 movers = [(mover, [next(values) for _ in range(mover.numbers)]) for mover in poses.movers or ()]
-                return {mover.name: (pose[0], pose[1]) for mover, pose in movers if mover.numbers == THING_NUMBERS}
+                return {mover.name: (pose[0], pose[1]) for mover, pose in movers if mover.is_thing}
         return {}
-
-    def _ahead(self, points: Mapping[str, tuple[float, float]], reach: float, aside: float) -> list[str]:
-        """The objects in reach, those first that are straightest ahead."""
-        state = self._link.state
-        assert state is not None, "the body is open"
-        bearings = {}
-        for name, (x, y) in points.items():
-            bearing = abs(math.remainder(math.atan2(y - state.y, x - state.x) - state.yaw, math.tau))
-            if bearing < aside and math.dist((x, y), (state.x, state.y)) < reach:
-                bearings[name] = bearing
-        return sorted(bearings, key=lambda name: bearings[name])
 
     async def charge(self) -> None:
         with _reasons():

@@ -43,7 +43,7 @@ class SimulatedRobot:
     """Has the node of a robot do what its body can. Callbacks of ROS run in threads; the body lives in the event loop.
 
     `behaviour`: `normal`; `reject`: goals are not accepted; `abort`: they are accepted, and given up at once; `stubborn`: nothing is
-    cancelled; `lost`: it does not know where it is.
+    cancelled; `slow`: its arm moves until it is cancelled; `lost`: it does not know where it is.
     """
 
     def __init__(self, node: Any, namespace: str, body: Body, loop: asyncio.AbstractEventLoop, grid: tuple[int, int] | None = None) -> None:

@@ -227,6 +227,10 @@ class Mover(Struct, frozen=True, kw_only=True):
     name: str
     numbers: int
 
+    @property
+    def is_thing(self) -> bool:
+        return self.numbers == 6
+
 
 class RobotStatus(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """What a robot or a camera holds and does, and its faults."""
