@@ -335,7 +335,7 @@ class Driver:
             reason = "its stop button is pressed"
         elif self._standstill is not None:
             reason = STUCK
-        elif not status.flags & Flag.MOTORS and self.session.needs_motors_button:
+        elif not status.flags & Flag.MOTORS and self.session.motors_were_on:
             reason = "its motors were switched off: press its MOTORS button"
         if reason == self._broken:
             return

@@ -81,7 +81,8 @@ class Session:
         self._tries = 0
         self._send_time = 0.0
         self._gripper_requests = 0
-        self._motors_were_on = False
+        self.motors_were_on = False
+        """Whether the motors were on in this session. If they are off now, a hand has switched them off, and only that switches them on."""
 
     @property
     def is_open(self) -> bool:
@@ -91,11 +92,6 @@ class Session:
     def is_known(self) -> bool:
         """Whether the robot has said what it has, or leaves the question unanswered."""
         return self.is_open and (self.gripper is not None or self._gripper_requests >= TRIES)
-
-    @property
-    def needs_motors_button(self) -> bool:
-        """Whether the motors were switched off by hand: then only a hand switches them on again."""
-        return self._motors_were_on
 
     def connect(self, now: float) -> None:
         """There is a line to the robot."""
@@ -164,7 +160,7 @@ class Session:
 
     def _begin(self) -> None:
         """Begin a session anew."""
-        self._motors_were_on, self._gripper_requests = False, 0
+        self.motors_were_on, self._gripper_requests = False, 0
         self._enter(SessionState.SYNC0)
         self._say_state()
 
@@ -203,7 +199,7 @@ class Session:
             self.send(Command.BUMPSTALL, 3)
             self._request_missing(status)
         if status.flags & Flag.MOTORS:
-            self._motors_were_on = True
+            self.motors_were_on = True
         if self._repeated >= REPEAT:
             self._repeated = 0.0
             self._request_missing(status)
@@ -212,7 +208,7 @@ class Session:
 
     def _request_missing(self, status: Status) -> None:
         """Ask again for what was asked at the beginning, and has not come."""
-        if not status.flags & (Flag.MOTORS | Flag.STOP_BUTTON) and not self._motors_were_on:
+        if not status.flags & (Flag.MOTORS | Flag.STOP_BUTTON) and not self.motors_were_on:
             self.send(Command.ENABLE, 1)
         if not status.flags & 0b11110:
             self.send(Command.SONAR, 1)

@@ -26,8 +26,6 @@ SLOWEST_TURN = math.radians(3)
 """Slower, the motors hardly turn, rad/s."""
 BRAKING = 0.5
 """Share of the robot's deceleration that plans use: reports and commands are on their way for a tenth of a second."""
-
-
 GRANTED = 2.0
 """How far ahead a robot may mostly drive, m: three places of the roadmap."""
 HANDLING = 27.0
