@@ -12,11 +12,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from somrs.entish.formula import Number
-from somrs.ontology.types import Value
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal
-from somrs.service_manager.sdk.values import term
+from somrs.service_manager.sdk.values import number_of
 from somrs.traffic.passage_call import PassageCall, PassageStatus
 
 STANDING = 0.1
@@ -109,7 +107,7 @@ class LiftDevice(PassageDevice):
     async def stops(self) -> dict[str, float]:
         """The heights of the floors of the storeys at which it stops, m."""
         rows = await self.map.query(f"{self.name} stopsAt ?Storey AND ?Storey.Elevation = ?Height")
-        return {str(row["Storey"]): _metres(row["Height"]) for row in rows}
+        return {str(row["Storey"]): number_of(row["Height"]) for row in rows}
 
     @service("CallLift", duration=MOVE_TIME, able=_stops_there, inputs=("Storey",))
     async def call_lift(self, task: Task) -> Situation:
@@ -120,13 +118,6 @@ class LiftDevice(PassageDevice):
             await self.serve(PassageCall(level=level))
             await self.release()
         return f"{self.name}.PositionZ = {level} AND {self.name} standsAt {storey}"
-
-
-def _metres(value: Value) -> float:
-    """A height from the map, which may have its unit."""
-    quantity = term(str(value))
-    assert isinstance(quantity, Number), "the elevation of a storey is a number"
-    return quantity.value
 
 
 async def _is_this_door(device: DoorDevice, task: Task) -> None:

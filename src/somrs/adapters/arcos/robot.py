@@ -37,8 +37,8 @@ from somrs.adapters.arcos.settings import RobotSettings
 from somrs.adapters.arcos.steering import motion_of
 from somrs.adapters.arcos.stored_reckoning import Stored, load_reckoning, store_reckoning
 from somrs.devices.road_robot import CarryingRobot, Motion, RobotFailed, Way
-from somrs.devices.simulator.drivers.simulated import number_of
 from somrs.errors import UsageError
+from somrs.service_manager.sdk.values import number_of
 
 log = logging.getLogger(__name__)
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from somrs.devices.simulator.drivers.outage import Outage
-from somrs.devices.simulator.drivers.simulated import number_of
 from somrs.errors import RemoteError
 from somrs.ontology.objects import Object
 from somrs.protocol.messages.submission import Submit
 from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.tasks import TaskSubmitter
+from somrs.service_manager.sdk.values import number_of
 from somrs.sites.plan import Box
 
 log = logging.getLogger(__name__)

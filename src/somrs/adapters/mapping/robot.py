@@ -20,15 +20,13 @@ from somrs.adapters.mapping.exploring import explore
 from somrs.adapters.mapping.floor_map import FloorMap, Shown
 from somrs.adapters.mapping.reporting import situation_of, things_on
 from somrs.adapters.mapping.survey import Survey
-from somrs.devices.link_security import link_credentials
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice, number_of
+from somrs.atomic_files import write_atomically
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice
 from somrs.devices.simulator.drivers.watching import MIDDLE
-from somrs.devices.simulator.link.command_link import CommandLink
 from somrs.devices.simulator.link.commands import CommandDone, Point
 from somrs.devices.simulator.link.connection import RobotGaveUp
-from somrs.devices.simulator.link.link import RobotLink, link_address
 from somrs.entish.formula import Formula
-from somrs.errors import DeviceError, RemoteError, UsageError
+from somrs.errors import RemoteError
 from somrs.ontology.objects import Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import PART_OF, RelationType
@@ -36,6 +34,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.device import Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+from somrs.service_manager.sdk.values import number_of
 from somrs.sites.occupancy.building import building_of
 from somrs.sites.occupancy.importing import WALL_HEIGHT
 from somrs.sites.plan import Box
@@ -74,18 +73,9 @@ class MappingRobot(SimulatedDevice):
     type = "MobileRobot"
     types = (WAS_EXPLORED_BY,)
     features = ("OperationRange", "Speed", "Price")
+    driven_outside = True
     _doors: DoorTasks | None = None
     """The doors of the storey that it explores, or has explored last."""
-
-    def _make_link(self) -> CommandLink:
-        try:
-            host, port, map_name = link_address(self.simulator or "")
-            credentials = link_credentials(self.simulator or "")
-        except UsageError as error:
-            raise DeviceError(f"{self.name} needs a simulator: {error}") from None
-        return RobotLink(
-            host, port, self.name, silence=self.silence, on_state=self._notice_state, map=map_name, credentials=credentials, outside=True
-        )
 
     async def elevation(self, task: Task) -> float:
         """The height of the storey that is to be explored, m."""
@@ -104,7 +94,7 @@ class MappingRobot(SimulatedDevice):
         except RobotGaveUp as failure:
             await doors.leave()
             await findings.publish()
-            raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
+            raise ServiceFailed(failure.description, self.failure_situation(failure)) from failure
         await findings.publish(is_last=True)
         if doors.failed:
             await task.progress(1.0, note=f"cannot have opened: {', '.join(doors.failed)}. What is behind stays unknown")
@@ -117,18 +107,12 @@ class MappingRobot(SimulatedDevice):
         try:
             return " AND ".join(self._own_pose((await self.retry_when_link_lost(self._link.stop)).state))
         except RobotGaveUp as failure:
-            raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
+            raise ServiceFailed(failure.description, self.failure_situation(failure)) from failure
 
     @explore_floor.compensation
     async def keep_map(self, task: Task, situation: Formula) -> Situation:
         """What was seen is so, whoever asked for it; report where the robot is."""
         return await self.stand_still(task)
-
-    def _failure_situation(self, failure: RobotGaveUp) -> str:
-        """Where the robot is, and whether it works."""
-        pose = self._own_pose(failure.state) if failure.state is not None and not self._link.silent else []
-        is_broken = self._link.silent or not self._link.connected or (failure.state is not None and failure.state.faults)
-        return " AND ".join([*pose, *([self._out_of_order()] if is_broken or not pose else [])])
 
     async def _radius(self, task: Task) -> float:
         rows = await task.map.query(f"{self.name}.Shape.Radius = ?Radius", limit=1)
@@ -176,10 +160,7 @@ class MappingRobot(SimulatedDevice):
     def write_surveyed(self, names: Iterable[str]) -> None:
         """Keep the names of the objects that surveys have brought, for the next one."""
         try:
-            self._surveyed_file.parent.mkdir(parents=True, exist_ok=True)
-            new_file = self._surveyed_file.with_suffix(".new")
-            new_file.write_bytes(msgspec.json.encode(sorted(names)))
-            new_file.replace(self._surveyed_file)
+            write_atomically(self._surveyed_file, msgspec.json.encode(sorted(names)))
         except OSError as error:
             log.warning("%s: what it found cannot be kept (%s): the next survey takes it as found by others", self.name, error)
 

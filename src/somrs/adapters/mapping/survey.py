@@ -105,9 +105,7 @@ class Survey:
                 None,
             )
             if known_index is None:
-                self.pieces.append(
-                    Piece(type=sighting.type, values=sighting.values, x=sighting.x, y=sighting.y, z=sighting.z, yaw=sighting.yaw)
-                )
+                self.pieces.append(_piece(sighting))
             else:
                 self.pieces[known_index] = _averaged(self.pieces[known_index], sighting)
 

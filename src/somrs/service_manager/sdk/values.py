@@ -35,6 +35,13 @@ def python_value(text: str) -> Value:
             return str(other_term)
 
 
+def number_of(value: Value) -> float:
+    """Return the number of a quantity from the map, such as a length in metres, which comes with or without the attribute's unit."""
+    quantity = term(str(value))
+    assert isinstance(quantity, Number), "a quantity is a number"
+    return quantity.value
+
+
 def as_term(value: Value) -> Term:
     """Return the Entish term for a Python value. A text that has the form of a name becomes a name."""
     if isinstance(value, bool):

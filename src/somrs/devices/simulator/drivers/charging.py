@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from somrs.devices.simulator.battery import PER_METRE
 from somrs.devices.simulator.drivers.outage import Outage
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number, number_of
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number
 from somrs.devices.simulator.link.commands import RobotState
 from somrs.devices.simulator.link.lines import HANDLES, Legs, PathStop, StandAt
 from somrs.errors import RemoteError, UsageError
@@ -22,6 +22,7 @@ from somrs.protocol.messages.submission import Submit
 from somrs.service_manager.sdk.device import Task
 from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+from somrs.service_manager.sdk.values import number_of
 from somrs.space.shafts import SAME_FLOOR
 
 RESERVE = 10.0
@@ -45,8 +46,8 @@ LONGEST_PAUSE = 600.0
 """The longest time between two tasks to charge that have failed, s."""
 
 
-class Spot:
-    """A named place on the map: its name, its middle and its radius in metres. `z`: its height; None if the map does not say it."""
+class NamedPlace:
+    """A place on the map: its name, its middle and its radius in metres. `z`: its height; None if the map does not say it."""
 
     def __init__(self, name: str, x: float, y: float, radius: float, z: float | None = None) -> None:
         self.name, self.x, self.y, self.radius, self.z = name, x, y, radius, z
@@ -56,7 +57,7 @@ class Spot:
         """Its middle, where a robot stands."""
         return StandAt(self.x, self.y, self.z)
 
-    def is_near(self, place: Spot | RobotState, distance: float = 0.0) -> bool:
+    def is_near(self, place: NamedPlace | RobotState, distance: float = 0.0) -> bool:
         """Whether something is at most that far from the place's circle, on the same floor."""
         is_on_floor = self.z is None or place.z is None or abs(self.z - place.z) < SAME_FLOOR
         return is_on_floor and self.distance(place.x, place.y) <= distance
@@ -128,9 +129,8 @@ class ChargingRobot(SimulatedDevice):
     # The charge that work needs
 
     async def legs_through(self, task: Task, *stops: PathStop) -> Legs:
-        """As for every device. Raises Refusal if a door or a lift on the only way is out of order, if a no-go zone
-        closes it, and if the charge is not enough for the way, the
-        work, and the way to the nearest charger."""
+        """As for every device. Raises Refusal if a door or a lift on the only way is out of order, if a no-go zone closes it, and if the
+        charge is not enough for the way, the work, and the way to the nearest charger."""
         legs = await super().legs_through(task, *stops)
         if closed := why_closed(legs.out_of_order, legs.zones):
             raise Refusal(closed, not_now=True)
@@ -212,7 +212,7 @@ class ChargingRobot(SimulatedDevice):
 
     # Chargers
 
-    async def free_chargers(self, task: Task) -> tuple[list[Spot], int]:
+    async def free_chargers(self, task: Task) -> tuple[list[NamedPlace], int]:
         """The chargers that no other robot uses, those at which no robot stands first, and the version of the map in which they are free.
 
         Raises Refusal if there is none. A broken robot keeps the charger at which it stands, and no other. An idle robot makes way for one
@@ -222,7 +222,7 @@ class ChargingRobot(SimulatedDevice):
         if not chargers:
             raise Refusal("there is no charger on the map")
         reservations = await self.map.rows("?It: Charger isBookedFor ?Robot") if self._reserves else Rows(rows=(), version=0)
-        robots = [spot for spot in await self.named_places(task, "MobileRobot") if spot.name != self.name]
+        robots = [robot for robot in await self.named_places(task, "MobileRobot") if robot.name != self.name]
         standing = {charger.name: {robot.name for robot in robots if charger.is_near(robot)} for charger in chargers}
         if self._reserves:
             broken = {str(row["It"]) for row in await task.map.query("?It: MobileRobot.Working = FALSE")}
@@ -249,17 +249,17 @@ class ChargingRobot(SimulatedDevice):
 
     # The map
 
-    async def named_place(self, map: MapReader, name: str) -> Spot | None:
-        """An object as such a spot; None if the map does not say where it is."""
+    async def named_place(self, map: MapReader, name: str) -> NamedPlace | None:
+        """An object as a place; None if the map does not say where it is."""
         positions = await map.query(f"{name}.PositionX = ?X AND {name}.PositionY = ?Y", limit=1)
         if not positions:
             return None
         x, y = (number_of(positions[0][variable]) for variable in ("X", "Y"))
         radii = [number_of(row["Radius"]) for row in await map.query(f"{name}.Shape.Radius = ?Radius", limit=1)]
         heights = [number_of(row["Z"]) for row in await map.query(f"{name}.PositionZ = ?Z", limit=1)]
-        return Spot(name, x, y, radii[0] if radii else 0.0, heights[0] if heights else None)
+        return NamedPlace(name, x, y, radii[0] if radii else 0.0, heights[0] if heights else None)
 
-    async def named_places(self, task: Task, kind: str) -> list[Spot]:
+    async def named_places(self, task: Task, kind: str) -> list[NamedPlace]:
         """The objects of a type with a position; their radius is 0 if the map states none."""
         position = "?It.PositionX = ?X AND ?It.PositionY = ?Y"
         rows = await task.map.query(f"?It: {kind} = ?It AND {position}")
@@ -267,7 +267,7 @@ class ChargingRobot(SimulatedDevice):
         heights = {str(row["It"]): number_of(row["Z"]) for row in await task.map.query(f"?It: {kind}.PositionZ = ?Z")}
         names = [str(row["It"]) for row in rows]
         return [
-            Spot(name, number_of(row["X"]), number_of(row["Y"]), radii.get(name, 0.0), heights.get(name))
+            NamedPlace(name, number_of(row["X"]), number_of(row["Y"]), radii.get(name, 0.0), heights.get(name))
             for name, row in zip(names, rows, strict=True)
         ]
 

@@ -5,12 +5,13 @@ Robots that ride need no service: traffic grants them the lift, one after the ot
 
 from __future__ import annotations
 
-from somrs.devices.simulator.drivers.simulated import STANDING, Pose, SimulatedDevice, format_number, number_of
+from somrs.devices.simulator.drivers.simulated import STANDING, Pose, SimulatedDevice, format_number
 from somrs.devices.simulator.link.commands import RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Formula, Name, Relation, conjuncts
 from somrs.service_manager.sdk.device import Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+from somrs.service_manager.sdk.values import number_of
 
 DOOR_TIME = 6.0
 """Time until a robot has left the cabin and the doors are shut, s."""

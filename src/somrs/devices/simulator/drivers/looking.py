@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from somrs.devices.simulator.drivers.recognition import SEEN, sighting_parts
-from somrs.devices.simulator.drivers.simulated import number_of
 from somrs.devices.simulator.link.commands import Sighting
 from somrs.service_manager.sdk.device import Task
 from somrs.service_manager.sdk.orders import Refusal
+from somrs.service_manager.sdk.values import number_of
 
 LOOK_HEIGHT = 0.1
 """Height above the top of an object at which its surroundings are looked at, m."""

@@ -11,13 +11,14 @@ from collections.abc import Coroutine, Iterable
 from dataclasses import dataclass
 
 from somrs.devices.simulator.drivers.opening import OpeningRobot
-from somrs.devices.simulator.drivers.simulated import Pose, format_number, number_of, weights_of
+from somrs.devices.simulator.drivers.simulated import Pose, format_number, weights_of
 from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Number, Relation, conjuncts
 from somrs.errors import RemoteError, UsageError
 from somrs.service_manager.sdk.device import Result, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+from somrs.service_manager.sdk.values import number_of
 
 HANDLING_TIME = 20.0
 """Time to grip a thing and to put it down, s."""

@@ -7,7 +7,7 @@ import time
 from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
 
 from somrs.devices.simulator.battery import charging_time
-from somrs.devices.simulator.drivers.charging import ChargingRobot, Spot, least_charge
+from somrs.devices.simulator.drivers.charging import ChargingRobot, NamedPlace, least_charge
 from somrs.devices.simulator.drivers.looking import describe_things, point_at
 from somrs.devices.simulator.link.commands import CommandDone, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
@@ -95,21 +95,21 @@ class MobileRobot(ChargingRobot):
 
     # Driving to a place
 
-    async def way_to_place(self, task: Task) -> tuple[float, Spot]:
-        """The place that the task names, and the driving distance to it in metres. Raises Refusal when there is no path."""
+    async def way_to_place(self, task: Task) -> tuple[float, NamedPlace]:
+        """The driving distance to the place that the task names, m, and the place. Raises Refusal when there is no path."""
         name = str(task.inputs["Place"])
-        spot = await self.named_place(task.map, name)
-        if spot is None:
+        place = await self.named_place(task.map, name)
+        if place is None:
             raise Refusal(f"the map does not say where {name} is")
-        return await self._way_to(task, spot, name), spot
+        return await self._way_to(task, place, name), place
 
     @service("MoveTo", price=_price, duration=_duration, able=_able, inputs=("Place",))
     async def move_to(self, task: Task) -> Situation:
         try:
-            _, spot = await self.way_to_place(task)
+            _, place = await self.way_to_place(task)
         except Refusal as refusal:
             raise ServiceFailed(str(refusal)) from None
-        return await self._driven_to(task, spot)
+        return await self._driven_to(task, place)
 
     @move_to.stopping
     async def stop_moving(self, task: Task) -> Situation:
@@ -119,9 +119,9 @@ class MobileRobot(ChargingRobot):
     async def move_back(self, task: Task, situation: Formula) -> Situation:
         """Drive back to the place where the robot was."""
         for name in places_of(self.name, situation):
-            spot = await self.named_place(task.map, name)
-            if spot is not None:
-                return await self._driven_to(task, spot)
+            place = await self.named_place(task.map, name)
+            if place is not None:
+                return await self._driven_to(task, place)
         raise ServiceFailed(f"{situation} does not say at which place {self.name} was")
 
     async def _driving(self, task: Task, drive: Coroutine[object, object, CommandDone], begin: float, end: float, note: str) -> CommandDone:
@@ -132,18 +132,18 @@ class MobileRobot(ChargingRobot):
             raise
         return await super()._driving(task, drive, begin, end, note)
 
-    async def _driven_to(self, task: Task, spot: Spot) -> str:
-        note = f"drives to {spot.name}"
-        return await self._commanded(task, lambda: self._driving(task, self._link.drive_to(spot.x, spot.y, z=spot.z), 0.0, 0.95, note))
+    async def _driven_to(self, task: Task, place: NamedPlace) -> str:
+        note = f"drives to {place.name}"
+        return await self._commanded(task, lambda: self._driving(task, self._link.drive_to(place.x, place.y, z=place.z), 0.0, 0.95, note))
 
     # The battery
 
-    async def way_to_charger(self, task: Task) -> tuple[float, Spot]:
-        """The nearest charger that is free, and the driving distance to it in metres. Raises Refusal if there is none."""
+    async def way_to_charger(self, task: Task) -> tuple[float, NamedPlace]:
+        """The driving distance to the nearest charger that is free, m, and the charger. Raises Refusal if there is none."""
         return (await self._ways_to_chargers(task, (await self.free_chargers(task))[0]))[0]
 
-    async def _ways_to_chargers(self, task: Task, free: Sequence[Spot]) -> list[tuple[float, Spot]]:
-        """The free chargers, the nearest first, and the driving distances to them in metres. Raises Refusal if there is no path to any."""
+    async def _ways_to_chargers(self, task: Task, free: Sequence[NamedPlace]) -> list[tuple[float, NamedPlace]]:
+        """The driving distances to the free chargers, m, and the chargers, the nearest first. Raises Refusal if there is no path to any."""
         ways = [await self._legs_to(task, charger, charging=True) for charger in free]
         reachable = [(way, charger) for legs, charger in zip(ways, free, strict=True) for way in legs.lengths if way is not None]
         if not reachable:
@@ -160,7 +160,7 @@ class MobileRobot(ChargingRobot):
         finally:
             self._release(charger.name)
 
-    async def _reserved_charger(self, task: Task) -> Spot:
+    async def _reserved_charger(self, task: Task) -> NamedPlace:
         """The nearest free charger, which is reserved for this robot now. Raises ServiceFailed."""
         try:
             free, version = await self.free_chargers(task)
@@ -218,7 +218,7 @@ class MobileRobot(ChargingRobot):
         place = str(task.inputs["Place"] if "Place" in task.inputs else task.inputs["Cupboard"])
         return await self._way_to(task, place, place)
 
-    async def _way_to(self, task: Task, stop: Spot | str, name: str) -> float:
+    async def _way_to(self, task: Task, stop: NamedPlace | str, name: str) -> float:
         """The driving distance to a place or an object, m. Raises Refusal when there is no path to what has this name."""
         legs = await self._legs_to(task, stop)
         (way,) = legs.lengths
@@ -232,12 +232,12 @@ class MobileRobot(ChargingRobot):
             return f"{self.name} finds no path to {name}"
         return f"{self.name} can stand nowhere from where it could reach {name}: there is no room for it, or something is in between"
 
-    async def _legs_to(self, task: Task, stop: Spot | str, *, charging: bool = False) -> Legs:
+    async def _legs_to(self, task: Task, stop: NamedPlace | str, *, charging: bool = False) -> Legs:
         """The way to a place or an object. Raises Refusal.
 
         `charging`: the charge may just do, because the robot charges there.
         """
-        place = stop.stand if isinstance(stop, Spot) else stop
+        place = stop.stand if isinstance(stop, NamedPlace) else stop
         try:
             return await (self.legs_to_charger(task, place) if charging else self.legs_through(task, place))
         except RemoteError as error:

@@ -10,17 +10,18 @@ import math
 import time
 from dataclasses import dataclass, replace
 
+from somrs.devices.simulator.drivers.looking import LOOK_HEIGHT
 from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
 from somrs.devices.simulator.drivers.recognition import Search
 from somrs.devices.simulator.drivers.simulated import is_of_type
 from somrs.devices.simulator.drivers.watching import WatchingDevice
 from somrs.devices.simulator.link.connection import RobotGaveUp
-from somrs.entish.formula import Formula, Number
+from somrs.entish.formula import Formula
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.types import Value
 from somrs.service_manager.sdk.device import Result, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
-from somrs.service_manager.sdk.values import term
+from somrs.service_manager.sdk.values import number_of
 
 LOOKING_TIME = 15.0
 """Time to look around at one place, s."""
@@ -28,8 +29,6 @@ MOST_PLACES, MOST_FLOOR = 12, 16
 """Numbers of places, and of spots on floors, that are searched before the object counts as not found."""
 SPACING = 2.5
 """Distance between the spots at which floors are searched, m."""
-LOOK_HEIGHT = 0.1
-"""Height above the top of a support at which the robot looks for objects on it, m."""
 SKIP_REASONS = ("blocked", "unreachable")
 """Reasons of failure for which the robot skips a place and goes to the next."""
 
@@ -84,7 +83,7 @@ class PatrolRobot(WatchingDevice, MobileRobot):
             searched_places, missed_places = await self.retry_when_link_lost(lambda: self._search(search))
             state = (await self.retry_when_link_lost(self._link.status)).state
         except RobotGaveUp as failure:
-            raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
+            raise ServiceFailed(failure.description, self.failure_situation(failure)) from failure
         own_pose = self._own_pose(state)
         if search.situation is None:
             raise ServiceFailed(_failure_text(self.name, search.object, searched_places, missed_places), " AND ".join(own_pose))
@@ -121,18 +120,12 @@ class PatrolRobot(WatchingDevice, MobileRobot):
         try:
             return " AND ".join(self._own_pose((await self.retry_when_link_lost(self._link.stop)).state))
         except RobotGaveUp as failure:
-            raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
+            raise ServiceFailed(failure.description, self.failure_situation(failure)) from failure
 
     @recognize.compensation
     async def compensate_recognition(self, task: Task, situation: Formula) -> Situation:
         """An observation leaves nothing to undo; report where the robot is."""
         return await self.stand_still(task)
-
-    def _failure_situation(self, failure: RobotGaveUp) -> str:
-        """The situation when the robot itself cannot continue."""
-        pose = self._own_pose(failure.state) if failure.state is not None and not self._link.silent else []
-        out_of_order = self._link.silent or not self._link.connected or (failure.state is not None and failure.state.faults)
-        return " AND ".join([*pose, *([self._out_of_order()] if out_of_order or not pose else [])])
 
     async def _look_around(self, search: Search) -> None:
         whole, began_at = search.mistaken, time.time()
@@ -171,7 +164,7 @@ class PatrolRobot(WatchingDevice, MobileRobot):
         place = "?It.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"
         spots: list[_Spot] = []
         for row in await task.map.query(f"?It: Floor = ?It AND {place} AND {size}"):
-            middle, width, depth = _spot(f"the floor {row['It']}", row), _metres(row["Width"]), _metres(row["Depth"])
+            middle, width, depth = _spot(f"the floor {row['It']}", row), number_of(row["Width"]), number_of(row["Depth"])
             xs, ys = (_spread(length) for length in (width, depth))
             spots += [replace(middle, x=middle.x + dx, y=middle.y + dy) for dx in xs for dy in ys]
         return spots
@@ -191,21 +184,14 @@ class PatrolRobot(WatchingDevice, MobileRobot):
 
 
 def _spot(label: str, row: dict[str, Value]) -> _Spot:
-    x, y, z = (_metres(row[axis]) for axis in "XYZ")
-    return _Spot(label, x, y, z + _metres(row.get("Height", 0.0)) + LOOK_HEIGHT)
+    x, y, z = (number_of(row[axis]) for axis in "XYZ")
+    return _Spot(label, x, y, z + number_of(row.get("Height", 0.0)) + LOOK_HEIGHT)
 
 
 def _spread(length: float) -> list[float]:
     """Offsets from the middle at which a floor of this length is searched."""
     count = max(1, math.ceil(length / SPACING))
     return [(i + 0.5) * length / count - length / 2 for i in range(count)]
-
-
-def _metres(value: Value) -> float:
-    """A length from the map, in metres. The Repository returns it in the attribute's unit, with or without the unit's name."""
-    quantity = term(str(value))
-    assert isinstance(quantity, Number), "a length is a number"
-    return quantity.value
 
 
 def _failure_text(robot: str, object: str, searched_places: list[str], missed_places: list[str]) -> str:

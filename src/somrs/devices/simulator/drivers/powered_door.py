@@ -49,8 +49,8 @@ class PoweredDoor(SimulatedDevice):
         try:
             return self._described(await self.retry_when_link_lost(lambda: command(self.name)))
         except RobotGaveUp as failure:
-            broken = self._link.silent or not self._link.connected or (failure.state is not None and failure.state.faults)
-            parts = [*describe_doors(failure.object_states), *([self._out_of_order()] if broken or not failure.object_states else [])]
+            is_broken = self.is_out_of_order(failure) or not failure.object_states
+            parts = [*describe_doors(failure.object_states), *([self._out_of_order()] if is_broken else [])]
             raise ServiceFailed(failure.description, " AND ".join(parts)) from failure
 
     def _described(self, result: CommandDone) -> str:

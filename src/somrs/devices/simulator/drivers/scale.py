@@ -34,8 +34,7 @@ class Scale(SimulatedDevice):
         try:
             result = await self.retry_when_link_lost(lambda: self._link.weigh(object))
         except RobotGaveUp as failure:
-            broken = self._link.silent or not self._link.connected or (failure.state is not None and failure.state.faults)
-            raise ServiceFailed(failure.description, self._out_of_order() if broken else None) from failure
+            raise ServiceFailed(failure.description, self._out_of_order() if self.is_out_of_order(failure) else None) from failure
         return Result(outputs={"Weight": weights_of(result.object_states)[object]})
 
     @weigh.compensation

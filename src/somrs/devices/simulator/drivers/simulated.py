@@ -58,6 +58,8 @@ class SimulatedDevice(Device):
 
     mobile: bool = True
     """Whether the device can change its position."""
+    driven_outside: bool = False
+    """Whether the robot is only a body in the simulator, which is driven by a program of its own, and not by traffic."""
 
     def __init__(self, name: str, simulator: str | None = None) -> None:
         super().__init__(name, simulator)
@@ -82,7 +84,16 @@ class SimulatedDevice(Device):
             credentials = link_credentials(self.simulator or "")
         except UsageError as error:
             raise DeviceError(f"{self.name} needs a simulator: {error}") from None
-        return RobotLink(host, port, self.name, silence=self.silence, on_state=self._notice_state, map=map_name, credentials=credentials)
+        return RobotLink(
+            host,
+            port,
+            self.name,
+            silence=self.silence,
+            on_state=self._notice_state,
+            map=map_name,
+            credentials=credentials,
+            outside=self.driven_outside,
+        )
 
     async def close(self) -> None:
         await self._opened.aclose()
@@ -156,6 +167,17 @@ class SimulatedDevice(Device):
             broken = " and ".join(_DISABLING.get(fault, fault) for fault in state.faults)
             raise Refusal(state.trouble or f"{self.name} is out of order: {broken}", not_now=True)
         return state
+
+    def is_out_of_order(self, failure: RobotGaveUp) -> bool:
+        """Whether the device cannot work any more after a command that it gave up."""
+        has_faults = failure.state is not None and bool(failure.state.faults)
+        return self._link.silent or not self._link.connected or has_faults
+
+    def failure_situation(self, failure: RobotGaveUp) -> str:
+        """Where the device is after a command that it gave up, and whether it works."""
+        pose = self._own_pose(failure.state) if failure.state is not None and not self._link.silent else []
+        is_broken = self.is_out_of_order(failure) or not pose
+        return " AND ".join([*pose, *([self._out_of_order()] if is_broken else [])])
 
     @property
     def lost_link_patience(self) -> float:
@@ -258,13 +280,6 @@ async def is_of_type(task: Task, object: str, kind: str) -> bool:
         return await task.map.holds(f"?It: {kind} = {object}")
     except RemoteError:  # the Repository rejects a formula that contradicts its types
         return False
-
-
-def number_of(value: Value) -> float:
-    """A number from the map, such as a length in metres, which the Repository returns with or without the attribute's unit."""
-    quantity = term(str(value))
-    assert isinstance(quantity, Number), "a quantity is a number"
-    return quantity.value
 
 
 def weights_of(object_states: Iterable[ObjectState]) -> dict[str, float]:

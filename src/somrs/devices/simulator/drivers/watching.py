@@ -14,11 +14,12 @@ from dataclasses import dataclass
 
 from somrs.devices.simulator.drivers.outage import Outage
 from somrs.devices.simulator.drivers.recognition import sighting_parts
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number, number_of
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number
 from somrs.devices.simulator.link.command_link import CommandLink
 from somrs.devices.simulator.link.commands import CommandDone, Point, RobotState, Sighting
 from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.device import Device
+from somrs.service_manager.sdk.values import number_of
 
 WATCHING = 3.0
 """Seconds between two looks."""
