@@ -174,11 +174,11 @@ class Solid:
                 excess_x, excess_y = abs(u) - self.width / 2, abs(v) - self.depth / 2
                 return math.hypot(max(excess_x, 0.0), max(excess_y, 0.0)) + min(max(excess_x, excess_y), 0.0)
             case "Polygon":
-                return _polygon_distance(self.outline, u, v)
+                return polygon_distance(self.outline, u, v)
         return math.hypot(u, v) - self.radius
 
 
-def _polygon_distance(outline: tuple[Point, ...], u: float, v: float) -> float:
+def polygon_distance(outline: Sequence[Point], u: float, v: float) -> float:
     """Signed distance of a point from a polygon's edge, negative inside; the even-odd rule defines the inside."""
     nearest, is_interior = math.inf, False
     for (start_x, start_y), (end_x, end_y) in zip(outline, (*outline[1:], outline[0]), strict=True):

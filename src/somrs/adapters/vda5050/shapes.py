@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from somrs.adapters.vda5050.messages.orders import Trajectory
+from somrs.space.lines import point_distance
+from somrs.space.solids import polygon_distance
 
 Point = tuple[float, float]
 
@@ -25,16 +27,14 @@ def counterclockwise(outline: Sequence[Point]) -> tuple[Point, ...]:
 
 def distance(outline: Sequence[Point], point: Point) -> float:
     """How far a point is from a polygon; 0 inside."""
-    if _contains(outline, point):
-        return 0.0
-    return min(_distance_to_stretch(point, start, end) for start, end in _sides(outline))
+    return max(0.0, polygon_distance(outline, *point))
 
 
 def distance_to_line(point: Point, line: Sequence[Point]) -> float:
     """How far a point is from a polyline; infinite if that is empty."""
     if len(line) == 1:
         return math.dist(point, line[0])
-    return min((_distance_to_stretch(point, start, end) for start, end in pairwise(line)), default=math.inf)
+    return min((point_distance(point, start, end) for start, end in pairwise(line)), default=math.inf)
 
 
 def points_along(line: Sequence[Point]) -> Iterator[Point]:
@@ -114,17 +114,3 @@ def _boxes_meet(first: Sequence[Point], second: Sequence[Point], reach: float) -
 
 def _sides(outline: Sequence[Point]) -> Iterator[tuple[Point, Point]]:
     return zip(outline, (*outline[1:], outline[0]), strict=True)
-
-
-def _contains(outline: Sequence[Point], point: Point) -> bool:
-    x, y = point
-    crossings = [(a - x) + (y - b) * (c - a) / (d - b) > 0.0 for (a, b), (c, d) in _sides(outline) if (b > y) != (d > y)]
-    return sum(crossings) % 2 == 1
-
-
-def _distance_to_stretch(point: Point, start: Point, end: Point) -> float:
-    dx, dy = end[0] - start[0], end[1] - start[1]
-    length = dx * dx + dy * dy
-    share = ((point[0] - start[0]) * dx + (point[1] - start[1]) * dy) / length if length else 0.0
-    share = min(max(share, 0.0), 1.0)
-    return math.hypot(point[0] - start[0] - share * dx, point[1] - start[1] - share * dy)
