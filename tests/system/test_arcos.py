@@ -16,29 +16,16 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
 from tests.support import warm
 from tests.support.accomplishing import accomplish
-from tests.support.building import building
+from tests.support.building import DELIVERY_LAB
 
 pytestmark = pytest.mark.long
-
-MAP = (
-    building("Lab", 8, 6, "")
-    + """
-  Table1: {type: Table, at: [1, 4, 0], Shape: {Form: Box, Width: 0.6, Depth: 1, Height: 0.7}}
-  Table2: {type: Table, at: [4, 4.5, 0], Shape: {Form: Box, Width: 0.6, Depth: 1, Height: 0.7}}
-  Jar1: {type: Jar, at: [1.15, 4, 0.7]}
-  Dock1: {type: Place, at: [5, 2, 0]}
-  Robot1: {type: PioneerP3DX, at: [2.5, 3, 0], Speed: 0.8}
-facts:
-  - Jar1 isOn Table1
-"""
-)
 
 
 @contextlib.asynccontextmanager
 async def running_system(folder: Path) -> AsyncIterator[tuple[Client, OperatorLink]]:
     """A system whose Robot1 has an ARCOS controller: a client of it, and the operator of its simulator."""
     site = folder / "site.yaml"
-    site.write_text(MAP)
+    site.write_text(DELIVERY_LAB)
     async with (
         System((site,), folder / "data", speed="1", world=WorldKind.KINEMATIC, launcher=warm.launcher(), arcos=True) as system,
         Client(system.addresses) as client,

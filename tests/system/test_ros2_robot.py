@@ -16,25 +16,13 @@ from somrs.client.client import Client
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
 from tests.support.accomplishing import accomplish
-from tests.support.building import building
+from tests.support.building import DELIVERY_LAB
 from tests.support.ros2.robots import ROOT, ROS, needs_ros2, new_namespace
 from tests.system.test_system import running
 
 pytestmark = [needs_ros2, pytest.mark.long]
 
 EXAMPLE = ROOT / "examples" / "ros2_robot.yaml"
-MAP = (
-    building("Lab", 8, 6, "")
-    + """
-  Table1: {type: Table, at: [1, 4, 0], Shape: {Form: Box, Width: 0.6, Depth: 1, Height: 0.7}}
-  Table2: {type: Table, at: [4, 4.5, 0], Shape: {Form: Box, Width: 0.6, Depth: 1, Height: 0.7}}
-  Jar1: {type: Jar, at: [1.15, 4, 0.7]}
-  Dock1: {type: Place, at: [5, 2, 0]}
-  Robot1: {type: PioneerP3DX, at: [2.5, 3, 0], Speed: 0.8}
-facts:
-  - Jar1 isOn Table1
-"""
-)
 
 
 @contextlib.asynccontextmanager
@@ -42,7 +30,7 @@ async def running_system(folder: Path, namespace: str) -> AsyncIterator[tuple[Cl
     """A system whose Robot1 has its nodes in a namespace: a client of it, and the operator of its simulator."""
     robot = {"binding": str(EXAMPLE), "namespace": namespace, "simulated": True}
     site = folder / "site.yaml"
-    site.write_text(f"{MAP}\n{yaml.safe_dump({'adapters': {'ros2': {**ROS, 'robots': {'Robot1': robot}}}})}")
+    site.write_text(f"{DELIVERY_LAB}\n{yaml.safe_dump({'adapters': {'ros2': {**ROS, 'robots': {'Robot1': robot}}}})}")
     async with running(folder / "data", site, speed="1", world=WorldKind.KINEMATIC) as (_, client, operator):
         yield client, operator
 

@@ -28,20 +28,13 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.world.kinds import WorldKind
 from tests.integration.adapters.test_arcos_lines import run, wait_until
-from tests.support.building import building
+from tests.support.building import jar_lab
 from tests.support.pioneers import way
 from tests.support.robot_lab import simulator
 
-SITE = (
-    building("Lab", 8, 6, "")
-    + """
-  Table1: {type: Table, at: [1, 4, 0], Shape: {Form: Box, Width: 0.6, Depth: 1, Height: 0.7}}
-  Jar1: {type: Jar, at: [1.15, 4, 0.7]}
-  Robot1: {type: PioneerP3DX, at: [3, 3, 0], Speed: 0.8}
-  Robot2: {type: PioneerP3DX, at: [6, 1.5, 0], Speed: 1.0}
-facts:
-  - Jar1 isOn Table1
-"""
+SITE = jar_lab(
+    "Robot1: {type: PioneerP3DX, at: [3, 3, 0], Speed: 0.8}",
+    "Robot2: {type: PioneerP3DX, at: [6, 1.5, 0], Speed: 1.0}",
 )
 
 

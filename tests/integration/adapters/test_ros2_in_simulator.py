@@ -17,22 +17,13 @@ from somrs.adapters.ros2.connection import RobotConnection
 from somrs.adapters.ros2.frames import Pose
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
-from tests.support.building import building
+from tests.support.building import jar_lab
 from tests.support.robot_lab import simulator
 from tests.support.ros2.robots import ROS, Witness, connected, in_event_loop, needs_ros2, new_namespace, way
 
 pytestmark = needs_ros2
 
-SITE = (
-    building("Lab", 8, 6, "")
-    + """
-  Table1: {type: Table, at: [1, 4, 0], Shape: {Form: Box, Width: 0.6, Depth: 1, Height: 0.7}}
-  Jar1: {type: Jar, at: [1.15, 4, 0.7]}
-  Robot1: {type: PioneerP3DX, at: [3, 3, 0], Speed: 0.8}
-facts:
-  - Jar1 isOn Table1
-"""
-)
+SITE = jar_lab("Robot1: {type: PioneerP3DX, at: [3, 3, 0], Speed: 0.8}")
 ORIGIN = (2.0, 1.0, 1.5)
 """Where the robot's own map is on that of the building."""
 ARM = {"action": "move_object", "type": "manipulation_msgs/action/MoveObject", "succeeds": {"success": True}}

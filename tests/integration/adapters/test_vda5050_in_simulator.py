@@ -16,21 +16,12 @@ from somrs.adapters.vda5050.simulated.program import address_of, serve
 from somrs.devices.road_robot import Way, Waypoint
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
-from tests.support.building import building
+from tests.support.building import jar_lab
 from tests.support.mqtt_broker import MqttBroker
 from tests.support.robot_lab import simulator
 from tests.support.vda5050_fleet import NotedFleet, fleet_control, wait_until
 
-SITE = (
-    building("Lab", 8, 6, "")
-    + """
-  Table1: {type: Table, at: [1, 4, 0], Shape: {Form: Box, Width: 0.6, Depth: 1, Height: 0.7}}
-  Jar1: {type: Jar, at: [1.15, 4, 0.7]}
-  Robot1: {type: PioneerP3DX, at: [3, 3, 0], Speed: 0.8}
-facts:
-  - Jar1 isOn Table1
-"""
-)
+SITE = jar_lab("Robot1: {type: PioneerP3DX, at: [3, 3, 0], Speed: 0.8}")
 
 JAR = (ActionParameter(key="loadId", value="Jar1"), ActionParameter(key="stationName", value="Table1"))
 

@@ -18,29 +18,11 @@ from somrs.adapters.vda5050.simulated.factsheet import factsheet
 from somrs.adapters.vda5050.topics import VehicleAddress
 from somrs.devices.road_robot import RobotFailed
 from tests.support.vda5050_messages import HEADER
+from tests.unit.adapters.vda5050.test_messages import MINIMAL
 
 ADDRESS = VehicleAddress(interface="uagv", major=2, manufacturer="ACME", serial_number="0001")
 
-STATE: dict[str, Any] = {
-    "headerId": 0,
-    "timestamp": "",
-    "version": "2.1.0",
-    "manufacturer": "ACME",
-    "serialNumber": "0001",
-    "orderId": "",
-    "orderUpdateId": 0,
-    "lastNodeId": "",
-    "lastNodeSequenceId": 0,
-    "driving": False,
-    "operatingMode": "AUTOMATIC",
-    "nodeStates": [],
-    "edgeStates": [],
-    "actionStates": [],
-    "errors": [],
-    "batteryState": {"batteryCharge": 80.0, "charging": False},
-    "safetyState": {"eStop": "NONE", "fieldViolation": False},
-    "loads": [],
-}
+STATE = MINIMAL | {"loads": []}
 
 
 class Bench:
