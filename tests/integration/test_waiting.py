@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from somrs.protocol.messages import waits
@@ -14,7 +16,7 @@ from somrs.protocol.messages.submission import CancelTask, Submit, Submitted
 from somrs.protocol.messages.task_views import Phase
 from somrs.runtime.virtual_network import LATENCY
 from somrs.runtime.virtual_time import Work
-from somrs.service_manager.sdk.orders import Order, ServiceFailed, WorkDone
+from somrs.service_manager.sdk.orders import Order, Quote, ServiceFailed, WorkDone
 from somrs.task_manager.world_clock import WorldTimePassed
 from tests.support.virtual_system import Robot, VirtualSystem, drop_object, transfer_effect
 
@@ -173,6 +175,49 @@ def test_a_robot_that_broke_at_work_is_used_again_when_it_is_mended() -> None:
     assert system.view(task).phase is Phase.WAITING
     robot.works = None
     update(system, "Robot1.Working = TRUE")
+    (view,) = system.finish(task, seconds=180)
+    assert view.outcome is Outcome.ACCOMPLISHED
+
+
+def test_a_robot_that_fails_again_and_again_is_asked_after_growing_pauses() -> None:
+    def slips(order: Order) -> Work:
+        begin_times.append(system.world.now)
+        yield 1.0, ServiceFailed("the jar slips", "Jar002 isOn Cupboard001")
+
+    begin_times: list[float] = []
+    system = VirtualSystem(Robot("Robot1", price=10, duration=60, works=slips))
+    (view,) = system.finish(system.submit(GOAL))
+    assert view.outcome is Outcome.FAILED
+    assert "the jar slips" in view.explanation
+    pauses = [end - start - 1.0 for start, end in pairwise(begin_times)]
+    assert pauses[0] < 2.0, "a jar may slip once"
+    assert pauses[1:] == [pytest.approx(pause, abs=1.5) for pause in (2.0, 4.0, 8.0)]
+    assert pauses == sorted(pauses)
+
+
+class RestlessRobot(Robot):
+    """Refuses once after each failure, and then gives terms again."""
+
+    def carry_out(self, task: object) -> Work:
+        yield from Robot.carry_out(self, task)
+        if isinstance(task, Quote):
+            self.refuses = ""
+
+
+def test_a_robot_that_fails_whenever_it_has_recovered_is_asked_less_and_less() -> None:
+    """Seen with vehicles that reject each order: a refusal in between began the count of failures anew."""
+
+    def rejects(order: Order) -> Work:
+        robot.refuses, robot.not_now = "it starts again", True
+        yield 1.0, ServiceFailed("the order was rejected", "Jar002 isOn Cupboard001")
+
+    robot = RestlessRobot("Robot1", price=10, duration=60, works=rejects)
+    system = VirtualSystem(robot)
+    task = system.submit(GOAL)
+    system.world.run(1800)
+    assert system.view(task).outcome is None
+    assert 10 < len(robot.orders) < 40
+    robot.works = None
     (view,) = system.finish(task, seconds=180)
     assert view.outcome is Outcome.ACCOMPLISHED
 

@@ -23,7 +23,7 @@ from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.execution.bids import able_offers, precondition_now, relevant_situation
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import StepRun
-from somrs.task_manager.known_services import KnownServices
+from somrs.task_manager.known_services import Backoff, KnownServices
 
 MOST_FAILURES = 5
 """After so many failures in a row, a task does not ask a service again, even if no other service can do the step."""
@@ -144,9 +144,12 @@ class AvailableServices:
         """The offers of services that can do the step, without those that are broken."""
         return self._of_idle_devices(able_offers(step, self.on_offer, self._service_types, self.broken))
 
-    def failed(self, service: str, reason: str) -> None:
+    def failed(self, service: str, reason: str, now: float) -> None:
         """Exclude a service that reported a failure; `readmit_failed` may readmit it."""
-        self._state.failures[service] = self._state.failures.get(service, 0) + 1
+        state, offer = self._state, self.on_offer.get(service)
+        state.failures[service] = state.failures.get(service, 0) + 1
+        device_broke = offer is not None and not self._works(offer)
+        state.backoffs[service] = Backoff.following(state.backoffs.get(service), now, device_broke=device_broke)
         self.broken[service] = reason
 
     def reported_impossible(self, service: str, reason: str) -> None:
@@ -173,14 +176,20 @@ class AvailableServices:
 
     def completed(self, service: str) -> None:
         self._state.failures.pop(service, None)
+        self._state.backoffs.pop(service, None)
 
-    def readmit_failed(self, run: StepRun | None = None) -> list[Offer]:
+    def expected_attempts(self, service: str) -> int:
+        """How often a service has to be asked until it completes a step, as far as its failures in the task tell: once more for each."""
+        backoff = self._state.backoffs.get(service)
+        return 1 + backoff.failures if backoff is not None else 1
+
+    def readmit_failed(self, run: StepRun | None = None, *, now: float | None = None) -> list[Offer]:
         """Readmit services that failed but may succeed next time, because no other service can do the step (None: any step).
 
-        Returns their offers.
+        `now`: only those that may be asked again by then; None: all. Returns their offers.
         """
         offers = able_offers(run.step, self.on_offer, self._service_types, ()) if run is not None else self.on_offer
-        readmitted = [offer for offer in offers if self._may_do_better(offer)]
+        readmitted = [offer for offer in offers if self._may_do_better(offer) and (now is None or self.back_at(offer.service) <= now)]
         for offer in readmitted:
             del self.broken[offer.service]
             if run is not None:
@@ -192,6 +201,20 @@ class AvailableServices:
         is_excluded_for_now = offer.service in self.broken and offer.service not in self._state.unable
         return is_excluded_for_now and self._works(offer) and 0 < failures < MOST_FAILURES
 
+    def back_at(self, service: str) -> float:
+        """When a service that failed may be asked again, in seconds since 1970; 0 for others."""
+        backoff = self._state.backoffs.get(service)
+        return backoff.end if backoff is not None else 0.0
+
+    def backing_off(self, now: float) -> dict[str, str]:
+        """Why services are not asked now that failed, and may be asked later: by their names."""
+        backoffs = self._state.backoffs
+        return {
+            offer.service: f"{self.broken[offer.service]} ({backoffs[offer.service].failures} times in a row)"
+            for offer in self.on_offer.of_services(backoffs)
+            if self.back_at(offer.service) > now and self._may_do_better(offer)
+        }
+
     def _works(self, offer: Offer) -> bool:
         device = self._replica.map.objects.get(offer.provider)
         return device is None or device.values.get(WORKING) is not False
@@ -202,11 +225,12 @@ class AvailableServices:
         """Record the service types that no device offers, and that a plan needs."""
         self._state.unoffered = service_types
 
-    def passing_hindrances(self) -> dict[str, str]:
+    def passing_hindrances(self, now: float) -> dict[str, str]:
         """Why services and service types are not available, as far as the reason may pass: by their names."""
         offers = self.on_offer
         services = {service: reason for service, reason in self.broken.items() if self._may_return(service, offers.get(service))}
-        return services | {service_type: self._absence(service_type) for service_type in self._state.unoffered}
+        absences = {service_type: self._absence(service_type) for service_type in self._state.unoffered}
+        return services | self.backing_off(now) | absences
 
     def _absence(self, service_type: str) -> str:
         resting = [loss for loss in self.resting_services if loss.service_type.name == service_type]
@@ -220,14 +244,16 @@ class AvailableServices:
             return False
         return offer is None or not self._works(offer) or service not in self._state.failures
 
-    def readmit_refused(self) -> None:
-        """Readmit the services whose reason may have passed, to ask them again; not those that are silent, or that do not work."""
-        offers = self.on_offer
+    def readmit_refused(self, now: float) -> None:
+        """Readmit the services whose reason may have passed, to ask them again; not those that are silent, or that do not work, and those
+        that failed only when they may be asked again."""
+        state, offers = self._state, self.on_offer
         for service in [*self.broken]:
-            offer, failures = offers.get(service), self._state.failures.get(service, 0)
+            offer, failures, backoff = offers.get(service), state.failures.get(service, 0), state.backoffs.get(service)
             works = offer is None or self._works(offer)
-            if works and failures < MOST_FAILURES and service not in self._state.unable | self._state.silent:
-                self._state.failures.pop(service, None)
+            if works and failures < MOST_FAILURES and service not in state.unable | state.silent and self.back_at(service) <= now:
+                if backoff is None or backoff.device_broke:  # it has been mended
+                    state.failures.pop(service, None)
                 del self.broken[service]
 
     def precondition(self, run: StepRun, member: Member | None = None) -> Formula | None:

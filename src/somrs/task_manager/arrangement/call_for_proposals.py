@@ -144,8 +144,8 @@ class Arrangement:
     def run(self, call: CallForProposals) -> StepRun:
         return self._workflow.runs[call.step]
 
-    def add_bid(self, call: CallForProposals, member: Member, terms: frp.Terms, terms_id: str) -> None:
-        member.bid = make_bid(member.id, terms, terms_id, call.earliest)
+    def add_bid(self, call: CallForProposals, member: Member, terms: frp.Terms, terms_id: str, attempts: int = 1) -> None:
+        member.bid = make_bid(member.id, terms, terms_id, call.earliest, attempts)
 
     def participant_left(self, call: CallForProposals, member: Member, reason: str) -> None:
         """Exclude a participant that left. If its terms expired before they could be accepted, it may be asked once more."""

@@ -27,19 +27,21 @@ from somrs.task_manager.context import Interval
 
 
 class Bid(Struct, frozen=True, kw_only=True):
-    """The terms of a service, with its start and finish in seconds on the coordinator's clock."""
+    """The terms of a service, with its start and finish in seconds on the coordinator's clock. `attempts`: how often it has to be asked
+    until it completes the step, as far as is known."""
 
     participant: str
     terms: Terms
     terms_id: str
     start: float
     finish: float
+    attempts: int = 1
 
 
-def make_bid(participant: str, terms: Terms, terms_id: str, earliest: float) -> Bid:
+def make_bid(participant: str, terms: Terms, terms_id: str, earliest: float, attempts: int = 1) -> Bid:
     """The bid of a participant for a step that can start at `earliest`."""
     start = max(earliest, terms.start_from or earliest)
-    return Bid(participant=participant, terms=terms, terms_id=terms_id, start=start, finish=start + terms.duration)
+    return Bid(participant=participant, terms=terms, terms_id=terms_id, start=start, finish=start + terms.duration, attempts=attempts)
 
 
 def fit_bid(bid: Bid, busy: Iterable[Interval]) -> Bid:
@@ -52,16 +54,18 @@ def fit_bid(bid: Bid, busy: Iterable[Interval]) -> Bid:
 
 
 def choose_bid(bids: Sequence[Bid], task: Submit, now: float) -> Bid:
-    """The bid that the task's policy prefers. The participant's id decides between equal bids."""
+    """The bid that the task's policy prefers, with the price and the time of all expected attempts. The participant's id decides between
+    equal bids."""
 
     def preference(bid: Bid) -> tuple[float, float, str]:
+        price, seconds = bid.attempts * bid.terms.price, bid.attempts * (bid.finish - now)
         match task.policy:
             case Policy.PRICE:
-                return bid.terms.price, bid.finish, bid.participant
+                return price, seconds, bid.participant
             case Policy.TIME:
-                return bid.finish, bid.terms.price, bid.participant
+                return seconds, price, bid.participant
             case Policy.WEIGHTED:
-                return bid.terms.price + task.time_value * (bid.finish - now), bid.finish, bid.participant
+                return price + task.time_value * seconds, seconds, bid.participant
 
     return min(bids, key=preference)
 

@@ -15,6 +15,7 @@ from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.protocol.messages import events, waits
+from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.event_text import holders_text
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.goal_kinds import GoalKind
@@ -100,7 +101,10 @@ class GoalExecutor:
                 broken = self._services.broken
                 tried = [f"{service}: {reason}" for service, reason in broken.items() if service not in result.lost]
                 first_reason, *further_reasons = (*tried, *result.reasons)  # what services said is more to the point than what others lack
-                return NoPlanFound((f"no plan: {first_reason}", *further_reasons))
+                reasons = (f"no plan: {first_reason}", *further_reasons)
+                if self._retry_wait.is_allowed and self._services.backing_off(now):
+                    return (yield from self._wait_or_fail(reasons, now))
+                return NoPlanFound(reasons)
             case ServicesUnknown(reason):
                 return (yield from self._wait_or_fail((reason,), now, {"Service Registry": reason}))
             case str(reason):
@@ -120,11 +124,15 @@ class GoalExecutor:
 
     def without_plan(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
         """There is no plan, and nothing can be compensated to make one possible: try failed services again, or fail."""
-        if readmitted := self._services.readmit_failed():
+        if readmitted := self.readmit_failed(now):
             self._log_event(events.TriedOnceMore(services=service_names(readmitted)), now)
             yield from self._planner.request(now)
             return None
         return (yield from self._wait_or_fail(reasons, now))
+
+    def readmit_failed(self, now: float, run: StepRun | None = None) -> list[Offer]:
+        """Readmit services that failed, for a step (None: any). A goal that may not wait does so at once. Returns their offers."""
+        return self._services.readmit_failed(run, now=now if self._retry_wait.is_allowed else None)
 
     def _wait(self, blocked_plan: BlockedPlan, now: float) -> Effects:
         """Wait until the tasks that hold the objects have ended. Contracts are cancelled, because a waiting task holds nothing."""
@@ -156,7 +164,7 @@ class GoalExecutor:
         self, reasons: tuple[str, ...], now: float, hindrances: Mapping[str, str] = MappingProxyType({})
     ) -> EffectsReturning[NextAction | None]:
         """Give up for these reasons; or wait, and try again later, if some of them pass: the `hindrances`, and those of services."""
-        passing = {**hindrances, **self._services.passing_hindrances()} if self._retry_wait.is_allowed else {}
+        passing = {**hindrances, **self._services.passing_hindrances(now)} if self._retry_wait.is_allowed else {}
         if not passing:
             return (yield from self._fail(reasons, now))
         yield from self.arranger.withdraw("the task has to wait", now)
@@ -166,7 +174,7 @@ class GoalExecutor:
 
     def retry(self, now: float) -> Effects:
         """Try again, if the goal waits for that."""
-        if self._retry_wait.begin_attempt():
+        if self._retry_wait.begin_attempt(now):
             yield from self._planner.request(now)
 
     def _adopt_plan(self, plan: Plan, now: float) -> EffectsReturning[NextAction | None]:
@@ -309,7 +317,7 @@ class GoalExecutor:
         except LookupError:
             possible = False
         bound = run.step.provider is not None  # a plan without this provider is a detour, or impossible
-        if was_started and not alternatives and (possible or bound) and (alternatives := services.readmit_failed(run)):
+        if was_started and not alternatives and (possible or bound) and (alternatives := self.readmit_failed(now, run)):
             self._log_event(events.MayTryAgain(services=service_names(alternatives)), now, run)
         harmless = services.type_of(run.step).kind is not ServiceKind.PHYSICAL
         match next_recovery_step(alternatives, possible, outcome_known=run.reported is not None or harmless):
@@ -334,7 +342,7 @@ class GoalExecutor:
             return (yield from self._fail(reasons, now))
         reasons_to_stop = (*reasons, str(execution.replans))
         is_exhausted = execution.replans.is_exhausted and not self._recognises  # no observation is planned twice
-        if is_exhausted and not self._retry_wait.passing_hindrances:
+        if is_exhausted and not self._retry_wait.passing_hindrances(now):
             return (yield from self._fail(reasons_to_stop, now))
         yield from self.arranger.withdraw("the plan changed", now)
         if execution.workflow is not None and execution.workflow.busy:

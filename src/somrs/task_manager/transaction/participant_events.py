@@ -253,7 +253,7 @@ class ParticipantEvents:
             elif work is not None and work.service_type.kind is ServiceKind.COGNITIVE:
                 services.tells_nothing(member.offer.provider, work.step)  # it may well tell other things
             else:
-                services.failed(member.offer.service, trouble)
+                services.failed(member.offer.service, trouble, now)
             if work is not None and work.state is State.COMPLETED:
                 work.state, work.result, work.note = State.FAILED, State.FAILED, trouble  # its report was impossible
         elif member.state is State.COMPLETED:

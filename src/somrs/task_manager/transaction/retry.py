@@ -21,10 +21,14 @@ QUIET_EVENTS = (
 """The events of an attempt that may come to nothing."""
 
 
-def next_wait(previous: WaitsToRetry | None, hindrances: Mapping[str, str], now: float) -> WaitsToRetry:
-    """The wait after an attempt that failed. `previous`: the wait before it; `hindrances`: the reasons, by subject."""
+def next_wait(previous: WaitsToRetry | None, hindrances: Mapping[str, str], now: float, earliest: float = 0.0) -> WaitsToRetry:
+    """The wait after an attempt that failed.
+
+    `previous`: the wait before it; `hindrances`: the reasons, by subject; `earliest`: when the next attempt makes sense, s since 1970.
+    """
     since = {(hindrance.subject, hindrance.reason): hindrance.since for hindrance in previous.hindrances} if previous is not None else {}
     pause = min(2 * previous.pause, LONGEST_PAUSE) if previous is not None else FIRST_PAUSE
+    pause = max(pause, earliest - now)
     return WaitsToRetry(
         hindrances=tuple(
             Hindrance(subject=subject, reason=reason, since=since.get((subject, reason), now))

@@ -28,16 +28,16 @@ class RetryWait:
         """Whether the goal may wait at all."""
         return self._execution.kind is GoalKind.TASK and self._scope.state.task.waits
 
-    @property
-    def passing_hindrances(self) -> dict[str, str]:
+    def passing_hindrances(self, now: float) -> dict[str, str]:
         """The hindrances for which the goal may wait, by subject."""
-        return self._scope.services.passing_hindrances() if self.is_allowed else {}
+        return self._scope.services.passing_hindrances(now) if self.is_allowed else {}
 
     def begin(self, hindrances: Mapping[str, str], now: float) -> Effects:
         """Wait until the next attempt. The caller has withdrawn all calls and dismissed all participants that have not begun."""
         execution, task = self._execution, self._scope.state.id
         yield from self._scope.reserving.release(now)
-        wait = next_wait(execution.waiting_to_retry, hindrances, now)
+        earliest = min(map(self._scope.services.back_at, hindrances), default=now)
+        wait = next_wait(execution.waiting_to_retry, hindrances, now, earliest)
         is_news = not is_repeated(wait, execution.waiting_to_retry)
         self._scope.log.end_attempt(is_news=is_news)
         if is_news:
@@ -65,13 +65,13 @@ class RetryWait:
             execution.waiting_to_retry, execution.retry_at = wait, wait.next_attempt
             yield SetTimer(RetryDue(self._scope.state.id), execution.retry_at)
 
-    def begin_attempt(self) -> bool:
+    def begin_attempt(self, now: float) -> bool:
         """Prepare an attempt: services whose hindrance may have passed are asked again. Returns whether the goal waits for one."""
         if self._execution.retry_at is None:
             return False
         self._execution.retry_at = None
         self._scope.log.begin_attempt()
-        self._scope.services.readmit_refused()
+        self._scope.services.readmit_refused(now)
         return True
 
     def end(self, now: float) -> None:

@@ -68,7 +68,7 @@ class StepArranger:
         )
         arrangement = self._arrangement
         self._scope.log_event(offered, now, arrangement.run(call))
-        arrangement.add_bid(call, member, terms, id)
+        arrangement.add_bid(call, member, terms, id, self._scope.services.expected_attempts(service))
         return (yield from self._choose_if_answered(call, now))
 
     def participant_left(self, member: Member, reason: str, now: float) -> EffectsReturning[bool]:

@@ -350,7 +350,7 @@ class Transaction:
             case True:
                 state.undoing = None
                 executor = self._executor(state.goal)
-                if undoing.restored or state.goal.deferred_plan is not None or self._scope.services.readmit_failed():
+                if undoing.restored or state.goal.deferred_plan is not None or executor.readmit_failed(now):
                     yield from executor.plan_anew(now)
                 else:
                     yield from self._apply_action(state.goal, (yield from executor.without_plan(state.blocked, now)), now)

@@ -55,7 +55,7 @@ def test_what_is_on_offer_no_more_is_forgotten_but_not_its_type() -> None:
 
 def test_who_failed_or_would_not_serve_is_not_asked_and_the_planner_hears_why() -> None:
     services, state, _ = available(*map(offer, ("Robot1", "Robot2", "Robot3", "Robot4")))
-    services.failed("Robot1.TransferObject", "it broke")
+    services.failed("Robot1.TransferObject", "it broke", 0.0)
     services.exclude({"Robot1.TransferObject": "too heavy", "Robot2.TransferObject": "too far"})
     assert service_names(services.usable) == ("Robot3.TransferObject", "Robot4.TransferObject")
     assert services.excluded_services == [
@@ -73,11 +73,50 @@ def test_who_failed_a_few_times_in_a_row_may_be_asked_again(failures: int, allow
     services, state, _ = available(offer("Robot1"), offer("Robot2"))
     services.exclude({"Robot1.TransferObject": "too heavy"})
     for _ in range(failures):
-        services.failed("Robot1.TransferObject", "it broke")
+        services.failed("Robot1.TransferObject", "it broke", 0.0)
     assert state.failures.get("Robot1.TransferObject", 0) == failures
     assert service_names(services.readmit_failed()) == (("Robot1.TransferObject",) if allowed else ())
     assert (services.broken == {}) is allowed
     assert service_names(services.readmit_failed()) == (), "what is not broken is asked anyway"
+
+
+def test_who_fails_again_is_asked_after_a_pause_that_grows_until_it_completes_a_step() -> None:
+    services, state, _ = available(offer("Robot1"))
+    service, pauses, now = "Robot1.TransferObject", list[float](), 100.0
+    for _ in range(8):
+        services.failed(service, "it broke", now)
+        pauses.append(services.back_at(service) - now)
+        services.refused(service, not_now=True)
+    assert pauses == [0.0, 2.0, 4.0, 8.0, 16.0, 32.0, 60.0, 60.0]
+    assert services.expected_attempts(service) == 9
+    services.completed(service)
+    assert (state.backoffs, services.expected_attempts(service), services.back_at(service)) == ({}, 1, 0.0)
+
+
+def test_during_the_pause_it_is_said_why_and_afterwards_the_service_is_asked() -> None:
+    services, state, _ = available(offer("Robot1"))
+    service = "Robot1.TransferObject"
+    for _ in range(2):
+        services.failed(service, "it broke", 100.0)
+    assert services.readmit_failed(now=101.9) == []
+    services.readmit_refused(101.9)
+    assert services.passing_hindrances(101.9) == services.backing_off(101.9) == {service: "it broke (2 times in a row)"}
+    services.readmit_refused(102.0)
+    assert (services.broken, services.passing_hindrances(102.0)) == ({}, {})
+    assert state.failures == {service: 2}, "it is given up at some time"
+
+
+def test_who_was_mended_is_given_up_later_and_pauses_nevertheless() -> None:
+    services, state, replica = available(offer("Robot1"))
+    service = "Robot1.TransferObject"
+    for working in (False, True):
+        replica.map = replica.map.changed([ValueSet("Robot1", WORKING, working)])
+        if not working:
+            services.failed(service, "it broke", 100.0)
+    services.readmit_refused(100.0)
+    assert (services.broken, state.failures) == ({}, {})
+    services.failed(service, "it broke", 110.0)
+    assert services.back_at(service) == 112.0
 
 
 @pytest.mark.parametrize(
@@ -87,7 +126,7 @@ def test_a_device_that_is_known_to_be_broken_is_not_asked_again(provider: str, w
     services, _, replica = available(offer(provider))
     if working is not None:
         replica.map = replica.map.changed([ValueSet(provider, WORKING, working)])
-    services.failed(f"{provider}.TransferObject", "it broke")
+    services.failed(f"{provider}.TransferObject", "it broke", 0.0)
     assert service_names(services.readmit_failed()) == ((f"{provider}.TransferObject",) if allowed else ())
 
 
@@ -104,7 +143,7 @@ def test_why_nobody_offers_a_service_names_devices_that_an_operator_lets_begin_n
     services, _, replica = available(offer("Robot1"))
     services.lacks(("TransferObject",))
     replica.map = replica.map.changed([ValueSet("Robot1", path, value)])
-    assert services.passing_hindrances() == {"TransferObject": reason}
+    assert services.passing_hindrances(0.0) == {"TransferObject": reason}
 
 
 def test_for_a_step_those_are_asked_again_that_can_do_it() -> None:
@@ -112,22 +151,22 @@ def test_for_a_step_those_are_asked_again_that_can_do_it() -> None:
     run, other_run = step_run(), step_run()
     for affected_run in (run, other_run):
         affected_run.excluded = {"Robot1.TransferObject": "it broke", "Robot2.TransferObject": "too heavy"}
-    services.failed("Robot1.TransferObject", "it broke")
-    services.failed("Robot1.Work", "it broke")
+    services.failed("Robot1.TransferObject", "it broke", 0.0)
+    services.failed("Robot1.Work", "it broke", 0.0)
     assert service_names(services.readmit_failed(run)) == ("Robot1.TransferObject",)
     assert services.broken == {"Robot1.Work": "it broke"}
     assert (run.excluded, other_run.excluded) == (
         {"Robot2.TransferObject": "too heavy"},
         {"Robot1.TransferObject": "it broke", "Robot2.TransferObject": "too heavy"},
     )
-    services.failed("Robot1.TransferObject", "it broke")
+    services.failed("Robot1.TransferObject", "it broke", 0.0)
     assert service_names(services.readmit_failed(run)) == ("Robot1.TransferObject",), "the step has not excluded it any more"
 
 
 def test_what_a_service_completed_or_that_it_fell_silent_ends_the_count_of_its_failures() -> None:
     services, state, _ = available(offer("Robot1"), offer("Robot2"))
     for name in ("Robot1", "Robot2", "Robot1", "Robot2"):
-        services.failed(f"{name}.TransferObject", "it broke")
+        services.failed(f"{name}.TransferObject", "it broke", 0.0)
     services.completed("Robot1.TransferObject")
     services.completed("Robot3.TransferObject")
     assert state.failures == {"Robot2.TransferObject": 2}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec import structs
 
 from somrs.entish import Name, Term
 from somrs.entish.parse import parse
@@ -79,6 +80,14 @@ def test_a_bid_begins_after_what_its_device_is_committed_to(busy: list[tuple[flo
 def test_the_policy_prefers(policy: Policy, value: float, bids: list[tuple[str, float, float]], chosen: str) -> None:
     candidates = [offered(participant, price, 0.0, finish) for participant, price, finish in bids]
     assert choose_bid(candidates, Submit(effect="", policy=policy, time_value=value), 3.0).participant == chosen
+
+
+@pytest.mark.parametrize(("policy", "attempts", "chosen"), [("price", 2, "a"), ("price", 4, "b"), ("time", 1, "a"), ("time", 2, "b")])
+def test_each_expected_attempt_costs_its_price_and_time(policy: str, attempts: int, chosen: str) -> None:
+    cheap, dear = offered("a", 1.0, 3.0, 13.0), offered("b", 3.0, 3.0, 18.0)
+    assert (
+        choose_bid([structs.replace(cheap, attempts=attempts), dear], Submit(effect="", policy=Policy(policy)), 3.0).participant == chosen
+    )
 
 
 def offer(service_type: str, provider: str = "Robot1") -> Offer:
