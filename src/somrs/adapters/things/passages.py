@@ -203,30 +203,8 @@ class SessionLink:
         return asyncio.get_running_loop().time()
 
 
-class SessionDoor(DoorDevice):
-    """A door with the session interface."""
-
-    def __init__(self, thing: Thing, session: Session, hub: Hub) -> None:
-        super().__init__(thing.name)
-        self.values, self._thing = thing.values, thing
-        self._link = SessionLink(self, thing, session, hub)
-
-    async def open(self) -> None:
-        self.situation = await whereabouts(self.map, self._thing)
-        await self._link.open({})
-
-    async def close(self) -> None:
-        await self._link.close()
-
-    async def serve(self, call: PassageCall) -> None:
-        await self._link.serve(call)
-
-    async def release(self) -> None:
-        await self._link.release()
-
-
-class SessionLift(LiftDevice):
-    """A lift with the session interface."""
+class SessionPassage(PassageDevice):
+    """A passage with the session interface."""
 
     def __init__(self, thing: Thing, session: Session, hub: Hub) -> None:
         super().__init__(thing.name)
@@ -234,13 +212,6 @@ class SessionLift(LiftDevice):
         self._levels = session.levels
         self._link = SessionLink(self, thing, session, hub)
 
-    async def open(self) -> None:
-        self.situation = await whereabouts(self.map, self._thing)
-        storeys = await self.stops()
-        if unknown_storeys := [storey for storey in storeys if storey not in self._levels]:
-            log.warning("%s: levels: lacks %s, to which nobody rides", self.name, ", ".join(unknown_storeys))
-        await self._link.open({storeys[storey]: level for storey, level in self._levels.items() if storey in storeys})
-
     async def close(self) -> None:
         await self._link.close()
 
@@ -249,6 +220,25 @@ class SessionLift(LiftDevice):
 
     async def release(self) -> None:
         await self._link.release()
+
+
+class SessionDoor(SessionPassage, DoorDevice):
+    """A door with the session interface."""
+
+    async def open(self) -> None:
+        self.situation = await whereabouts(self.map, self._thing)
+        await self._link.open({})
+
+
+class SessionLift(SessionPassage, LiftDevice):
+    """A lift with the session interface."""
+
+    async def open(self) -> None:
+        self.situation = await whereabouts(self.map, self._thing)
+        storeys = await self.stops()
+        if unknown_storeys := [storey for storey in storeys if storey not in self._levels]:
+            log.warning("%s: levels: lacks %s, to which nobody rides", self.name, ", ".join(unknown_storeys))
+        await self._link.open({storeys[storey]: level for storey, level in self._levels.items() if storey in storeys})
 
 
 def passage_device(thing: Thing, hub: Hub) -> PassageDevice:
