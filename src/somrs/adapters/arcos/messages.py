@@ -76,7 +76,6 @@ class Flag(IntFlag):
 
     MOTORS = 1 << 0
     STOP_BUTTON = 1 << 5
-    E_STALL = 1 << 6
     CHARGER_POWER = 1 << 10
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from msgspec import Struct
 
@@ -65,12 +65,6 @@ class Sampler:
         """The map knows the value."""
         sample = self._samples.setdefault(key, Sample())
         sample.reported, sample.reported_at = value, now
-
-    def put_back(self, values: Mapping[Key, Value], now: float) -> None:
-        """The map was not told of the values, which are due again, unless there are newer ones."""
-        for key, value in values.items():
-            self._samples[key] = Sample()
-            self._pending.setdefault(key, Pending(value=value, due=now))
 
     def next_due(self) -> float | None:
         """When something is to be reported; None: nothing is."""

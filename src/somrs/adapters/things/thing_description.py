@@ -84,8 +84,6 @@ class _Reading:
         self.unsupported: list[str] = []
         self.attributes: dict[str, AttributeEntry] = {}
         self.services: dict[str, ServiceEntry] = {}
-        self.own_paths: list[str] = []
-        """Attributes that the description defines itself."""
 
     def finish(self, taken_names: frozenset[str]) -> Described:
         title = str(self.document["title"])

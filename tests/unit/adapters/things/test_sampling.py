@@ -60,16 +60,6 @@ def test_true_is_not_one() -> None:
     assert sampler.take_due(1) == {KEY: True}
 
 
-def test_what_was_not_reported_is_due_again_unless_there_is_something_newer() -> None:
-    sampler, further_key = Sampler(), ("Sensor2", "Temperature")
-    sampler.offer(KEY, 20.0, 0)
-    sampler.offer(further_key, 5.0, 0)
-    values = sampler.take_due(0)
-    sampler.offer(KEY, 21.0, 1)
-    sampler.put_back(values, 2)
-    assert sampler.take_due(2) == {KEY: 21.0, further_key: 5.0}
-
-
 readings = st.lists(st.tuples(st.floats(0.01, 30), st.floats(-50, 50)), min_size=1, max_size=60)
 
 

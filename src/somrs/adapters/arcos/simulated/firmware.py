@@ -81,7 +81,6 @@ class Firmware:
         gripper: bool = True,
         slip: float = 0.0,
         watchdog: float = WATCHDOG,
-        seed: int = 0,
     ) -> None:
         self.body = body
         self.is_silent = False
@@ -91,7 +90,7 @@ class Firmware:
         self._name, self._subclass = name, subclass
         self._unit = 0.485 if subclass == "p3dx" else 1.0
         self._watchdog = watchdog
-        self._slip, self._random = slip, random.Random(seed)
+        self._slip, self._random = slip, random.Random(0)
         self._buffer = bytearray()
         self._replies = bytearray()
         self._synchronized = 0

@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Callable
 from somrs.adapters.arcos.simulated.firmware import Firmware
 from somrs.ports import listen_at
 
+HOST = "127.0.0.1"
 STEP = 0.02
 """Seconds between two steps of a controller."""
 MOST_STEPS = 50
@@ -25,10 +26,10 @@ class SimulatedRobot:
     `loss`: the share of bytes that the line loses, in both directions; all, while it has no contact (`has_contact`).
     """
 
-    def __init__(self, firmware: Firmware, *, loss: float = 0.0, seed: int = 0, has_contact: Callable[[], bool] = lambda: True) -> None:
+    def __init__(self, firmware: Firmware, *, has_contact: Callable[[], bool] = lambda: True) -> None:
         self.firmware = firmware
-        self.loss, self._has_contact = loss, has_contact
-        self._random = random.Random(seed)
+        self.loss, self._has_contact = 0.0, has_contact
+        self._random = random.Random(0)
         self._send: Callable[[bytes], None] | None = None
 
     async def run(self) -> None:
@@ -76,12 +77,12 @@ class SimulatedRobot:
 
 
 @contextlib.asynccontextmanager
-async def serving_tcp(robot: SimulatedRobot, port: int = 0, host: str = "127.0.0.1") -> AsyncIterator[str]:
-    """Run a controller behind a TCP port; yields its address for the settings, `tcp://...`. Port 0: any."""
-    server = await asyncio.start_server(robot.converse, sock=listen_at(host, port))
+async def serving_tcp(robot: SimulatedRobot, port: int = 0) -> AsyncIterator[str]:
+    """Run a controller behind a TCP port of this computer; yields its address for the settings, `tcp://...`. Port 0: any."""
+    server = await asyncio.start_server(robot.converse, sock=listen_at(HOST, port))
     running = asyncio.create_task(robot.run())
     try:
-        yield f"tcp://{host}:{server.sockets[0].getsockname()[1]}"
+        yield f"tcp://{HOST}:{server.sockets[0].getsockname()[1]}"
     finally:
         running.cancel()
         server.close()

@@ -32,6 +32,8 @@ NO_GRAPHICS = ("disable", "disabled", "off", "false", "0")
 """Values of MUJOCO_GL by which MuJoCo uses no OpenGL."""
 DETAILED = 800
 """Width in pixels from which pictures have shadows, which take two thirds of the time, and are compressed as far as possible."""
+NORTHWARD = 90.0
+"""The azimuth of a camera that looks to the north, degrees."""
 FIELD_OF_VIEW = 45.0
 """Vertical field of view of MuJoCo's free camera, degrees."""
 TRIAL = """
@@ -41,7 +43,6 @@ context.make_current()
 mujoco.MjrContext(mujoco.MjModel.from_xml_string('<mujoco/>'), 150)
 """
 """Program that tests whether drawing works: it makes the same contexts."""
-
 
 Span = tuple[float, float]
 
@@ -112,12 +113,12 @@ def close_up(scene: Scene, name: str) -> View:
     return View(x, y, z + 0.45 * tall, 2.4 * max(tall, solid.extent) + 1.0, _open_side(scene, x, y), -30)
 
 
-def _framing(solids: list[Solid], azimuth: float = 90.0, elevation: float = -58.0) -> View:
-    """The nearest view in which all solids, with walls 2.5 m high, fit into a picture of 4:3."""
+def _framing(solids: list[Solid], elevation: float = -58.0) -> View:
+    """The nearest view from the south in which all solids, with walls 2.5 m high, fit into a picture of 4:3."""
     outline = [(*s.world(u, v), s.top + z) for s in solids for u, v in _corners(s) for z in (0.0, 2.5)]
     points = np.array(outline)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    turn, tilt = math.radians(azimuth), math.radians(elevation)
+    turn, tilt = math.radians(NORTHWARD), math.radians(elevation)
     forward = np.array([math.cos(tilt) * math.cos(turn), math.cos(tilt) * math.sin(turn), math.sin(tilt)])
     right_axis = np.array([math.sin(turn), -math.cos(turn), 0.0])
     up_axis = np.cross(right_axis, forward)
@@ -129,7 +130,7 @@ def _framing(solids: list[Solid], azimuth: float = 90.0, elevation: float = -58.
         distance = max(1.0, float(np.max(np.maximum(np.abs(horizontal) / (high * 4 / 3), np.abs(vertical) / high) - depth)))
         projected = vertical / (distance + depth)
         middle = middle + up_axis * (projected.max() + projected.min()) / 2 * distance * 0.8
-    return View(float(middle[0]), float(middle[1]), float(middle[2]), distance, azimuth, elevation)
+    return View(float(middle[0]), float(middle[1]), float(middle[2]), distance, NORTHWARD, elevation)
 
 
 def _corners(solid: Solid) -> list[tuple[float, float]]:
