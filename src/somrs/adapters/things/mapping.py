@@ -6,6 +6,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 Plain = str | float | bool
 Amount = str | float
+KeyPath = tuple[str | int, ...]
+"""The keys, and positions in lists, that lead to something in an entry."""
 
 
 class _Entry(BaseModel):

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from somrs.adapters.things.mapping import KeyPath
 from somrs.adapters.things.messages import PLACEHOLDER
 from somrs.adapters.things.model import Command, Signal, Thing
-
-KeyPath = tuple[str | int, ...]
 
 
 def thing_problems(thing: Thing) -> Iterator[tuple[KeyPath, str]]:

@@ -11,8 +11,8 @@ from msgspec import Struct
 
 from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.library import ontology_below
-from somrs.adapters.things.mapping import SECTIONS, MappingFile
-from somrs.adapters.things.mapping_checks import KeyPath, common_problems
+from somrs.adapters.things.mapping import SECTIONS, KeyPath, MappingFile
+from somrs.adapters.things.mapping_checks import common_problems
 from somrs.adapters.things.model import Connection, Thing
 from somrs.adapters.things.resolving import Resolver
 from somrs.errors import InputError, ModelError, Problem

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Collection, Iterator, Mapping
 
 from somrs.adapters.things.conversion import Conversion
+from somrs.adapters.things.endpoints import Endpoints
 from somrs.adapters.things.json_path import Steps, json_steps
 from somrs.adapters.things.mapping import (
     AttributeEntry,
     AvailabilityEntry,
     ConversionEntry,
     InputEntry,
+    KeyPath,
     Plain,
     ServiceEntry,
-    SessionEntry,
     ThingEntry,
     WriteEntry,
 )
 from somrs.adapters.things.mapping_checks import thing_problems
+from somrs.adapters.things.messages import PLACEHOLDER
 from somrs.adapters.things.model import Availability, Command, Connection, Door, Session, Signal, Source, Thing, ThingService
-from somrs.adapters.things.registers import Register, parse_register
 from somrs.adapters.things.thing_objects import definitions_for, initial_values
 from somrs.entish.formula import Attribute, Comparison, Variable, literals, terms
 from somrs.entish.parse import nearest, parse
@@ -32,14 +32,9 @@ from somrs.ontology.types import WORKING, AttributeType, Kind, Ontology
 from somrs.ontology.units import convert_unit
 from somrs.service_manager.sdk.values import money, seconds
 
-PLACEHOLDER = re.compile(r"\?([^\W\d]\w*)")
 SENT_ALL = "sent"
 """Of `done_when`: the service is done as soon as all is sent."""
 SESSION_TYPES = ("Lift", "AutomaticDoor")
-
-Path = tuple[str | int, ...]
-_KEYS = {"mqtt": ("topic",), "http": ("path", "put", "post"), "modbus": ("register",)}
-
 
 SHORTEST_POLL = 0.05
 """Seconds between two readings at least."""
@@ -52,10 +47,10 @@ class Resolver:
     """
 
     def __init__(self, name: str, ontology: Ontology, connections: Mapping[str, Connection], default_connection: str | None = None) -> None:
-        self.name, self.ontology, self.connections = name, ontology, connections
-        self.problems: list[tuple[Path, str]] = []
+        self.name, self.ontology = name, ontology
+        self.problems: list[tuple[KeyPath, str]] = []
         self._attributes: Mapping[str, AttributeType] = {}
-        self._default_connection = default_connection or (next(iter(connections)) if len(connections) == 1 else None)
+        self._endpoints = Endpoints(connections, default_connection, self._problem)
 
     def thing(self, entry: ThingEntry) -> Thing | None:
         """The thing; None if there are problems."""
@@ -65,7 +60,7 @@ class Resolver:
             )
             return None
         self._attributes = self.ontology.attributes_of(entry.type)
-        self._default_connection = entry.connection or self._default_connection
+        self._endpoints.default = entry.connection or self._endpoints.default
         values, value_problems = initial_values(self.name, entry, self.ontology)
         self.problems += value_problems
         signals = tuple(filter(None, (self._signal(path, attribute) for path, attribute in entry.attributes.items())))
@@ -93,7 +88,7 @@ class Resolver:
     # Where values are read
 
     def _signal(self, path: str, entry: AttributeEntry) -> Signal | None:
-        key: Path = ("attributes", path)
+        key: KeyPath = ("attributes", path)
         attribute = self._attributes.get(path)
         if attribute is None or attribute.kind is Kind.COMPLEX:
             hint = nearest(path, self._attributes) or "define it under attributes:, and name it in its type"
@@ -117,61 +112,26 @@ class Resolver:
         steps = self._steps(("available",), entry.json_path)
         return Availability(source=source, steps=steps, online=entry.online) if source is not None else None
 
-    def _source(self, key: Path, entry: AttributeEntry | AvailabilityEntry) -> Source | None:
-        endpoint = self._place(key, entry.connection, {"topic": entry.topic, "path": entry.path, "register": entry.register_})
+    def _source(self, key: KeyPath, entry: AttributeEntry | AvailabilityEntry) -> Source | None:
+        places = {"topic": entry.topic, "path": entry.path, "register": entry.register_}
+        endpoint = self._endpoints.find(key, entry.connection, places, entry.encoding)
         if endpoint is None:
             return None
-        connection, _, place = endpoint
-        register = self._register(key, place, entry.encoding) if connection.kind == "modbus" else None
-        if register is not None and entry.json_path is not None:
+        if endpoint.register is not None and entry.json_path is not None:
             self._problem((*key, "json"), "a register has a value, and no document; leave out json:")
-        if connection.kind == "mqtt" and "poll" in entry.model_fields_set:
+        if endpoint.connection.kind == "mqtt" and "poll" in entry.model_fields_set:
             self._problem((*key, "poll"), "a topic says its messages by itself; leave out poll:")
-        return Source(connection=connection.name, place=place, register=register, poll=self._poll(key, entry.poll))
+        poll = self._poll(key, entry.poll)
+        return Source(connection=endpoint.connection.name, place=endpoint.place, register=endpoint.register, poll=poll)
 
-    def _place(self, key: Path, name: str | None, places: Mapping[str, str | None]) -> tuple[Connection, str, str] | None:
-        """The connection of an entry, and its only place there, with the key under which it is written."""
-        name = name or self._default_connection
-        if name is None:
-            self._problem(
-                key, f"says no connection; write connection: and one of {', '.join(self.connections) or 'those under connections:'}"
-            )
-            return None
-        connection = self.connections.get(name)
-        if connection is None:
-            self._problem(
-                (*key, "connection"), f"there is no connection {name}; {nearest(name, self.connections) or 'name it under connections:'}"
-            )
-            return None
-        filled = {written: place for written, place in places.items() if place is not None}
-        allowed = [written for written in _KEYS[connection.kind] if written in places]
-        if not allowed:
-            self._problem(key, f"{name} speaks {connection.kind.upper()}, which has no {key[0]}; name a broker or a server")
-            return None
-        if len(filled) != 1 or next(iter(filled)) not in allowed:
-            expected = " or ".join(f"{written}:" for written in allowed)
-            self._problem(key, f"needs {expected}, and only this, because {name} speaks {connection.kind.upper()}")
-            return None
-        [(written, place)] = filled.items()
-        if connection.kind == "mqtt" and {"#", "+"} & {*place}:
-            self._problem((*key, written), "a topic of one thing has no wildcards + and #")
-        return connection, written, place
-
-    def _register(self, key: Path, text: str, encoding: str | None) -> Register | None:
-        try:
-            return parse_register(text, encoding)
-        except InputError as error:
-            self._problem((*key, "register"), str(error))
-            return None
-
-    def _steps(self, key: Path, path: str | None) -> Steps | None:
+    def _steps(self, key: KeyPath, path: str | None) -> Steps | None:
         try:
             return json_steps(path) if path is not None else None
         except InputError as error:
             self._problem((*key, "json"), str(error))
             return None
 
-    def _conversion(self, key: Path, entry: ConversionEntry, attribute: AttributeType) -> Conversion | None:
+    def _conversion(self, key: KeyPath, entry: ConversionEntry, attribute: AttributeType) -> Conversion | None:
         if entry.unit is not None and (attribute.unit is None or convert_unit(1.0, entry.unit, attribute.unit) is None):
             unit = f"is in {attribute.unit}" if attribute.unit is not None else "has no unit"
             self._problem((*key, "unit"), f"{attribute.name} {unit}, and {entry.unit} cannot be expressed in it")
@@ -203,7 +163,7 @@ class Resolver:
     # What is written
 
     def _service(self, type: str, entry: ServiceEntry, thing: ThingEntry, read_paths: frozenset[str]) -> ThingService | None:
-        key: Path = ("services", type)
+        key: KeyPath = ("services", type)
         definition = self.ontology.services.get(type)
         if definition is None:
             hint = nearest(type, self.ontology.services) or "define it under services:"
@@ -238,7 +198,7 @@ class Resolver:
             interrupt=tuple(self._commands((*key, "interrupt"), entry.interrupt, thing, inputs)),
         )
 
-    def _check_outputs(self, key: Path, entry: ServiceEntry, definition: ServiceType, read_paths: frozenset[str]) -> None:
+    def _check_outputs(self, key: KeyPath, entry: ServiceEntry, definition: ServiceType, read_paths: frozenset[str]) -> None:
         names = {parameter.name for parameter in definition.outputs}
         for name, path in entry.outputs.items():
             if path not in read_paths:
@@ -249,20 +209,19 @@ class Resolver:
         if missing := sorted(names - entry.outputs.keys()):
             self._problem((*key, "outputs"), f"{definition.name} has the outputs {', '.join(missing)}; write where each is read")
 
-    def _commands(self, key: Path, entries: list[WriteEntry], thing: ThingEntry, inputs: Mapping[str, str]) -> Iterator[Command]:
+    def _commands(self, key: KeyPath, entries: list[WriteEntry], thing: ThingEntry, inputs: Mapping[str, str]) -> Iterator[Command]:
         for index, entry in enumerate(entries):
             if (command := self._command((*key, index), entry, thing, inputs)) is not None:
                 yield command
 
-    def _command(self, key: Path, entry: WriteEntry, thing: ThingEntry, inputs: Mapping[str, str]) -> Command | None:
+    def _command(self, key: KeyPath, entry: WriteEntry, thing: ThingEntry, inputs: Mapping[str, str]) -> Command | None:
         places = {"topic": entry.topic, "put": entry.put, "post": entry.post, "register": entry.register_}
-        endpoint = self._place(key, entry.connection, places)
+        endpoint = self._endpoints.find(key, entry.connection, places, entry.encoding)
         if endpoint is None:
             return None
-        connection, written, place = endpoint
-        register = self._register(key, place, entry.encoding) if connection.kind == "modbus" else None
+        register = endpoint.register
         if register is not None and not register.table.is_writable:
-            self._problem((*key, "register"), f"{place} can only be read; write to a coil or to a holding register")
+            self._problem((*key, "register"), f"{endpoint.place} can only be read; write to a coil or to a holding register")
         if register is not None and register.encoding.startswith("bit"):
             self._problem((*key, "as"), "one bit of a register cannot be written alone; write the whole register, or a coil")
         if register is not None and not _fits_register(entry.payload):
@@ -272,17 +231,17 @@ class Resolver:
                 self._problem((*key, "payload"), f"?{variable} is no input of the service; it has {', '.join(inputs) or 'none'}")
         conversions = {name: self._input(key, name, way, thing, inputs) for name, way in entry.convert.items()}
         return Command(
-            connection=connection.name,
-            place=place,
+            connection=endpoint.connection.name,
+            place=endpoint.place,
             payload=entry.payload,
             register=register,
-            method=written.upper() if connection.kind == "http" else "",
+            method=endpoint.key.upper() if endpoint.connection.kind == "http" else "",
             content_type=entry.content_type,
             retain=entry.retain,
             conversions={name: conversion for name, conversion in conversions.items() if conversion is not None},
         )
 
-    def _input(self, key: Path, name: str, way: InputEntry, thing: ThingEntry, inputs: Mapping[str, str]) -> Conversion | None:
+    def _input(self, key: KeyPath, name: str, way: InputEntry, thing: ThingEntry, inputs: Mapping[str, str]) -> Conversion | None:
         """How an input is written: as its entry says, or as an attribute is read, the other way round."""
         key = (*key, "convert", name)
         if name not in inputs:
@@ -326,54 +285,50 @@ class Resolver:
             self._problem(
                 ("session", "levels"), "a lift needs the names of its levels, by the storeys of the map: {Ground: '0', First: '1'}"
             )
-        place = self._session_place(session)
-        if place is None:
+        places = {"topic": session.topic, "path": session.path}
+        endpoint = self._endpoints.find(("session",), session.connection, places)
+        if endpoint is None:
             return None
-        connection, name = place
-        poll = self._poll(("session",), session.poll)
-        return Session(connection=connection.name, place=name.rstrip("/"), poll=poll, levels=dict(session.levels))
-
-    def _session_place(self, session: SessionEntry) -> tuple[Connection, str] | None:
-        endpoint = self._place(("session",), session.connection, {"topic": session.topic, "path": session.path})
-        return (endpoint[0], endpoint[2]) if endpoint is not None else None
+        place, poll = endpoint.place.rstrip("/"), self._poll(("session",), session.poll)
+        return Session(connection=endpoint.connection.name, place=place, poll=poll, levels=dict(session.levels))
 
     # Formulas and amounts
 
-    def _formula(self, key: Path, text: str, variables: Mapping[str, str] | None = None) -> str | None:
+    def _formula(self, key: KeyPath, text: str, variables: Mapping[str, str] | None = None) -> str | None:
         try:
             return str(check(text, self.ontology, variables=variables))
         except FormulaError as error:
             self._problem(key, str(error))
             return None
 
-    def _observable(self, key: Path, text: str, read_paths: frozenset[str], variables: Mapping[str, str]) -> None:
+    def _observable(self, key: KeyPath, text: str, read_paths: frozenset[str], variables: Mapping[str, str]) -> None:
         """Check a formula about what messages say."""
         if self._formula(key, text, variables) is None:
             return
         if missing := _unread(text, read_paths):
             self._problem(key, f"no message says {', '.join(missing)}; say under attributes: where it is read")
 
-    def _amounts(self, key: Path, entry: ServiceEntry) -> None:
+    def _amounts(self, key: KeyPath, entry: ServiceEntry) -> None:
         for written, read, amount in (("price", money, entry.price), ("duration", seconds, entry.duration)):
             try:
                 read(amount)
             except InputError as error:
                 self._problem((*key, written), str(error))
 
-    def _seconds(self, key: Path, amount: float | str) -> float:
+    def _seconds(self, key: KeyPath, amount: float | str) -> float:
         try:
             return seconds(amount)
         except InputError as error:
             self._problem(key, str(error))
             return 1.0
 
-    def _poll(self, key: Path, amount: float | str) -> float:
+    def _poll(self, key: KeyPath, amount: float | str) -> float:
         pause = self._seconds((*key, "poll"), amount)
         if pause < SHORTEST_POLL:
             self._problem((*key, "poll"), f"poll is the pause between two readings, at least {SHORTEST_POLL:g} s")
         return pause
 
-    def _problem(self, key: Path, message: str) -> None:
+    def _problem(self, key: KeyPath, message: str) -> None:
         self.problems.append((key, message))
 
 
