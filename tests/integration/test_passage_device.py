@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 
 import pytest
 
 from somrs.devices.passage import DoorDevice, LiftDevice, PassageDevice
+from somrs.kernel.component import Received
 from somrs.ontology.files.loading import upper
+from somrs.ontology.objects import Fact
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.observations import Observation
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.service_manager.sdk.map_reader import MapReader
@@ -122,6 +128,34 @@ def test_a_lift_is_called_when_no_robot_has_it_and_robots_come_after_it() -> Non
         assert await calling == "Lift1.PositionZ = 0 AND Lift1 standsAt Storey1"
         await boarding
         assert lift.done[2:] == ["shut", 0.0, "shut", HEIGHT]
+
+    run(test())
+
+
+def test_a_dead_lift_stands_nowhere_until_it_says_where_it_is() -> None:
+    """Seen with a lift whose controller had died: the map had it at a storey still."""
+
+    async def test() -> None:
+        repository = Repository(
+            "http://here/repository", Contents(ontology=upper(), map=tower(extra_facts=[Fact("standsAt", ("Lift1", "Storey1"))]))
+        )
+        ask, lift = make_ask(repository, lambda: 0.0), ALift("Lift1")
+        lift.map, known_storeys, numbers = MapReader(ask), list[list[str]](), itertools.count()
+
+        def report(situation: str | None, observation: Observation) -> None:
+            header = Header(sender="http://here/lift", recipient="http://here/repository", message_id=message_id("report", next(numbers)))
+            repository.handle(Received(Message(header=header, body=UpdateMap(situation=situation, observation=observation))), 0.0)
+
+        async def storeys() -> list[str]:
+            await asyncio.sleep(0.02)
+            return [str(row["Storey"]) for row in await lift.map.query("Lift1 standsAt ?Storey")]
+
+        lift.observer = report
+        # Its last will; it works; it says itself that it is out of order, and where it is; its last will again; it works.
+        for level, is_working in ((None, False), (HEIGHT, True), (HEIGHT, False), (None, False), (HEIGHT, True)):
+            lift.status(level=level, working=is_working)
+            known_storeys.append(await storeys())
+        assert known_storeys == [[], ["Storey2"], ["Storey2"], [], ["Storey2"]]
 
     run(test())
 

@@ -91,18 +91,46 @@ def _check_working(device: PassageDevice) -> None:
 
 
 class LiftDevice(PassageDevice):
-    """A lift. The map learns at which storey its cabin stands when no robot has it any more."""
+    """A lift. The map learns at which storey its cabin stands when no robot has it any more, and that it stands at none when the lift does
+    not work and does not know where its cabin is."""
 
     type = "Lift"
     _reported_level: float | None = None
 
+    def __init__(self, name: str, simulator: str | None = None) -> None:
+        super().__init__(name, simulator)
+        self._reporting = asyncio.Lock()
+        self._reports: set[asyncio.Task[None]] = set()
+
+    def status(self, *, level: float | None = None, working: bool = True, shared: bool = False) -> None:
+        earlier = self.current_status
+        super().status(level=level, working=working, shared=shared)
+        if earlier is None or earlier.working != working or (not working and earlier.level != level):
+            report = asyncio.get_running_loop().create_task(self._report_whereabouts())
+            self._reports.add(report)
+            report.add_done_callback(self._reports.discard)
+
     async def follow(self, call: PassageCall | None) -> None:
         await super().follow(call)
-        level = self.current_status.level if self.current_status is not None else None
-        if call is None and level is not None and level != self._reported_level:
-            storeys = [storey for storey, height in (await self.stops()).items() if abs(height - level) < STANDING]
-            self._reported_level = level
-            self.observed(" AND ".join([f"{self.name}.PositionZ = {level}", *(f"{self.name} standsAt {name}" for name in storeys[:1])]))
+        await self._report_whereabouts()
+
+    async def _report_whereabouts(self) -> None:
+        """Tell the map where the cabin stands, as far as it does not know."""
+        async with self._reporting:
+            status = self.current_status
+            if status is None or (status.working and (status.level is None or self.call is not None)):
+                return
+            level, self._reported_level = self._reported_level, status.level
+            if status.level is None:
+                rows = await self.map.query(f"{self.name} standsAt ?Storey")
+                parts = [f"NOT {self.name} standsAt {row['Storey']}" for row in rows]
+            elif status.level != level:
+                storeys = [storey for storey, height in (await self.stops()).items() if abs(height - status.level) < STANDING]
+                parts = [f"{self.name}.PositionZ = {status.level}", *(f"{self.name} standsAt {name}" for name in storeys[:1])]
+            else:
+                return
+            if parts:
+                self.observed(" AND ".join(parts))
 
     async def stops(self) -> dict[str, float]:
         """The heights of the floors of the storeys at which it stops, m."""
