@@ -63,9 +63,7 @@ def _render_fleet(fleet_state: Devices) -> Group:
         for device in fleet_state.devices
     )
     columns = ("device", "state", "work", "services and their reliability")
-    least = {"device": terminal.column_width(device.name for device in fleet_state.devices)}
-    table = terminal.table("Fleet", columns, rows, least=least)
-    return Group(table, *map(_log_line, fleet_state.log[:MAX_LOG_LINES]))
+    return Group(terminal.table("Fleet", columns, rows), *map(_log_line, fleet_state.log[:MAX_LOG_LINES]))
 
 
 def _log_line(change: PresenceChange) -> Text:

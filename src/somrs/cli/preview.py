@@ -58,13 +58,7 @@ def _quotations(offered_quotations: Iterable[Quotation]) -> RenderableType:
         for quotation in quotation_list
     )
     columns = ("step", "service (✔ chosen)", "terms", "start, finish", "note")
-    return terminal.table(
-        "Current terms",
-        columns,
-        rows,
-        whole=("terms",),
-        least={columns[1]: terminal.column_width(f"✔ {quotation.service}" for quotation in quotation_list)},
-    )
+    return terminal.table("Current terms", columns, rows, whole=("terms",))
 
 
 def _alternatives(result: Previewed) -> RenderableType:

@@ -58,7 +58,6 @@ def _facts(report: TaskReport) -> Table:
 
 def _work(views: Iterable[WorkView]) -> Table:
     """The execution log: the work of services in the order in which it began, with its results."""
-    works = [*views]
     rows = (
         (
             work.step,
@@ -66,20 +65,13 @@ def _work(views: Iterable[WorkView]) -> Table:
             terminal.state_text(work.state),
             terminal.lines(work.situation or "not known", work.note),
         )
-        for work in works
+        for work in views
     )
-    return terminal.table(
-        "Execution log",
-        ("step", "service", "result", "situation"),
-        rows,
-        whole=("result",),
-        least={"service": terminal.column_width(work.service for work in works)},
-    )
+    return terminal.table("Execution log", ("step", "service", "result", "situation"), rows, whole=("result",))
 
 
 def contracts(views: Iterable[ContractView]) -> Table:
     """The services that received a call for terms, with their terms and the results."""
-    contract_views = [*views]
     rows = (
         (
             contract.step,
@@ -90,14 +82,9 @@ def contracts(views: Iterable[ContractView]) -> Table:
             ),
             Group(terminal.state_text(contract.state)) if contract.state is not State.ENDED else contract.reason or "left",
         )
-        for contract in contract_views
+        for contract in views
     )
-    return terminal.table(
-        "Terms",
-        ("step", "service", "terms (✔ accepted)", "result"),
-        rows,
-        least={"service": terminal.column_width(contract.service for contract in contract_views)},
-    )
+    return terminal.table("Terms", ("step", "service", "terms (✔ accepted)", "result"), rows)
 
 
 def messages(lines: Sequence[Line]) -> Table:

@@ -52,9 +52,11 @@ def check(
 
 def _print(report: ThingsReport) -> None:
     things = [(row.name, row.type, row.kind, row.availability) for row in report.things]
-    _print_table("Things", ("name", "type", "is", "works as said by"), things)
+    if things:
+        _print_table("Things", ("name", "type", "is", "works as said by"), things)
     attributes = [(row.thing, row.path, row.source, row.conversion, row.news) for row in report.attributes]
-    _print_table("Attributes", ("thing", "attribute", "source", "conversion", "is news"), attributes)
+    if attributes:
+        _print_table("Attributes", ("thing", "attribute", "source", "conversion", "is news"), attributes)
     services = [(row.thing, row.type, row.effect, row.messages, row.done_when, row.failed_when) for row in report.services]
     if services:
         _print_table("Services", ("thing", "service", "effect", "messages", "done when", "failed when"), services)
@@ -65,9 +67,6 @@ def _print(report: ThingsReport) -> None:
 
 
 def _print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table whose words are whole."""
     from somrs.client import terminal
 
-    columns = zip(headings, zip(*rows, strict=True), strict=True) if rows else ()
-    least = {heading: max(len(word) for cell in (heading, *cells) for word in cell.split() or [""]) for heading, cells in columns}
-    terminal.console().print(terminal.table(title, headings, rows, least=least))
+    terminal.console().print(terminal.table(title, headings, rows))

@@ -12,15 +12,12 @@ from rich.padding import Padding
 from rich.table import Column, Table
 from rich.text import Text
 
-LEGIBLE = 12
-"""The width below which a column folds no further, in characters, if it has a longer word."""
-
 GAP = 3
 """Characters between two columns: a padding on both sides of the line between them."""
 
 
 class FittedTable(Table):
-    """A table whose columns fold until it fits. If it does not, each row is a block with a line for each cell.
+    """A table whose columns fold between words until it fits. If it does not, each row is a block with a line for each cell.
 
     rich crops what does not fit: it takes no width from other columns for the `min_width` of one, and folds no column without wrapping.
     """
@@ -47,13 +44,10 @@ class FittedTable(Table):
         yield from super().__rich_console__(console, options)
 
     def _fitting_widths(self, console: Console, options: ConsoleOptions) -> list[int] | None:
-        """The widths of the columns: the widest become narrower until all fit; None if that would make some too narrow to be read."""
+        """The widths of the columns: the widest become narrower until all fit; None if words would be cut."""
         measured = [_measure(column, console, options) for column in self.columns]
         widths = [width.maximum for width in measured]
-        least = [
-            width.maximum if column.no_wrap else max(min(width.minimum, LEGIBLE), column.min_width or 0)
-            for column, width in zip(self.columns, measured, strict=True)
-        ]
+        least = [width.maximum if column.no_wrap else width.minimum for column, width in zip(self.columns, measured, strict=True)]
         room = options.max_width - GAP * len(widths) + 1  # there is a padding at both ends, too
         if sum(least) > room:
             return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from datetime import datetime
 
 import msgspec
@@ -51,33 +51,23 @@ COLOURS = {EventKind.SETBACK: "red", EventKind.END: "bold"}
 PARTY = 28
 """Width of a column with the sender or recipient of a message, in characters: `Camera001.RecognizeSituation` fits."""
 
-MOST_NAME = 28
-"""Maximum width that a column of names claims from other columns, in characters."""
-
 
 def print_json(value: object) -> None:
     """Print a value as JSON on standard output, for programs."""
     print(json.dumps(msgspec.to_builtins(value), ensure_ascii=False, indent=2))
 
 
-def table(
-    title: str, columns: Sequence[str], rows: Iterable[Sequence[object]], whole: Collection[str] = (), least: Mapping[str, int] = {}
-) -> Table:
-    """A table that fits the terminal. `whole`: columns whose lines are not wrapped; `least`: minimum widths of columns.
+def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]], whole: Collection[str] = ()) -> Table:
+    """A table that fits the terminal. `whole`: columns whose lines are not wrapped; those of others are, between words.
 
-    If the terminal is too narrow for these, each row is a block of lines.
+    If the terminal is too narrow for this, each row is a block of lines.
     """
     grid = FittedTable(title)
     for column in columns:
-        grid.add_column(column, overflow="fold", no_wrap=column in whole, min_width=least.get(column))
+        grid.add_column(column, overflow="fold", no_wrap=column in whole)
     for row in rows:
         grid.add_row(*(cell if isinstance(cell, Text | ProgressBar | Group) else Text(str(cell)) for cell in row))
     return grid
-
-
-def column_width(names: Iterable[str]) -> int:
-    """The width of the longest name, at most `MOST_NAME`."""
-    return min(MOST_NAME, max(map(len, names), default=0))
 
 
 def lines(*parts: str) -> str:
@@ -132,8 +122,7 @@ def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkV
         (work.step, lines(work.service_type, inputs(work)), *(("-",) if is_ordered else ()), work.service, state_text(work.state))
         for work in other_work
     )
-    least = {"service": column_width(step.service or "-" for step in step_views)}
-    return table(title, columns, [*rows, *other_rows], whole=("state",), least=least)
+    return table(title, columns, [*rows, *other_rows], whole=("state",))
 
 
 def terms(price: float | None, currency: str, duration: float | None) -> str:
@@ -220,20 +209,21 @@ def forecast(view: TaskView) -> list[tuple[str, str]]:
 
 
 def services(offers: Sequence[Offer]) -> Table:
-    return table(
-        "Services on offer",
-        ("service", "effect", "precondition", "attributes"),
+    """The services on offer. Their attributes are below their names, because formulas have long words."""
+    rows = (
         (
-            (
-                lines(offer.service, f"a {offer.provider_type}", f"from {offer.registry}" if offer.registry else ""),
-                offer.service_type.effect,
-                lines(offer.service_type.precondition or "", while_text(offer.service_type)) or "-",
-                "\n".join(f"{name} {value}" for name, value in offer.attributes.items()) or "-",
-            )
-            for offer in offers
-        ),
-        least={"service": column_width(offer.service for offer in offers)},
+            lines(
+                offer.service,
+                f"a {offer.provider_type}",
+                f"from {offer.registry}" if offer.registry else "",
+                *(f"{name} {value}" for name, value in offer.attributes.items()),
+            ),
+            offer.service_type.effect,
+            lines(offer.service_type.precondition or "", while_text(offer.service_type)) or "-",
+        )
+        for offer in offers
     )
+    return table("Services on offer", ("service and attributes", "effect", "precondition"), rows)
 
 
 def while_text(service_type: ServiceType) -> str:

@@ -52,8 +52,11 @@ def test_the_services_on_offer_are_shown_whole(width: int) -> None:
     ]
     shown = [text for o in offers for text in (o.service, o.service_type.effect, o.service_type.precondition or "", *o.attributes)]
     output = print_at(width, terminal.services(offers))
-    assert_shown([*shown, "Services on offer", "service", "effect", "precondition", "attributes"], output)
+    assert_shown([*shown, "Services on offer", "service and attributes", "effect", "precondition"], output)
     assert max(map(len, output.splitlines())) <= width
+    words = {word for offer in offers for word in (offer.service_type.precondition or "").split()}
+    if width >= 60:
+        assert {word for word in words if word not in output} == set(), "words are not cut"
     if width >= 80:
         assert all(offer.service in output for offer in offers)
         assert "─" in output, "the cells are side by side"
