@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
 from somrs.cli.main import app
@@ -48,3 +49,10 @@ def test_what_is_not_mapped_is_printed(tmp_path: Path) -> None:
     file = tmp_path / "discovery.json"
     file.write_text(json.dumps({"homeassistant/button/bell/config": {"name": "Bell", "command_topic": "bell"}}))
     assert "not mapped: Bell: Bell: an entity of the kind button" in check(file)
+
+
+@pytest.mark.parametrize("text", ['connections: {house: {url: "mqtt://10.0.0.5"}}', "things: {}", "types: {Boiler: {parent: Heater}}"])
+def test_a_file_without_things_is_told(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "things.yaml"
+    file.write_text(text)
+    assert "warning: there are no things in it" in check(file)

@@ -24,6 +24,7 @@ from somrs.errors import InputError
 from somrs.ontology.files.loading import load
 from somrs.ontology.types import Ontology
 
+NOTHING = "there are no things in it, so that nothing comes onto the map; write things: {NAME: {type: ..., attributes: ...}}"
 BROKER = "broker"
 """The connection that the settings of the adapter may have, and of discovery messages in a file, which do not say where they come from."""
 
@@ -119,7 +120,7 @@ def _report(things: Iterable[Thing]) -> ThingsReport:
         attributes=tuple(_attribute_row(thing.name, signal) for thing in rows for signal in thing.signals),
         services=tuple(row for thing in rows for row in _service_rows(thing)),
         missing=tuple(f"{thing.name}: {text}" for thing in rows for text in thing.unsupported),
-        oddities=tuple(text for thing in rows for text in oddities(thing)),
+        oddities=tuple(text for thing in rows for text in oddities(thing)) if rows else (NOTHING,),
     )
 
 
