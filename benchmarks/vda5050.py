@@ -113,7 +113,7 @@ async def broker(folder: Path) -> AsyncIterator[int]:
 
 async def run_vehicles(port: int, count: int) -> None:
     """The other process: all vehicles, until it is killed."""
-    address = BrokerAddress(host="127.0.0.1", port=port)
+    address = BrokerAddress(servers=(("127.0.0.1", port),))
     versions = (Version.V2_1, Version.V3_0)
     await serve(
         MqttVehicle(

@@ -10,6 +10,7 @@ import pytest
 
 from somrs.deployment.bus_server import run_bus
 from somrs.storage.nats_connection import connect
+from tests.support.cable import Cable
 from tests.support.hang import HANG_TIME
 from tests.support.nats_server import NatsServer
 from tests.support.secure_bus import free_port
@@ -36,33 +37,6 @@ def test_servers_that_listen_at_all_addresses_of_their_hosts_are_told_apart_and_
     folders = [tmp_path / name for name in ("first", "second", "first")]
     names = [asyncio.run(name_of_server(folder, "0.0.0.0", cluster_port)) for folder in folders]
     assert names[0] == names[2] != names[1]
-
-
-class Cable:
-    """Leads to a server, until it is `cut`: then nothing comes through it, and neither end hears of that."""
-
-    def __init__(self, port: int) -> None:
-        self._port, self.is_cut, self._ends = port, False, list[asyncio.StreamWriter]()
-
-    async def __aenter__(self) -> int:
-        """The port at which it begins."""
-        self._server = await asyncio.start_server(self._join, "127.0.0.1", 0)
-        port: int = self._server.sockets[0].getsockname()[1]
-        return port
-
-    async def __aexit__(self, *exception: object) -> None:
-        self._server.close()
-        for writer in self._ends:
-            writer.close()
-
-    async def _join(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self._port)
-        self._ends += (writer, far_writer)
-        await asyncio.gather(self._pass_on(reader, far_writer), self._pass_on(far_reader, writer), return_exceptions=True)
-
-    async def _pass_on(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        while (data := await reader.read(65_536)) and not self.is_cut:
-            writer.write(data)
 
 
 @pytest.mark.long

@@ -136,7 +136,9 @@ OwnBusOption = Annotated[
 ]
 MqttOption = Annotated[
     str | None,
-    typer.Option(metavar="HOST:PORT", help="Where the bus is a broker for MQTT. By default, at a free port.", show_default=False),
+    typer.Option(
+        metavar="HOST:PORT,...", help="Where the servers of the bus are a broker for MQTT. By default, at a free port.", show_default=False
+    ),
 ]
 _SERVERS = re.compile(r"\w+://|[^/,]+:\d+(,|$)")
 """How the servers of a bus begin, and no file of a site."""

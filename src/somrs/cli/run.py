@@ -93,8 +93,8 @@ def gateway(
     mqtt: Annotated[
         str | None,
         typer.Option(
-            metavar="HOST:PORT",
-            envvar="SOMRS_MQTT",
+            metavar="HOST:PORT,...",
+            envvar=["SOMRS_MQTT_SERVERS", "SOMRS_MQTT"],
             help="Where the servers of the bus are a broker for MQTT, for adapters.",
             show_default=False,
         ),

@@ -38,7 +38,7 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     bus: BusAddress | None = None
     """The bus on which the components are; None for a system without one."""
     mqtt: str | None = None
-    """The URL at which the servers of the bus are a broker for MQTT: `mqtts://HOST:PORT`; None if they are none."""
+    """The URLs, separated by commas, at which the servers of the bus are a broker for MQTT: `mqtts://HOST:PORT`; None if they are none."""
     broker: str | None = None
     """The URL of the broker for MQTT that is started with the system, for its adapters."""
     further_task_managers: tuple[str, ...] = ()

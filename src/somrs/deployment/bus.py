@@ -55,15 +55,20 @@ def bus_address(servers: str, site: str, gateway: str) -> BusAddress:
 
 
 def mqtt_url(address: str, *, secure: bool) -> str:
-    """The URL of the broker at HOST:PORT. `secure`: its clients have certificates. Raises UsageError for a wrong address."""
-    host_and_port(address)
-    return f"{'mqtts' if secure else 'mqtt'}://{address}"
+    """The URL of the broker at HOST:PORT; of several servers, separated by commas. `secure`: its clients have certificates.
+
+    Raises UsageError for a wrong address.
+    """
+    servers = address.split(",")
+    for server in servers:
+        host_and_port(server)
+    return ",".join(f"{'mqtts' if secure else 'mqtt'}://{server}" for server in servers)
 
 
 async def run_gateway(bus: BusAddress, host: str, port: int, mqtt: str | None = None) -> None:
     """Run the gateway of a site until this process is asked to stop, and list the site's addresses on the bus.
 
-    `mqtt`: the HOST:PORT at which the servers of the bus are a broker for MQTT; None: as it is listed, if it is.
+    `mqtt`: the HOST:PORT, separated by commas, at which the servers of the bus are a broker for MQTT; None: as it is listed, if it is.
     """
     credentials = Credentials.of_environment()
     connection = Bus(bus, credentials)

@@ -128,7 +128,7 @@ def ports_before(addresses: Addresses, *, task_managers: int, is_on_bus: bool, h
         Part.TRUST: addresses.trust_service or "",
         Part.MQTT: addresses.mqtt or "",
     }
-    ports = {part: urlsplit(place).port or 0 for part, place in places.items()}
+    ports = {part: urlsplit(place.partition(",")[0]).port or 0 for part, place in places.items()}  # a bus of the own has one server
     if addresses.bus is None:
         further_managers, further_registries = (
             [urlsplit(address).port or 0 for address in further]

@@ -50,7 +50,7 @@ REGISTRY, TASK_MANAGER, DEVICES, ADAPTER = "registry", "task-manager", "devices"
 BUS, GATEWAY, BROKER = "bus", "gateway", "broker"
 """Commands of `somrs run` on which all others rely, if the system is on a bus."""
 
-_SETTINGS = {"SOMRS_BUS", "SOMRS_MQTT", "SOMRS_OIDC", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS", VARIABLE}
+_SETTINGS = {"SOMRS_BUS", "SOMRS_MQTT", "SOMRS_MQTT_SERVERS", "SOMRS_OIDC", "SOMRS_NAME", "SOMRS_SITE", "SOMRS_NEIGHBOURS", VARIABLE}
 """Variables from which `somrs run` would take settings that the system does not have."""
 
 OWN_BUS = "own"
@@ -89,8 +89,8 @@ class System:
     `task_managers`, `registries`: the number of Task Managers, and of Registries; None: as many as in the last run.
     `bus`: the URLs of the NATS servers on which the components are, `OWN_BUS` for one that is started with them, None for no bus; `name`:
     the site's name there.
-    `mqtt`: the HOST:PORT at which the bus is a broker for MQTT; None: a bus that is started with the components is one at a port of theirs,
-    and of others it is not known.
+    `mqtt`: the HOST:PORT, separated by commas, at which the bus is a broker for MQTT; None: a bus that is started with the components is
+    one at a port of theirs, and of others it is not known.
     `neighbours`: the file of the neighbours of Registry and Repository; None: they have none.
     `adapters`: the settings of adapters, by their names, besides those of the site's files; `arcos`: the Pioneer robots of the map are
     driven by ARCOS, which the simulator speaks for them.

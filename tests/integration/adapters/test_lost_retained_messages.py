@@ -11,6 +11,7 @@ from somrs.adapters.things import mqtt
 from somrs.adapters.things.model import Connection, Source
 from somrs.adapters.things.mqtt import MqttConnector
 from somrs.adapters.things.state import Payload, SourceKey
+from tests.support.cable import Cable
 from tests.support.hang import HANG_TIME
 
 
@@ -64,5 +65,30 @@ def test_what_a_broker_has_lost_comes_with_a_later_subscription(monkeypatch: pyt
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
         server.close()
+
+    asyncio.run(asyncio.wait_for(play(), HANG_TIME))
+
+
+def test_the_next_server_of_a_broker_is_used_when_one_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mqtt, "FIRST_PAUSE", 0.05)
+
+    async def play() -> None:
+        silent, talking = LosingBroker(first_kept=1000), LosingBroker(first_kept=1)
+        async with (
+            await asyncio.start_server(silent.serve, "127.0.0.1", 0) as first,
+            await asyncio.start_server(talking.serve, "127.0.0.1", 0) as last,
+        ):
+            servers = [server.sockets[0].getsockname() for server in (first, last)]
+            async with Cable(servers[0][1]) as port:
+                house = Connection(name="house", scheme="mqtt", host="127.0.0.1", port=port, further_servers=(servers[1],))
+                connector = MqttConnector(house, ear := Ear())
+                connector.follow(Source(connection="house", place="lamps/1/status"))
+                running = asyncio.create_task(connector.run())
+                while not silent.subscriptions:
+                    await asyncio.sleep(0.01)
+                assert not ear.heard.done()
+            assert await ear.heard == (("house", "lamps/1/status", None), b"online")
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
 
     asyncio.run(asyncio.wait_for(play(), HANG_TIME))

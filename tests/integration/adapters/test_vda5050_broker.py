@@ -68,6 +68,17 @@ def test_vehicles_of_both_versions_are_discovered_and_driven(broker: MqttBroker)
     asyncio.run(test())
 
 
+def test_fleet_control_goes_on_at_the_next_server_of_its_broker(broker: MqttBroker, tmp_path: Path) -> None:
+    async def test() -> None:
+        (tmp_path / "next").mkdir()
+        with MqttBroker(tmp_path / "next") as next_server:
+            async with fleet_control({"broker": f"{broker.url},{next_server.url}"}) as fleet, vehicle(next_server, "0001", Version.V2_1):
+                broker.kill()
+                await wait_until(lambda: "Acme0001" in fleet.devices)
+
+    asyncio.run(test())
+
+
 def test_a_vehicle_that_takes_its_leave_is_not_reachable_any_more(broker: MqttBroker) -> None:
     async def test() -> None:
         async with fleet_control({"broker": broker.url}) as fleet:

@@ -6,26 +6,33 @@ import ssl
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from somrs.adapters.brokers import PORTS as BROKER_PORTS
+from somrs.adapters.brokers import read_broker_url
 from somrs.adapters.things.mapping import ConnectionEntry
 from somrs.adapters.things.model import Connection
 from somrs.errors import InputError
 
-PORTS = {"mqtt": 1883, "mqtts": 8883, "http": 80, "https": 443, "modbus": 502}
+PORTS = {**BROKER_PORTS, "http": 80, "https": 443, "modbus": 502}
 
 
 def parse_connection(name: str, settings: ConnectionEntry, folder: Path = Path()) -> Connection:
     """The connection that an entry describes. `folder`: that of the file with the entry, to which paths of files are relative. Raises
     InputError, also for a file that cannot be used."""
-    parts = urlsplit(settings.url)
+    is_broker = settings.url.startswith(("mqtt://", "mqtts://"))
+    parts = urlsplit(settings.url.partition(",")[0] if is_broker else settings.url)
     example = "write mqtt://HOST:1883, http://HOST or modbus://HOST:502/UNIT"
     if parts.scheme not in PORTS or not parts.hostname or not settings.url.isprintable() or " " in settings.url:
         raise InputError(f"{settings.url!r} is not an address of a broker, a server or a Modbus device; {example}")
-    if parts.password is not None:
-        raise InputError("a password does not belong into an address; write it into a file, and its name as password_file:")
     try:
         port = parts.port or PORTS[parts.scheme]
     except ValueError:
         raise InputError(f"{settings.url!r} has no valid port; {example}") from None
+    try:
+        broker = read_broker_url(settings.url) if is_broker else None
+    except ValueError as error:
+        raise InputError(f"{error}; {example}") from None
+    if parts.password is not None or (broker is not None and broker.has_password):
+        raise InputError("a password does not belong into an address; write it into a file, and its name as password_file:")
     path = parts.path.rstrip("/")
     unit = path.removeprefix("/") if parts.scheme == "modbus" else ""
     if unit and not (unit.isdigit() and int(unit) <= 255):
@@ -43,6 +50,7 @@ def parse_connection(name: str, settings: ConnectionEntry, folder: Path = Path()
         certificate=_file(certificates.certificate, folder),
         key=_file(certificates.key, folder),
         unit=int(unit or 1),
+        further_servers=broker.servers[1:] if broker is not None else (),
     )
     read_password(connection)
     security(connection)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
+from somrs.adapters.brokers import Server, addresses_text
 from somrs.adapters.things.conversion import Conversion, Raw
 from somrs.adapters.things.json_path import Steps
 from somrs.adapters.things.registers import Register
@@ -11,8 +12,8 @@ from somrs.ontology.types import Definition, Value
 
 
 class Connection(Struct, frozen=True, kw_only=True):
-    """A broker, a server or a Modbus device. `scheme`: mqtt, mqtts, http, https or modbus; `unit`: of a Modbus device. `authority`,
-    `certificate`, `key`: files in PEM, for TLS."""
+    """A broker, a server or a Modbus device. `scheme`: mqtt, mqtts, http, https or modbus; `unit`: of a Modbus device.
+    `further_servers`: of a broker that has several. `authority`, `certificate`, `key`: files in PEM, for TLS."""
 
     name: str
     scheme: str
@@ -25,6 +26,11 @@ class Connection(Struct, frozen=True, kw_only=True):
     certificate: str | None = None
     key: str | None = None
     unit: int = 1
+    further_servers: tuple[Server, ...] = ()
+
+    @property
+    def servers(self) -> tuple[Server, ...]:
+        return ((self.host, self.port), *self.further_servers)
 
     @property
     def kind(self) -> str:
@@ -32,7 +38,7 @@ class Connection(Struct, frozen=True, kw_only=True):
         return {"mqtts": "mqtt", "https": "http"}.get(self.scheme, self.scheme)
 
     def __str__(self) -> str:
-        return f"{self.scheme}://{self.host}:{self.port}{self.path}"
+        return f"{addresses_text(self.scheme, self.servers)}{self.path}"
 
 
 class Source(Struct, frozen=True, kw_only=True):

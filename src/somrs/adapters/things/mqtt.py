@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import aiomqtt
 
+from somrs.adapters.brokers import KEEP_ALIVE, Server, ServerChoice
 from somrs.adapters.things.connections import read_password, security
 from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE, ConnectionNotes, Listener
 from somrs.adapters.things.conversion import Raw
@@ -25,10 +26,17 @@ so by a stream of its own. Who subscribes in between gets it neither way. With e
 retains (3.1.1, 3.8.4)."""
 
 
-def client_at(connection: Connection) -> aiomqtt.Client:
-    """A client of a broker, which is not connected yet, with its files as they are now. Raises InputError if they cannot be used."""
-    password, context = read_password(connection), security(connection)
-    return aiomqtt.Client(connection.host, connection.port, username=connection.user, password=password, tls_context=context)
+def client_at(connection: Connection, server: Server, will: aiomqtt.Will | None = None) -> aiomqtt.Client:
+    """A client of a server of a broker, which is not connected yet, with its files as they are now. Raises InputError if they cannot be
+    used."""
+    return aiomqtt.Client(
+        *server,
+        username=connection.user,
+        password=read_password(connection),
+        tls_context=security(connection),
+        keepalive=KEEP_ALIVE,
+        will=will,
+    )
 
 
 class RetainedNews:
@@ -64,7 +72,7 @@ class MqttConnector:
 
     def __init__(self, connection: Connection, listener: Listener) -> None:
         self._connection, self._listener = connection, listener
-        self._notes = ConnectionNotes(connection)
+        self._notes, self._servers = ConnectionNotes(connection), ServerChoice(connection.servers)
         self._topics: dict[str, None] = {}
         self._subscribed: set[str] = set()
         self._news = RetainedNews()
@@ -90,7 +98,7 @@ class MqttConnector:
         pause = FIRST_PAUSE
         while True:
             try:
-                async with client_at(self._connection) as client:
+                async with client_at(self._connection, self._servers.current) as client:
                     self._notes.note("is connected", is_bad=False)
                     pause = FIRST_PAUSE
                     self._client, self._subscribed = client, set()
@@ -104,6 +112,7 @@ class MqttConnector:
                 self._connected.clear()
                 self._client = None
             self._listener.reached(self._connection.name, False)
+            self._servers.lost()
             await asyncio.sleep(pause)
             pause = min(2 * pause, LONGEST_PAUSE)
 

@@ -11,11 +11,11 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import aiomqtt
 from msgspec import Struct
 
+from somrs.adapters.brokers import KEEP_ALIVE, Server, ServerChoice, read_broker_url
 from somrs.errors import UsageError
 
 log = logging.getLogger(__name__)
@@ -25,8 +25,6 @@ PASSWORD = "SOMRS_MQTT_PASSWORD"
 
 PAUSE = 2.0
 """Seconds between two attempts to connect."""
-
-PORTS = {"mqtt": 1883, "mqtts": 8883}
 
 
 class Certificates(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -39,34 +37,29 @@ class Certificates(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class BrokerAddress(Struct, frozen=True, kw_only=True):
-    """Where a broker is. `security`: the context for TLS, with the files as they are now; None: without TLS."""
+    """Where a broker is: at one of the servers. `security`: the context for TLS, with the files as they are now; None: without TLS."""
 
-    host: str
-    port: int
+    servers: tuple[Server, ...]
     user: str | None = None
     password: str | None = None
     security: Callable[[], ssl.SSLContext] | None = None
 
 
 def broker_address(url: str, certificates: Certificates, folder: Path) -> BrokerAddress:
-    """Read `mqtt://host:port` or `mqtts://user@host:port`. Raises UsageError."""
-    parts = urlsplit(url)
+    """Read `mqtt://host:port` or `mqtts://user@host:port`; of several servers, separated by commas. Raises UsageError."""
     try:
-        port = parts.port or PORTS.get(parts.scheme)
-    except ValueError:
-        port = None
-    if parts.scheme not in PORTS or not parts.hostname or port is None or parts.path not in ("", "/"):
-        raise UsageError(f"{url!r} is no address of a broker: write mqtt://HOST:PORT, or mqtts://USER@HOST:PORT with TLS")
-    if parts.password is not None:
+        broker = read_broker_url(url)
+    except ValueError as error:
+        raise UsageError(f"{error}: write mqtt://HOST:PORT, or mqtts://USER@HOST:PORT with TLS") from None
+    if broker.has_password:
         raise UsageError(f"the address of the broker has a password: take it out, and set {PASSWORD} in the environment")
-    security = partial(_security, certificates, folder) if parts.scheme == "mqtts" else None
+    security = partial(_security, certificates, folder) if broker.scheme == "mqtts" else None
     if security is not None:
         security()  # so that who starts the system reads what is wrong
     return BrokerAddress(
-        host=parts.hostname,
-        port=port,
-        user=parts.username,
-        password=os.environ.get(PASSWORD) if parts.username else None,
+        servers=broker.servers,
+        user=broker.user,
+        password=os.environ.get(PASSWORD) if broker.user else None,
         security=security,
     )
 
@@ -106,6 +99,7 @@ class Connection:
     ) -> None:
         self._address, self._topics, self._on_message, self._on_connection = address, topics, on_message, on_connection
         self._last_will, self._name = last_will, name
+        self._servers = ServerChoice(address.servers)
         self._outgoing: deque[Message] = deque()
         self._wake = asyncio.Event()
         self.is_connected = False
@@ -151,19 +145,20 @@ class Connection:
             except* (aiomqtt.MqttError, OSError, UsageError) as errors:
                 if not is_told:
                     is_told = True
-                    log.warning("%s:%d: the broker is waited for: %s", self._address.host, self._address.port, errors.exceptions[0])
+                    log.warning("%s:%d: the broker is waited for: %s", *self._servers.current, errors.exceptions[0])
             finally:
                 self._client_in_use = None
                 if self.is_connected:
                     self.is_connected = False
                     self._on_connection(False)
+            self._servers.lost()
             await asyncio.sleep(PAUSE)
 
     def _client(self) -> aiomqtt.Client:
         will = self._last_will
         return aiomqtt.Client(
-            self._address.host,
-            self._address.port,
+            *self._servers.current,
+            keepalive=KEEP_ALIVE,
             username=self._address.user,
             password=self._address.password,
             identifier=self._name,

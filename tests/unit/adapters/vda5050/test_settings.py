@@ -24,7 +24,7 @@ BROKER = {"broker": "mqtt://10.0.0.5:1883"}
     [
         ({}, "broker: mqtt://HOST:PORT"),
         ({"broker": "10.0.0.5"}, "'10.0.0.5' is no address of a broker"),
-        ({"broker": "mqtt://10.0.0.5:port"}, "is no address of a broker"),
+        ({"broker": "mqtt://10.0.0.5:port"}, "has no valid port: write mqtt://HOST:PORT"),
         ({"broker": "mqtt://me:secret@10.0.0.5"}, "SOMRS_MQTT_PASSWORD"),
         (BROKER | {"interface": "uagv/#"}, "interface: 'uagv/#'"),
         (BROKER | {"vehicle": {}}, "vehicle: there is no such setting; did you mean vehicles?"),
@@ -44,9 +44,9 @@ def test_a_mistake_is_named(settings: dict[str, Any], problem: str) -> None:
 
 def test_the_address_of_a_broker() -> None:
     plain = broker_address("mqtt://broker", Certificates(), Path())
-    assert (plain.host, plain.port, plain.user, plain.security) == ("broker", 1883, None, None)
+    assert (plain.servers, plain.user, plain.security) == ((("broker", 1883),), None, None)
     secure = broker_address("mqtts://fleet@broker:8884", Certificates(), Path())
-    assert (secure.host, secure.port, secure.user) == ("broker", 8884, "fleet")
+    assert (secure.servers, secure.user) == ((("broker", 8884),), "fleet")
     assert secure.security is not None
 
 
