@@ -14,8 +14,10 @@ from aiohttp import web
 from somrs.adapters.things.adapter import device_for
 from somrs.adapters.things.hub import Hub
 from somrs.adapters.things.mapping_file import read_mapping
+from somrs.adapters.things.model import Connection
 from somrs.adapters.things.simulated.body import KinematicPassage
 from somrs.adapters.things.simulated.controller import PassageController
+from somrs.adapters.things.simulated.program import serve_broker
 from somrs.adapters.things.simulated.servers import http_application, move, serve_mqtt
 from somrs.devices.passage import PassageDevice
 from somrs.ontology.files.loading import upper
@@ -24,6 +26,7 @@ from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.traffic.passage_call import PassageCall, PassageStatus
+from tests.support.cable import Cable
 from tests.support.hang import HANG_TIME
 from tests.support.mqtt_broker import MqttBroker
 from tests.support.simulated_tower import HEIGHT, tower
@@ -67,6 +70,11 @@ def lift() -> PassageController:
 
 def door() -> PassageController:
     return PassageController(KinematicPassage({}))
+
+
+def served(broker: MqttBroker, topic: str, controller: PassageController) -> asyncio.Task[None]:
+    """A passage at a broker."""
+    return asyncio.create_task(serve_mqtt(lambda will: aiomqtt.Client("127.0.0.1", broker.mqtt_port, will=will), topic, controller, SPEED))
 
 
 @contextlib.asynccontextmanager
@@ -127,9 +135,9 @@ def test_a_lift_and_a_door_at_a_broker(tmp_path: Path) -> None:
     async def test() -> None:
         controllers = {"lifts/1": lift(), "doors/1": door()}
         with MqttBroker(tmp_path) as broker:
-            serving = asyncio.create_task(serve_mqtt(aiomqtt.Client("127.0.0.1", broker.mqtt_port), controllers, SPEED))
+            serving = [served(broker, topic, controller) for topic, controller in controllers.items()]
             async with (
-                background(serving, asyncio.create_task(move(controllers, SPEED))),
+                background(*serving, asyncio.create_task(move(controllers, SPEED))),
                 passages(tmp_path, BY_TOPICS, broker.url) as devices,
             ):
                 await ride(devices["Lift1"], controllers["lifts/1"])
@@ -163,16 +171,39 @@ def test_a_lift_is_had_again_when_the_broker_and_the_controller_were_started_aga
     async def test() -> None:
         with MqttBroker(tmp_path) as broker:
             controllers = {"lifts/1": lift()}
-            serving = asyncio.create_task(serve_mqtt(aiomqtt.Client("127.0.0.1", broker.mqtt_port), controllers, SPEED))
+            serving = served(broker, "lifts/1", controllers["lifts/1"])
             async with background(asyncio.create_task(move(controllers, SPEED))), passages(tmp_path, BY_TOPICS, broker.url) as devices:
                 async with background(serving):
                     await devices["Lift1"].follow(PassageCall(level=HEIGHT))
                 broker.kill()
                 broker.start()
                 controllers["lifts/1"].session = None  # it has forgotten
-                async with background(asyncio.create_task(serve_mqtt(aiomqtt.Client("127.0.0.1", broker.mqtt_port), controllers, SPEED))):
+                async with background(served(broker, "lifts/1", controllers["lifts/1"])):
                     while controllers["lifts/1"].session != "somrs-Lift1":
                         await asyncio.sleep(0.02)
+
+    asyncio.run(asyncio.wait_for(test(), HANG_TIME))
+
+
+@pytest.mark.parametrize("is_killed", [True, False])
+def test_a_lift_is_out_of_order_when_its_controller_has_ended(tmp_path: Path, is_killed: bool) -> None:
+    async def test() -> None:
+        with MqttBroker(tmp_path) as broker:
+            cable = Cable(broker.mqtt_port)
+            async with contextlib.AsyncExitStack() as stack, passages(tmp_path, BY_TOPICS, broker.url) as devices:
+                at_cable = Connection(name="broker", scheme="mqtt", host="127.0.0.1", port=await stack.enter_async_context(cable))
+                serving = [
+                    asyncio.create_task(serve_broker(at_cable, topic, control))
+                    for topic, control in (("lifts/1", lift()), ("doors/1", door()))
+                ]
+                async with background(*serving):
+                    await until(devices["Lift1"], PassageStatus(level=0.0))
+                    await until(devices["Door1"], PassageStatus())
+                    if is_killed:
+                        await stack.aclose()
+                        await until(devices["Door1"], PassageStatus(working=False))
+                await until(devices["Lift1"], PassageStatus(working=False))
+                await until(devices["Door1"], PassageStatus(working=False))
 
     asyncio.run(asyncio.wait_for(test(), HANG_TIME))
 

@@ -13,7 +13,7 @@ import aiomqtt
 
 from somrs.adapters.things.simulated.body import KinematicPassage
 from somrs.adapters.things.simulated.controller import PassageController
-from somrs.adapters.things.simulated.servers import last_will, move, serve_mqtt
+from somrs.adapters.things.simulated.servers import move, serve_mqtt
 
 STOREY = 4.0
 """From one level of a lift to the next, m."""
@@ -30,11 +30,14 @@ def _controllers(lifts: list[str], doors: list[str]) -> dict[str, PassageControl
 
 async def _run(broker: str, controllers: dict[str, PassageController]) -> None:
     address = urlsplit(broker)
+
+    def connect(will: aiomqtt.Will) -> aiomqtt.Client:
+        return aiomqtt.Client(address.hostname or "localhost", address.port or 1883, will=will)
+
     async with asyncio.TaskGroup() as group:
         group.create_task(move(controllers))
         for topic, controller in controllers.items():
-            client = aiomqtt.Client(address.hostname or "localhost", address.port or 1883, will=last_will(topic))
-            group.create_task(serve_mqtt(client, {topic: controller}))
+            group.create_task(serve_mqtt(connect, topic, controller))
 
 
 def main() -> None:

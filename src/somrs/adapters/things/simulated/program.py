@@ -10,6 +10,7 @@ import aiomqtt
 from aiohttp import web
 from msgspec import Struct
 
+from somrs.adapters.brokers import ServerChoice
 from somrs.adapters.things.model import Connection
 from somrs.adapters.things.mqtt import client_at
 from somrs.adapters.things.simulated.controller import PassageController
@@ -31,23 +32,27 @@ class SimulatedPassage(Struct, frozen=True):
 
 async def serve_passages(passages: Sequence[SimulatedPassage], simulator: str) -> None:
     """Be the controllers of the passages of the simulator at an address, until it is cancelled."""
-    groups: dict[Connection, dict[str, PassageController]] = {}
+    servers: dict[Connection, dict[str, PassageController]] = {}
     async with contextlib.AsyncExitStack() as stack, asyncio.TaskGroup() as tasks:
         for passage in passages:
             body = await stack.enter_async_context(link_body(passage.name, passage.heights, simulator))
-            groups.setdefault(passage.connection, {})[passage.place] = PassageController(body)
-        for place, controllers in groups.items():
-            is_broker = place.kind == "mqtt"
-            serving = _serve_broker(place, controllers) if is_broker else _serve_http(place.host, place.port, controllers)
-            tasks.create_task(serving)
+            controller = PassageController(body)
+            if passage.connection.kind == "mqtt":
+                tasks.create_task(serve_broker(passage.connection, passage.place, controller))
+            else:
+                servers.setdefault(passage.connection, {})[passage.place] = controller
+        for server, controllers in servers.items():
+            tasks.create_task(_serve_http(server.host, server.port, controllers))
 
 
-async def _serve_broker(broker: Connection, controllers: Mapping[str, PassageController]) -> None:
+async def serve_broker(broker: Connection, topic: str, controller: PassageController) -> None:
+    """Be a passage at a broker, over a connection of its own, until it is cancelled."""
+    servers = ServerChoice(broker.servers)
     while True:
         try:
-            await serve_mqtt(client_at(broker), controllers)
+            await serve_mqtt(lambda will: client_at(broker, servers.current, will), topic, controller)
         except* aiomqtt.MqttError:
-            pass
+            servers.lost()
         await asyncio.sleep(PAUSE)
 
 

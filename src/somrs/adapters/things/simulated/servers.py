@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Callable, Mapping
 
 import aiomqtt
 import msgspec
@@ -30,28 +31,36 @@ def last_will(topic: str) -> aiomqtt.Will:
     return aiomqtt.Will(f"{topic}/state", msgspec.json.encode(state), qos=1, retain=True)
 
 
-async def serve_mqtt(broker: aiomqtt.Client, controllers: Mapping[str, PassageController], speed: float = 1.0) -> None:
-    """Be the passages at a broker, by the topics below which each is: TOPIC/request and TOPIC/state, which is retained.
+async def serve_mqtt(
+    connect: Callable[[aiomqtt.Will], aiomqtt.Client], topic: str, controller: PassageController, speed: float = 1.0
+) -> None:
+    """Be a passage at a broker: TOPIC/request and TOPIC/state, which is retained. It announces its end: by its last will when it is cut
+    off, and itself when it is cancelled.
 
-    `broker`: is not connected yet.
+    `connect`: makes a client with this last will, of which a connection has one, and which is not connected yet.
     """
-    async with broker as client, asyncio.TaskGroup() as group:
-        group.create_task(_publish_states(client, controllers, speed))
-        await client.subscribe([(f"{topic}/request", 0) for topic in controllers])
-        async for message in client.messages:
-            topic = str(message.topic).removesuffix("/request")
-            if topic in controllers and isinstance(message.payload, bytes):
-                controllers[topic].request(message.payload)
+    will = last_will(topic)
+    async with connect(will) as client:
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(_publish_state(client, topic, controller, speed))
+                await client.subscribe(f"{topic}/request", 0)
+                async for message in client.messages:
+                    if isinstance(message.payload, bytes):
+                        controller.request(message.payload)
+        except asyncio.CancelledError:
+            with contextlib.suppress(aiomqtt.MqttError):
+                await client.publish(will.topic, will.payload, will.qos, will.retain)
+            raise
 
 
-async def _publish_states(client: aiomqtt.Client, controllers: Mapping[str, PassageController], speed: float) -> None:
-    published: dict[str, SessionState] = {}
+async def _publish_state(client: aiomqtt.Client, topic: str, controller: PassageController, speed: float) -> None:
+    published: SessionState | None = None
     while True:
-        for topic, controller in controllers.items():
-            state = controller.state()
-            if state != published.get(topic):
-                published[topic] = state
-                await client.publish(f"{topic}/state", msgspec.json.encode(state), qos=1, retain=True)
+        state = controller.state()
+        if state != published:
+            published = state
+            await client.publish(f"{topic}/state", msgspec.json.encode(state), qos=1, retain=True)
         await asyncio.sleep(STEP / speed)
 
 
