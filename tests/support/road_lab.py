@@ -127,7 +127,7 @@ class Body:
         return None
 
 
-class LabRobot(CarryingRobot):
+class LabRobot(CarryingRobot, replaces=("_notice_state", "data", "whole_map")):
     """The program of a robot. `stopping`: the seconds that it takes to stand still. `reach`: how far along the x axis it puts things
     down, in metres; `floor`: whether it can. `senses`: whether it has a sensor in its gripper."""
 

@@ -12,10 +12,14 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
+from somrs.devices.own_names import FOR_ALL, check_own_names
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal
 from somrs.service_manager.sdk.values import number_of
 from somrs.traffic.passage_call import PassageCall, PassageStatus
+
+FOR_AUTHORS = FOR_ALL | {"serve", "release", "stops"}
+"""What authors of lifts and doors override."""
 
 STANDING = 0.1
 """Difference in height up to which a cabin stands at a storey, m."""
@@ -34,6 +38,10 @@ class PassageDevice(Device):
     """Receives the status; the program that runs the device sets it."""
     current_status: PassageStatus | None = None
     """What was reported last."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        check_own_names(cls, FOR_AUTHORS)
 
     def __init__(self, name: str, simulator: str | None = None) -> None:
         super().__init__(name, simulator)

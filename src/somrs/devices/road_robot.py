@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
+from somrs.devices.own_names import FOR_ALL, check_own_names
 from somrs.devices.road.building import Building
 from somrs.devices.road.hardware import RobotFailed
 from somrs.devices.road.link import RoadLink
@@ -31,6 +32,13 @@ from somrs.service_manager.sdk.device import Service, Task
 from somrs.space.solids import Point
 
 __all__ = ["CarryingRobot", "Motion", "RoadRobot", "RobotFailed", "Way", "Waypoint"]
+
+FOR_AUTHORS = FOR_ALL | {
+    *("follow", "halt", "pause", "resume", "charge_at", "pick", "drop", "put_down", "interrupt", "motion"),
+    *("battery", "holding", "carries", "hindrance", "remark", "can_charge", "can_carry"),
+    *("silence", "reconnect_timeout", "carrying_patience", "price", "price_per_metre", "features", "driving_time", "handling_time"),
+}
+"""What authors of robots set and override."""
 
 STOPS = 0.5
 """Seconds between two looks at the map for whether an operator has stopped the robot."""
@@ -59,6 +67,12 @@ class RoadRobot(MobileRobot):
     """What it says of itself that does not keep it from going on, for people. Set it before `located`."""
     can_charge: bool = False
     """Whether it can charge its battery."""
+
+    def __init_subclass__(cls, *, replaces: Collection[str] = ()) -> None:
+        """`replaces`: further names of the base classes that the class replaces on purpose. Raises DeviceError for those that it uses by
+        mistake."""
+        super().__init_subclass__()
+        check_own_names(cls, FOR_AUTHORS.union(replaces))
 
     def __init__(self, name: str, simulator: str | None = None) -> None:
         super().__init__(name, simulator)

@@ -24,7 +24,7 @@ async def no_answer(question: Body) -> Body:
     raise AssertionError("nothing is asked")
 
 
-class NotedRobot(RoadRobot):
+class NotedRobot(RoadRobot, replaces=("whole_map",)):
     def __init__(self, values: Iterable[dict[str, Value]]) -> None:
         super().__init__("Robot1")
         self.calls: list[str] = []
