@@ -30,7 +30,7 @@ REPOSITORY = Repository(
 )
 
 
-class Recorded(PassageDevice):
+class Recorded(PassageDevice, replaces=("map",)):
     """Records what its controller is told, which takes a moment. `is_stuck`: it does not do it."""
 
     def __init__(self, name: str) -> None:

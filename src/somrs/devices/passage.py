@@ -10,7 +10,7 @@ The program that runs the device talks to traffic.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from somrs.devices.own_names import FOR_ALL, check_own_names
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
@@ -39,9 +39,11 @@ class PassageDevice(Device):
     current_status: PassageStatus | None = None
     """What was reported last."""
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, *, replaces: Collection[str] = ()) -> None:
+        """`replaces`: further names of the base classes that the class replaces on purpose. Raises DeviceError for those that it uses by
+        mistake."""
         super().__init_subclass__()
-        check_own_names(cls, FOR_AUTHORS)
+        check_own_names(cls, FOR_AUTHORS.union(replaces))
 
     def __init__(self, name: str, simulator: str | None = None) -> None:
         super().__init__(name, simulator)
