@@ -9,7 +9,6 @@ last step is done by a person, whose replies this program gives as the person's 
 from __future__ import annotations
 
 import asyncio
-import shutil
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -19,18 +18,16 @@ from rich.console import Console
 
 from somrs.client import people, terminal
 from somrs.client.client import Client
-from somrs.client.message_chart import chart
 from somrs.client.simulator_link import operator_link
-from somrs.client.timeline import bars, svg, timeline_table
-from somrs.client.trace import Follower, Line
-from somrs.demo.picture_sheet import sheet
+from somrs.client.timeline import bars, timeline_table
+from somrs.client.trace import Follower, Line, trace_file
+from somrs.demo.results import Results, are_all_released, without_progress
 from somrs.deployment.system import System
 from somrs.devices.person.assignments import Reply, ReplyKind
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import SimulationError
-from somrs.ontology.files.site import dump_site
 from somrs.ontology.truth import formula_holds
 from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import Outcome
@@ -80,7 +77,7 @@ class _ScenarioPlayer:
     def __init__(self, system: System, client: Client, operator: OperatorLink, folder: Path, console: Console) -> None:
         self.record = _ScenarioRecord()
         self._data, self._client, self._operator, self._folder, self._console = system.data, client, operator, folder, console
-        self._trace = Follower(system.data / "messages.jsonl")
+        self._trace = Follower(trace_file(system.data))
 
     async def play(self) -> _ScenarioRecord:
         task = await self._client.submit(REQUEST)
@@ -150,11 +147,11 @@ async def perform(system: System, folder: Path, console: Console) -> int:
         ontology, map = await client.ontology(), await client.map()
         jar, door = await operator.observe(_JAR), await operator.observe(_DOOR)
     assert record.view is not None, "an accepted task has news"
-    (folder / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
-    shutil.copy(system.data / "messages.jsonl", folder / "messages.jsonl")
-    (folder / "messages.svg").write_text(chart([line for line in record.lines if line.type != "Progress"], "Scenario 3"), encoding="utf-8")
     timeline_bars = bars(record.lines)
-    (folder / "timeline.svg").write_text(svg(timeline_bars, [], "Scenario 3: what nobody can do alone"), encoding="utf-8")
+    results = Results(folder, console, "Scenario 3: what nobody can do alone", STEPS)
+    results.write_map(ontology, map)
+    results.write_messages(system.data, without_progress(record.lines))
+    results.write_timeline(timeline_bars)
     checks = {
         "the task was accomplished": record.view.outcome is Outcome.ACCOMPLISHED,
         "the goal holds in the Repository": formula_holds(parse(REQUEST.effect), map, ontology),
@@ -162,9 +159,7 @@ async def perform(system: System, folder: Path, console: Console) -> int:
         **_checks_of_services(record),
     }
     console.print()
-    if pictures := sorted(folder.glob("[A-E].png")):
-        sheet(pictures, STEPS, folder / "pictures.png")
-        console.print(terminal.table("Pictures", ("file", "content"), ((picture.name, STEPS[picture.stem]) for picture in pictures)))
+    results.show_pictures(results.write_sheet())
     completed = [line for line in record.lines if line.type == "Completed"]
     console.print(
         terminal.table("Completed steps", ("service", "situation"), ((line.sender, line.body["situation"]) for line in completed))
@@ -172,9 +167,7 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     console.print(terminal.steps("Steps", record.view.steps))
     console.print(timeline_table(timeline_bars, [], console.width))
     console.print(terminal.outcome(record.view))
-    console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
-    console.print(f"It took {time.monotonic() - started:.0f} s. All files are in {folder}/")
-    return 0 if all(checks.values()) else 1
+    return results.conclude(checks, started)
 
 
 def _checks_of_services(record: _ScenarioRecord) -> dict[str, bool]:
@@ -185,8 +178,6 @@ def _checks_of_services(record: _ScenarioRecord) -> dict[str, bool]:
     conditions_to_carry = [line.body.get("condition") for line in lines if line.type == "Terms" and line.sender.endswith(".TransferObject")]
     demands = {str(part) for condition in conditions_to_carry if condition for part in conjuncts(parse(condition))}
     executions = [line.recipient.partition(".")[2] for line in lines if line.type == "Execute"]
-    accepted = {line.participant for line in lines if line.type == "Accept"}
-    released = {line.participant for line in lines if line.type in ("End", "Cancel")}
     return {
         "the patrol robot demanded that the door is open, and a robot opened it": f"{_DOOR}.Open = TRUE" in conditions
         and bool(record.completed("OpenDoor")),
@@ -200,7 +191,7 @@ def _checks_of_services(record: _ScenarioRecord) -> dict[str, bool]:
         and record.completed("SealJar") == [_PERSON],
         "the steps came in the order that their preconditions demand": executions
         == ["OpenDoor", "RecognizeSituation", "WeighObject", "TransferObject", "SealJar"],
-        "each participant with a contract was released": accepted <= released,
+        "each participant with a contract was released": are_all_released(lines),
     }
 
 

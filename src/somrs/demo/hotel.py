@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import shutil
 import time
 from collections.abc import AsyncIterator, Collection, Coroutine, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
@@ -22,18 +21,16 @@ from rich.text import Text
 
 from somrs.client import terminal
 from somrs.client.client import Client
-from somrs.client.message_chart import chart
 from somrs.client.simulator_link import operator_link
-from somrs.client.timeline import Mark, bars, svg, timeline_table
-from somrs.client.trace import Follower, Line
+from somrs.client.timeline import Mark, bars, timeline_table
+from somrs.client.trace import Follower, Line, trace_file
 from somrs.demo.film import WIDTH, Film, Frame
-from somrs.demo.picture_sheet import sheet
+from somrs.demo.results import Results, are_all_released, without_progress
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.entish.parse import parse
 from somrs.errors import SimulationError
-from somrs.ontology.files.site import dump_site
 from somrs.ontology.modes import Mode, closed_passages, out_of_order
 from somrs.ontology.objects import ValueSet
 from somrs.ontology.truth import formula_holds
@@ -63,6 +60,7 @@ STEPS = {
     "F": "upstairs: all is delivered",
 }
 """The pictures, by letter."""
+FILM, FILM_CAPTION = Path("film.webp"), "both storeys from above"
 INTERVAL = 1.0
 """The least time between two frames of the film, in simulated seconds."""
 _MOST_TIME = 400.0
@@ -113,7 +111,7 @@ class _ScenarioPlayer:
     def __init__(self, system: System, client: Client, operator: OperatorLink, folder: Path, console: Console) -> None:
         self.record, self.film = _ScenarioRecord(), Film()
         self._client, self._operator, self._folder, self._console = client, operator, folder, console
-        self._trace = Follower(system.data / "messages.jsonl")
+        self._trace = Follower(trace_file(system.data))
         self._watchers: dict[str, asyncio.Task[None]] = {}
         self._is_broken = asyncio.Event()
         self._has_pictures = True
@@ -312,16 +310,14 @@ async def perform(system: System, folder: Path, console: Console) -> int:
         ontology, map = await client.ontology(), await client.map()
         supports = {thing: (await operator.observe(thing)).support for thing in _DELIVERIES}
         robots = await operator.robots()
-    (folder / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
-    shutil.copy(system.data / "messages.jsonl", folder / "messages.jsonl")
-    title = "Scenario 4: deliveries in a hotel, and a lift that breaks"
-    (folder / "messages.svg").write_text(chart([line for line in record.lines if line.type != "Progress"], title), encoding="utf-8")
     timeline_bars = bars(record.lines)
-    (folder / "timeline.svg").write_text(svg(timeline_bars, record.marks, title), encoding="utf-8")
-    has_film = player.film.save(folder / "film.webp")
-    pictures = sorted(folder.glob("[A-F].png"))
-    if pictures:
-        sheet(pictures, STEPS, folder / "pictures.png")
+    results = Results(folder, console, "Scenario 4: deliveries in a hotel, and a lift that breaks", STEPS | {FILM.stem: FILM_CAPTION})
+    results.write_map(ontology, map)
+    results.write_messages(system.data, without_progress(record.lines))
+    results.write_timeline(timeline_bars, record.marks)
+    pictures = results.write_sheet()
+    if player.film.save(folder / FILM):
+        pictures.append(FILM)
     checks = {
         **_checks_of_story(record),
         "the goals hold in the Repository": all(formula_holds(parse(_goal(thing)), map, ontology) for thing in _DELIVERIES),
@@ -334,12 +330,8 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     console.print(timeline_table(timeline_bars, record.marks, console.width))
     for thing, view in record.views.items():
         console.print(terminal.steps(f"Plan of {_goal(thing)}", view.steps), terminal.outcome(view))
-    files = [(picture.name, STEPS[picture.stem]) for picture in pictures] + [("film.webp", "both storeys from above")] * has_film
-    if files:
-        console.print(terminal.table("Pictures", ("file", "content"), files))
-    console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
-    console.print(f"It took {time.monotonic() - started:.0f} s. All files are in {folder}/")
-    return 0 if all(checks.values()) else 1
+    results.show_pictures(pictures)
+    return results.conclude(checks, started)
 
 
 def _checks_of_story(record: _ScenarioRecord) -> dict[str, bool]:
@@ -372,11 +364,9 @@ def _reports_of_waiting(lines: list[Line]) -> list[Line]:
 
 def _checks_of_messages(lines: list[Line]) -> dict[str, bool]:
     opened = {line.sender for line in lines if line.type == "Completed" and line.sender.endswith(".OpenDoor")}
-    accepted = {line.participant for line in lines if line.type == "Accept"}
-    released = {line.participant for line in lines if line.type in ("End", "Cancel")}
     return {
         "a door opened itself, and robots opened two": "Door203.OpenDoor" in opened
         and sum(line.type == "Completed" and line.sender.endswith(".OpenDoor") for line in lines) == 3,
         "no service failed": not any(line.type in ("Failed", "Stopped") for line in lines),
-        "each participant with a contract was released": accepted <= released,
+        "each participant with a contract was released": are_all_released(lines),
     }

@@ -23,8 +23,7 @@ from rich.text import Text
 
 from somrs.client import terminal
 from somrs.client.client import Client
-from somrs.client.message_chart import chart
-from somrs.client.timeline import Bar, Mark, bars, svg, timeline_table
+from somrs.client.timeline import Bar, Mark, bars, timeline_table
 from somrs.client.trace import Follower, Line
 from somrs.demo.hosts import Host, Hosts
 from somrs.demo.organisations import (
@@ -38,11 +37,10 @@ from somrs.demo.organisations import (
     name_in_chart,
     task_manager_labels,
 )
-from somrs.demo.picture_sheet import sheet
+from somrs.demo.results import Results, are_all_released, without_progress
 from somrs.deployment.launcher import Launcher
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import SimulationError
-from somrs.ontology.files.site import dump_site
 from somrs.ontology.qualified_names import home_of, plain_name
 from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import Outcome
@@ -242,15 +240,17 @@ async def play(folder: Path, console: Console, launcher: Launcher | None = None)
         record = await player.play()
         models = {name: (await client.ontology(), await client.map()) for name, client in clients.items()}
         places = {thing: (await operator.observe(thing)).support for thing in _PLACES}
+    results = Results(folder, console, "Scenario 5: a mill, a bakery, and a host that is lost for good", STEPS)
     for name, (ontology, map) in models.items():
-        (folder / f"{name.lower()}-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
+        results.write_map(ontology, map, name.lower())
     places_at_home = {
         thing: models[home_of(thing)][1].has_fact("isOn", (plain_name(thing), plain_name(place))) for thing, place in _PLACES.items()
     }
-    _write(record, folder)
-    pictures = sorted(folder.glob("[A-C].png"))
-    if pictures:
-        sheet(pictures, STEPS, folder / "pictures.png")
+    lines = [structs.replace(line, sender=plain_name(line.sender), recipient=plain_name(line.recipient)) for line in record.all_lines]
+    results.write_chart(without_progress(lines))
+    (folder / "messages.jsonl").write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in record.all_lines))
+    results.write_timeline(_bars(record), record.marks)
+    pictures = results.write_sheet()
     checks = {
         **_checks(record),
         "the map of its owner has each thing where it was wanted": all(places_at_home.values()),
@@ -260,11 +260,8 @@ async def play(folder: Path, console: Console, launcher: Launcher | None = None)
     console.print(timeline_table(_bars(record), record.marks, console.width))
     for goal, view in record.views.items():
         console.print(f"[bold]{goal}[/]", terminal.outcome(view))
-    if pictures:
-        console.print(terminal.table("Pictures", ("file", "content"), ((picture.name, STEPS[picture.stem]) for picture in pictures)))
-    console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
-    console.print(f"It took {time.monotonic() - started:.0f} s. All files are in {folder}/")
-    return 0 if all(checks.values()) else 1
+    results.show_pictures(pictures)
+    return results.conclude(checks, started)
 
 
 async def _see_each_other(clients: Mapping[str, Client]) -> None:
@@ -281,14 +278,6 @@ def _bars(record: _ScenarioRecord) -> list[Bar]:
     return [*record.reigns, *(replace(bar, device=plain_name(bar.device)) for bar in bars(record.all_lines))]
 
 
-def _write(record: _ScenarioRecord, folder: Path) -> None:
-    title = "Scenario 5: a mill, a bakery, and a host that is lost for good"
-    lines = [structs.replace(line, sender=plain_name(line.sender), recipient=plain_name(line.recipient)) for line in record.all_lines]
-    (folder / "messages.svg").write_text(chart([line for line in lines if line.type != "Progress"], title), encoding="utf-8")
-    (folder / "messages.jsonl").write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in record.all_lines))
-    (folder / "timeline.svg").write_text(svg(_bars(record), record.marks, title), encoding="utf-8")
-
-
 def _workers(lines: Sequence[Line]) -> set[str]:
     """The devices that were told to work, by their names for who told them."""
     return {line.recipient for line in lines if line.type == "Execute"}
@@ -297,8 +286,6 @@ def _workers(lines: Sequence[Line]) -> set[str]:
 def _checks(record: _ScenarioRecord) -> dict[str, bool]:
     """What happened, each with whether it is so."""
     lines = record.all_lines
-    accepted = {(line.transaction, line.participant) for line in lines if line.type == "Accept"}
-    released = {(line.transaction, line.participant) for line in lines if line.type in ("End", "Cancel")}
     resumed = {mark.subject for mark in record.marks if "goes on as" in mark.text}
     return {
         "the second host led the whole bakery when it was lost": {*record.lost} == {*component_labels(BAKERY)},
@@ -309,5 +296,5 @@ def _checks(record: _ScenarioRecord) -> dict[str, bool]:
         "all tasks were accomplished": {view.outcome for view in record.views.values()} == {Outcome.ACCOMPLISHED}
         and len(record.views) == len([*_FIRST[MILL], *_FIRST[BAKERY], _LAST]),
         "no service failed": not any(line.type in ("Failed", "Stopped") for line in lines),
-        "each participant with a contract was released": accepted <= released,
+        "each participant with a contract was released": are_all_released(lines),
     }

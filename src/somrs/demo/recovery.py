@@ -19,13 +19,12 @@ from rich.text import Text
 
 from somrs.client import terminal
 from somrs.client.client import Client
-from somrs.client.message_chart import chart
 from somrs.client.simulator_link import operator_link
-from somrs.client.timeline import Mark, bars, svg, timeline_table
-from somrs.client.trace import Follower, Line
+from somrs.client.timeline import Mark, bars, timeline_table
+from somrs.client.trace import Follower, Line, trace_file
+from somrs.demo.results import Results, are_all_released, without_progress
 from somrs.deployment.system import System
 from somrs.errors import RemoteError
-from somrs.ontology.files.site import dump_site
 from somrs.ontology.map import Map
 from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import Outcome, State
@@ -70,7 +69,7 @@ class _ScenarioPlayer:
     def __init__(self, system: System, client: Client, console: Console) -> None:
         self.record = ScenarioRecord()
         self._system, self._client, self._console = system, client, console
-        self._trace = Follower(system.data / "messages.jsonl")
+        self._trace = Follower(trace_file(system.data))
 
     async def play(self) -> ScenarioRecord:
         task = await self._client.submit(_REQUEST)
@@ -153,19 +152,16 @@ async def perform(system: System, folder: Path, console: Console) -> int:
         with contextlib.suppress(RemoteError):
             (folder / "end.png").write_bytes(await operator.picture())
     assert record.view is not None, "an accepted task has news"
-    (folder / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
-    (folder / "messages.jsonl").write_bytes((system.data / "messages.jsonl").read_bytes())
-    (folder / "messages.svg").write_text(chart([line for line in record.lines if line.type != "Progress"], "Scenario 2"), encoding="utf-8")
     timeline_bars = bars(record.lines)
-    (folder / "timeline.svg").write_text(svg(timeline_bars, record.marks, "Scenario 2: what a transaction survives"), encoding="utf-8")
+    results = Results(folder, console, "Scenario 2: what a transaction survives", {})
+    results.write_map(ontology, map)
+    results.write_messages(system.data, without_progress(record.lines))
+    results.write_timeline(timeline_bars, record.marks)
     console.print()
     console.print(timeline_table(timeline_bars, record.marks, console.width))
     console.print(_execution_table(record.view))
     console.print(terminal.outcome(record.view))
-    checks = _verdict(record, map_before, map, actual_places)
-    console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
-    console.print(f"It took {time.monotonic() - started:.0f} s. All files are in {folder}/")
-    return 0 if all(checks.values()) else 1
+    return results.conclude(_verdict(record, map_before, map, actual_places), started)
 
 
 def _execution_table(view: TaskView) -> Table:
@@ -178,8 +174,6 @@ def _verdict(record: ScenarioRecord, map_before: Map, map_after: Map, actual_pla
     assert record.view is not None, "an accepted task has news"
     initial_places, final_places = _places(map_before), _places(map_after)
     executed = [line.message_id for line in record.lines if line.type == "Execute"]
-    homes = {line.participant for line in record.lines if line.type in ("End", "Cancel")}
-    accepted = {line.participant for line in record.lines if line.type == "Accept"}
     return {
         "a robot fell silent, and the patrol robot observed what it left": bool(
             record.find_messages("Query", _FAILING_ROBOT) and record.find_messages("Completed", _PATROL_ROBOT)
@@ -192,7 +186,7 @@ def _verdict(record: ScenarioRecord, map_before: Map, map_after: Map, actual_pla
             final_places[thing] == initial_places[thing] for thing in _THINGS
         ),
         "in the simulator, each thing is where the Repository says": all(actual_places[thing] == final_places[thing] for thing in _THINGS),
-        "each participant with a contract was released": accepted <= homes,
+        "each participant with a contract was released": are_all_released(record.lines),
         "no service was executed twice": len(set(executed)) == len({line.participant for line in record.lines if line.type == "Execute"}),
     }
 

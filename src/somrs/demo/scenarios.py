@@ -22,16 +22,15 @@ from rich.console import Console
 from somrs.adapters.wires import recorded_wires
 from somrs.client import terminal
 from somrs.client.client import Client
-from somrs.client.message_chart import chart
 from somrs.client.simulator_link import operator_link
-from somrs.client.trace import Follower, Line
+from somrs.client.trace import Follower, Line, trace_file
 from somrs.demo import cooperation as cooperation_demo
 from somrs.demo import hotel as hotel_demo
 from somrs.demo import neighbours as neighbours_demo
 from somrs.demo import pioneers
 from somrs.demo import recovery as recovery_demo
 from somrs.demo import worlds as worlds_demo
-from somrs.demo.picture_sheet import sheet
+from somrs.demo.results import Results
 from somrs.deployment.launcher import Launcher
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
@@ -129,12 +128,13 @@ async def play(
             return await cooperation_demo.perform(system, folder, console)
         if scenario == "4":
             return await hotel_demo.perform(system, folder, console)
-        played = await _perform(scenario, system, folder, distance, console)
+        results = Results(folder, console, f"Scenario {scenario}: {REQUEST.effect}", STEPS)
+        played = await _perform(scenario, system, folder, distance, console, results)
     finally:
         await system.stop()
     if arcos:
         played.checks |= pioneers.wire_checks(folder / "wires", scenario)
-    _close(played, scenario, folder, console)
+    _close(played, scenario, folder, console, results)
     return 0 if played.passed else 1
 
 
@@ -173,10 +173,10 @@ def _vary_scenario(map: Map, ontology: Ontology, rng: random.Random) -> tuple[Ma
     return map.changed(changes), rng.uniform(0.3, 6.0)
 
 
-async def _perform(scenario: str, system: System, folder: Path, distance: float, console: Console) -> _ScenarioResult:
+async def _perform(scenario: str, system: System, folder: Path, distance: float, console: Console, results: Results) -> _ScenarioResult:
     """Submit the task, and record its messages and pictures until it ends."""
     assert system.addresses.simulator is not None
-    trace = Follower(system.data / "messages.jsonl")
+    trace = Follower(trace_file(system.data))
     lines: list[Line] = []
     async with Client(system.addresses) as client, operator_link(system.addresses) as operator:
         if scenario == "1b":
@@ -200,12 +200,9 @@ async def _perform(scenario: str, system: System, folder: Path, distance: float,
         camera.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await camera
-        pictures = sorted(folder.glob("[A-F].png"))
-        if pictures:
-            sheet(pictures, STEPS, folder / "pictures.png")
-        (folder / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
-        shutil.copy(system.data / "messages.jsonl", folder / "messages.jsonl")
-        (folder / "messages.svg").write_text(chart(lines, f"Scenario {scenario}: {REQUEST.effect}"), encoding="utf-8")
+        pictures = results.write_sheet()
+        results.write_map(ontology, map)
+        results.write_messages(system.data, lines)
         checks = {
             "the task was accomplished": view.outcome is Outcome.ACCOMPLISHED,
             "the goal holds in the Repository": formula_holds(parse(REQUEST.effect), map, ontology),
@@ -311,14 +308,12 @@ class _Photographer:
         (self._folder / f"{letter}.png").write_bytes(await self._operator.picture(subject, robot=robot, carried=carried))
 
 
-def _close(played: _ScenarioResult, scenario: str, folder: Path, console: Console) -> None:
+def _close(played: _ScenarioResult, scenario: str, folder: Path, console: Console, results: Results) -> None:
     console.print()
     console.print(terminal.steps("Steps", played.view.steps))
     console.print(terminal.outcome(played.view))
-    console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in played.checks.items())))
-    if played.pictures:
-        letters = [picture.stem for picture in played.pictures]
-        console.print(terminal.table("Pictures", ("file", "content"), ((f"{letter}.png", STEPS[letter]) for letter in letters)))
+    results.show_checks(played.checks)
+    results.show_pictures(played.pictures)
     if wrong := _differences_from_paper(scenario, played.lines):
         console.print("\n".join(f"[yellow]differs from the paper: {text}[/]" for text in wrong))
     console.print(f"{played.simulated:.0f} s of simulated time took {played.elapsed:.1f} s. All files are in {folder}/")

@@ -12,7 +12,6 @@ import contextlib
 import json
 import math
 import os
-import shutil
 import sys
 import time
 from collections.abc import AsyncIterator
@@ -25,11 +24,10 @@ from rich.console import Console
 from somrs.adapters.wires import recorded_wires
 from somrs.client import terminal
 from somrs.client.client import Client
-from somrs.client.message_chart import chart
 from somrs.client.simulator_link import operator_link
-from somrs.client.timeline import bars, svg, timeline_table
-from somrs.client.trace import Follower, Line
-from somrs.demo.picture_sheet import sheet
+from somrs.client.timeline import bars, timeline_table
+from somrs.client.trace import Follower, Line, trace_file
+from somrs.demo.results import Results, without_progress
 from somrs.deployment.launcher import Launcher
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
@@ -37,7 +35,6 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.entish.parse import parse
 from somrs.errors import SimulationError
-from somrs.ontology.files.site import dump_site
 from somrs.ontology.truth import formula_holds
 from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import Outcome
@@ -129,7 +126,8 @@ async def play(folder: Path, seed: int | None, console: Console, launcher: Launc
     finally:
         await system.stop()
     assert record.view is not None, "an accepted task has news"
-    (folder / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
+    results = Results(folder, console, "Scenario 6: five worlds in one building", STEPS)
+    results.write_map(ontology, map)
     robot, _, how = breaks
     checks = {
         "the task was accomplished": record.view.outcome is Outcome.ACCOMPLISHED,
@@ -139,7 +137,7 @@ async def play(folder: Path, seed: int | None, console: Console, launcher: Launc
         f"{robot} {how}, and another robot took over": record.broken and robot in record.carriers("Failed"),
         "what was said on each wire is recorded": _wire_names(wires) >= {"arcos", "mqtt", "vda5050", *(["ros2"] if python else [])},
     }
-    return _close(record, folder, console, checks, wires)
+    return _close(record, folder, console, results, checks, wires)
 
 
 def _write_site(folder: Path) -> Path:
@@ -202,7 +200,7 @@ class _Player:
     ) -> None:
         self.record = _Record()
         self._client, self._operator, self._folder, self._console, self._breaks = client, operator, folder, console, breaks
-        self._trace = Follower(system.data / "messages.jsonl")
+        self._trace = Follower(trace_file(system.data))
 
     async def play(self) -> _Record:
         with self._console.status("the robots join as they are heard on their wires ..."):
@@ -270,22 +268,16 @@ class _Player:
             self.record.lines.append(line)
 
 
-def _close(record: _Record, folder: Path, console: Console, checks: dict[str, bool], wires: Path) -> int:
+def _close(record: _Record, folder: Path, console: Console, results: Results, checks: dict[str, bool], wires: Path) -> int:
     assert record.view is not None, "an accepted task has news"
-    shutil.copy(folder / "run" / "messages.jsonl", folder / "messages.jsonl")
-    lines = [line for line in record.lines if line.type != "Progress"]
-    (folder / "messages.svg").write_text(chart(lines, "Scenario 6: five worlds"), encoding="utf-8")
     timeline_bars = bars(record.lines)
-    (folder / "timeline.svg").write_text(svg(timeline_bars, [], "Scenario 6: five worlds in one building"), encoding="utf-8")
+    results.write_messages(folder / "run", without_progress(record.lines))
+    results.write_timeline(timeline_bars)
     console.print()
-    if pictures := sorted(folder.glob("[A-C].png")):
-        sheet(pictures, STEPS, folder / "pictures.png")
-        console.print(terminal.table("Pictures", ("file", "content"), ((picture.name, STEPS[picture.stem]) for picture in pictures)))
+    results.show_pictures(results.write_sheet())
     counts = ((file.name, str(sum(1 for _ in file.open()))) for file in sorted(wires.glob("*.jsonl")))
     console.print(terminal.table("Wires", ("file", "messages"), counts))
     console.print(terminal.steps("Steps", record.view.steps))
     console.print(timeline_table(timeline_bars, [], console.width))
     console.print(terminal.outcome(record.view))
-    console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
-    console.print(f"It took {time.monotonic() - record.started:.0f} s. All files are in {folder}/")
-    return 0 if all(checks.values()) else 1
+    return results.conclude(checks, record.started)
