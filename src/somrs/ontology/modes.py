@@ -32,12 +32,6 @@ PASSAGE_MODES = (Mode.NORMAL, Mode.OUT_OF_ORDER)
 _REASONS = {Mode.NORMAL: "", Mode.FIRE: "fire alarm in {}", Mode.EMERGENCY: "emergency in {}"}
 
 
-def mode_of(name: str, map: Map, ontology: Ontology) -> Mode:
-    """The mode of an object; Normal for one that has none."""
-    value = value_of(name, MODE, map, ontology)
-    return Mode(value) if value in set(Mode) else Mode.NORMAL
-
-
 def modes(map: Map) -> dict[str, Mode]:
     """The objects with another mode than Normal, by name."""
     abnormal = (mode for mode in Mode if mode is not Mode.NORMAL)

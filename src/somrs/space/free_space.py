@@ -19,10 +19,7 @@ from somrs.space.clearance import FAR, Disc, Field, Grid, clearances
 from somrs.space.leaves import leaf_obstacles
 from somrs.space.shafts import shafts_of
 from somrs.space.solids import STANDING, Point, Role, Solid, solid_of
-from somrs.space.squares import Box, Squares, box_around
 
-SQUARE = 2.0
-"""The size of the squares by which solids are found, m."""
 SLACK = 0.01
 """Tolerance of clearances, for the error of interpolation between cells, m."""
 
@@ -43,20 +40,17 @@ class FreeSpace:
         leaf_positions: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
-        self.solids = {solid.name: solid for solid in solids if _stands(solid) and solid.z < level + height and solid.top > level + 0.02}
+        standing = {solid.name: solid for solid in solids if _stands(solid) and solid.z < level + height and solid.top > level + 0.02}
         shafts = shafts_of(map, ontology)
         for fact in map.facts("leadsInto"):  # the doors of a lift are open for whoever may use it
-            self.solids.pop(fact.arguments[0], None)
+            standing.pop(fact.arguments[0], None)
         floors = [solid for solid in solids if solid.role is Role.FLOOR and abs(solid.top - level) < 0.1]
-        leaves = [leaf for solid in self.solids.values() for leaf in leaf_obstacles(solid, leaf_positions)]
+        leaves = [leaf for solid in standing.values() for leaf in leaf_obstacles(solid, leaf_positions)]
         passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
         cabins = [part for shaft in shafts for part in shaft.ground(level)]
         walls = [wall for shaft in shafts for wall in shaft.obstacles(level)]
         self.grid = Grid.enclosing([*floors, *cabins] if floors else solids, margin=0.5 if floors else 4.0)
-        self._clearance = clearances(self.grid, [*self.solids.values(), *leaves, *walls], floors, [*passages, *cabins] if floors else [])
-        self._squares = Squares[Solid](SQUARE)
-        for solid in self.solids.values():
-            self._squares.add(solid, box_around((solid.x, solid.y), solid.extent))
+        self._clearance = clearances(self.grid, [*standing.values(), *leaves, *walls], floors, [*passages, *cabins] if floors else [])
 
     @property
     def field(self) -> Field:
@@ -78,10 +72,6 @@ class FreeSpace:
     def free(self, point: Point, radius: float, discs: Sequence[Disc] = ()) -> bool:
         """Whether a robot of that radius can stand there."""
         return self.clearance(point, discs) >= radius - SLACK
-
-    def solids_near(self, box: Box) -> set[Solid]:
-        """The solids that may be in a rectangle."""
-        return {*self._squares.near(box)}
 
     def _clear_line(self, field: np.ndarray, start: Point, end: Point, clearance: float) -> bool:
         count = max(2, math.ceil(2 * math.dist(start, end) / self.grid.size))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from somrs.ontology.files.loading import load_text
-from somrs.ontology.modes import Mode, closed_passages, freed_devices, hold_reason, mode_of, modes
+from somrs.ontology.modes import Mode, closed_passages, freed_devices, hold_reason, modes
 from somrs.ontology.objects import ValueSet
 from somrs.ontology.types import IN_SERVICE, MODE, WORKING
 from somrs.ontology.values import takes_work
@@ -20,8 +20,6 @@ def test_everything_is_normal_unless_the_map_says_otherwise() -> None:
     map, ontology = LOADED.map, LOADED.ontology
     assert map is not None
     assert (modes(map), hold_reason(modes(map)), closed_passages(map, ontology)) == ({}, "", ())
-    assert mode_of("Building1", map, ontology) is Mode.NORMAL
-    assert mode_of("Floor1", map, ontology) is Mode.NORMAL
 
 
 def test_a_fire_holds_robots_and_a_door_out_of_order_does_not() -> None:

@@ -14,7 +14,7 @@ from somrs.ontology.map import Map
 from somrs.ontology.objects import Object
 from somrs.ontology.types import Value
 from somrs.space.clearance import Disc
-from somrs.space.solids import Point, Solid
+from somrs.space.solids import Point, Solid, solid_of
 from somrs.traffic.layout import MARGIN, OpenBuilding, lay_out
 from somrs.traffic.roadmap import NumberedRoadmap, RobotKind, spacing_for
 from somrs.traffic.ways import Closed, Goal, Stands, Way, Ways
@@ -168,7 +168,8 @@ def test_finds_a_way_where_the_plain_search_does_and_not_much_longer(things: lis
     assert space is not None
     if not (space.free(start, RADIUS + MARGIN) and space.free(end, RADIUS + MARGIN)):
         return
-    solids, found = [*space.solids.values()], way(ways, start, end)
+    solids = [solid for thing in things if (solid := solid_of(thing, ONTOLOGY)) is not None]
+    found = way(ways, start, end)
     wide = plain_distance(solids, size, start, end, RADIUS + 0.1)
     if found is None:
         assert wide == math.inf

@@ -13,7 +13,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from somrs.adapters.things.components import COMPONENTS, Entity, entity_of
+from somrs.adapters.things.components import Entity, entity_of
 from somrs.adapters.things.home_assistant_keys import full_keys
 from somrs.adapters.things.mapping import ThingEntry
 from somrs.adapters.things.naming import object_name
@@ -149,6 +149,3 @@ def _unite(entities: list[Entity]) -> tuple[list[Entity], list[Entity]]:
         is_second_main = bool(united) and entity.type != "Sensor"
         (further if is_alike or is_second_main else united).append(entity)
     return united, further
-
-
-__all__ = ["COMPONENTS", "Discovered", "Discovery"]

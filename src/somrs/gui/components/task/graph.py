@@ -19,7 +19,3 @@ class PlanGraph(Element, component="graph.js", dependencies=[LIVE]):
     ) -> None:
         super().__init__()
         self._props.update({"task": task, "plan": msgspec.to_builtins(list(steps)), "label": label, "empty": empty})
-
-    def show_steps(self, steps: Sequence[StepView]) -> None:
-        """Replace the steps."""
-        self._props["plan"] = msgspec.to_builtins(list(steps))
