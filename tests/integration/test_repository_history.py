@@ -174,7 +174,7 @@ def test_undoing_brings_back_what_was_and_undoing_that_what_came(keeper: Keeper,
 
 def test_what_has_nothing_to_do_with_it_does_not_stand_in_the_way(keeper: Keeper) -> None:
     update(keeper, ValueSet("Jar1", "Color", "Red"))
-    update(keeper, situation="Jar1 isOn Table2 AND Jar1.PositionX = 8")
+    update(keeper, situation="Jar1 isOn Table2 AND Jar1.PositionX = 8 AND Jar1.PositionY = 8")
     keeper.ask(Undo(version=1), Updated)
     assert "Color" not in keeper.contents.map.objects["Jar1"].values
     assert keeper.contents.map.has_fact("isOn", ("Jar1", "Table2"))

@@ -117,7 +117,10 @@ def test_a_discovered_object_is_a_known_one(data: Path) -> None:
 
 
 def test_an_object_is_added_and_removed_by_an_update(data: Path) -> None:
-    position = "Jar099.PositionX = 1.0 AND Jar099.PositionY = 2.0 AND Jar099.PositionZ = 0.75"
+    position = "Jar099.PositionX = 4.0 AND Jar099.PositionY = 2.0 AND Jar099.PositionZ = 0.75"
+    beside = position.replace("4.0", "1.0")
+    refusal = run(data, "map", "update", f"Jar099 isOn Table001 AND {beside}", "--add", "Jar099:Jar", code=1)
+    assert "Jar099: it is on Table001, and its position is 2.30 m beside that" in plain(refusal)
     run(data, "map", "update", f"Jar099 isOn Table001 AND {position}", "--add", "Jar099:Jar")
     shown = json.loads(run(data, "map", "show", "Jar099", "--json"))
     assert shown["type"] == "Jar"

@@ -25,6 +25,7 @@ from somrs.repository.names import is_name, text_problem
 from somrs.repository.outcome import SITUATION, Outcome
 from somrs.repository.provenance import Aspect, Provenance, aspects_of, fact_aspect, location_aspect
 from somrs.repository.reports import read_report
+from somrs.space.standing import BESIDE, ON, beside_supports, beside_text
 
 
 def update_outcome(
@@ -64,13 +65,30 @@ def update_outcome(
     changed = changed.changed(report.changes)
     clearing = [clear for clear in _clear_unknown(changed, changes, report.recognized) if provenance.time((clear.object, UNKNOWN)) <= at]
     reception = structs.replace(report.reception, superseded=(*superseded, *report.reception.superseded))
+    outcome = changes_outcome(map, ontology, [*changes, *clearing])
+    if is_edit and not outcome.broken:
+        outcome = replace(outcome, broken=tuple(_beside_supports(outcome)))
     return replace(
-        changes_outcome(map, ontology, [*changes, *clearing]),
+        outcome,
         at=at,
         aspects=(*aspects, *report.aspects),
         reception=reception if reception != Reception() else None,
         merged=report.merged,
     )
+
+
+def _beside_supports(outcome: Outcome) -> Iterator[Violation]:
+    """Violations for things of which the changes say that they are on something, and that they are where this is not. Reports are not
+    rejected for that: they say what was measured."""
+    changes = outcome.changes
+    placed = {change.fact.arguments[0] for change in changes if isinstance(change, FactAdded) and change.fact.relation == ON}
+    located = {objects_of(change)[0] for change in changes if isinstance(change, ObjectAdded) or _is_position(change)}
+    for name, support, distance in beside_supports(outcome.map, outcome.ontology, sorted(placed & located)):
+        yield Violation(subject=name, rule=BESIDE, message=beside_text(support, distance), path="PositionX")
+
+
+def _is_position(change: Change) -> bool:
+    return isinstance(change, ValueSet) and change.path in ("PositionX", "PositionY")
 
 
 def _wrong_observation(map: Map, ontology: Ontology, observation: Observation, provenance: Provenance) -> Iterator[Violation]:

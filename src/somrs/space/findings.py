@@ -24,6 +24,7 @@ from somrs.space.fitting import TOLERANCE, is_in_the_way, overlaps
 from somrs.space.lanes import MapLane, lanes_of
 from somrs.space.reachability import Ground
 from somrs.space.solids import Point, Role, Solid, area_of, solid_of
+from somrs.space.standing import BESIDE, beside_supports, beside_text
 from somrs.space.way_back import lanes_without_way_back
 from somrs.space.zones import NO_GO_ZONE, zone_objects
 
@@ -59,6 +60,7 @@ def find_mistakes(map: Map, ontology: Ontology) -> list[Finding]:
         or list(site.storeys_in_one())
         or [
             *site.in_walls(),
+            *site.beside_supports(),
             *site.without_floor(),
             *site.small_lifts(),
             *site.in_shafts(),
@@ -204,6 +206,11 @@ class _Site:
         for name, (depth, solid, obstacle) in deepest.items():
             correction = "move it away" if solid.role is Role.ROBOT else "move it away, or correct its Shape"
             yield Finding(subject=name, rule="in-wall", message=f"it stands {_length(depth)} deep in {obstacle.name}; {correction}")
+
+    def beside_supports(self) -> Iterator[Finding]:
+        """Things that are beside what they are on."""
+        for name, support, distance in beside_supports(self.map, self.ontology, self.map.objects):
+            yield Finding(subject=name, rule=BESIDE, message=beside_text(support, distance))
 
     def without_floor(self) -> Iterator[Finding]:
         """Robots and places that are on no floor."""

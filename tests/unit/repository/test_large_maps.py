@@ -90,7 +90,7 @@ def fact(relation: str, *arguments: str) -> Fact:
     return Fact(relation, arguments)
 
 
-NEW_JAR = Object(name="JarNew", type="Jar", values={"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 1.0})
+NEW_JAR = Object(name="JarNew", type="Jar", values={"PositionX": 3.0, "PositionY": 0.0, "PositionZ": 1.0})
 UPDATES: dict[str, tuple[Change, ...] | str] = {
     "a formula": "Jar7 isOn Shelf9",
     "a value": (ValueSet("Jar8", "Color", "Blue"),),

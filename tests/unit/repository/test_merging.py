@@ -27,10 +27,11 @@ def merge(lab: Reporting, name: str = "Jar003", into: str = "Jar1") -> None:
 
 
 def put(lab: Reporting, name: str, type: str, support: str) -> None:
-    """A person puts a new object on the map."""
+    """A person puts a new object on the map, in the middle of its support."""
+    middle = lab.map.objects[support].values
     values: dict[str, Value] = {
-        "PositionX": 2.0,
-        "PositionY": 2.0,
+        "PositionX": middle["PositionX"],
+        "PositionY": middle["PositionY"],
         "PositionZ": 0.0,
         "Shape.Form": "Cylinder",
         "Shape.Radius": 0.04,

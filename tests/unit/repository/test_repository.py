@@ -40,6 +40,7 @@ from somrs.protocol.messages.knowledge import (
     Updated,
     UpdateMap,
 )
+from somrs.protocol.messages.observations import Observation
 from somrs.repository.component import Repository
 from somrs.repository.state import ArchivedEvents, Contents, HistoryOf, LeasesDue
 from tests.support.lab import CLIENT, REPOSITORY, SITE, ask, contents, deliver_request, lab, records, request, sent_bodies
@@ -157,6 +158,14 @@ def test_a_situation_changes_what_it_says_and_what_follows_from_the_relations(re
     assert not map.has_fact("isOn", ("Jar1", "Table1"))
     assert map.objects["Jar1"].values["PositionX"] == 8.0
     assert violations(map, repository.contents.ontology) == []
+
+
+def test_a_person_puts_nothing_beside_what_it_is_on_and_a_report_says_what_was_measured(repository: Repository) -> None:
+    """Seen with `somrs map update`: a jar was on a table that was elsewhere."""
+    beside = "Jar1 isOn Table2 AND Jar1.PositionX = 8 AND Jar1.PositionY = 5"
+    assert "Jar1: it is on Table2, and its position is" in problems(repository, situation=beside)
+    answer = ask(repository, UpdateMap(situation=beside, author="Robot1", observation=Observation()), Updated)
+    assert answer.version == 1
 
 
 def test_an_update_is_recorded_before_it_is_answered_and_answered_before_it_is_told(repository: Repository) -> None:

@@ -262,3 +262,13 @@ def test_door_is_a_way_between_floors_that_end_at_its_wall() -> None:
     assert Ground([], floors, [], 0.3).region((1, 2)) != Ground([], floors, [], 0.3).region((7, 2))
     ground = Ground([], floors, [door], 0.3)
     assert ground.region((1, 2)) == ground.region((7, 2)) is not None
+
+
+@pytest.mark.parametrize(
+    ("place", "distance"), [("[1.3, 5.1, 1]", None), ("[1.62, 5, 1]", None), ("[2.1, 5, 1]", "0.50"), ("[1, 3, 0]", "1.80")]
+)
+def test_a_thing_beside_what_it_is_on_is_found(place: str, distance: str | None) -> None:
+    text = HALL.replace("facts:\n", f"  Jar1: {{type: Jar, at: {place}}}\nfacts:\n  - Jar1 isOn Shelf1\n")
+    found = [finding for finding in mistakes(text) if finding.subject == "Jar1"]
+    message = f"it is on Shelf1, and its position is {distance} m beside that; correct PositionX and PositionY, or what it is on"
+    assert found == ([Finding(subject="Jar1", rule="beside", message=message)] if distance is not None else [])
