@@ -40,7 +40,7 @@ _MOSTLY = 0.9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shown:
-    """An object as a survey shows it. `box`: where it is; of a room, only its middle counts, and `outline` is its edge. `parts`: the values
+    """An object as a survey shows it. `box`: where it is; of a room, only its middle counts, and `outline` is its edge. `floor`: the values
     of its floor, of a room."""
 
     kind: str

@@ -293,7 +293,7 @@ class _Step:
         return False
 
     def _ways_on(self, way_back_place: int, place: int) -> tuple[int, int]:
-        """How many places lead on from a place, and one of them. Not the place `back`, and no dead end where a robot is at its goal."""
+        """How many places lead on from a place, and one of them: not the way back, and no dead end where a robot is at its goal."""
         successors, now, estimates = self._graph.successors, self._now, self._estimates
         ways, way_on = 0, NOBODY
         for following in successors[place]:
