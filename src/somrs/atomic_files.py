@@ -7,11 +7,10 @@ from pathlib import Path
 
 
 def write_atomically(file: Path, content: bytes) -> None:
-    """Replace a file, and make its folder if there is none. Only one program at a time may write it. Raises OSError.
+    """Replace a file, whose folder exists. Only one program at a time may write it. Raises OSError.
 
     It need not survive a loss of power right after this.
     """
-    file.parent.mkdir(parents=True, exist_ok=True)
     new_file = file.with_name(f"{file.name}.new")
     new_file.write_bytes(content)
     new_file.replace(file)

@@ -35,6 +35,7 @@ def load_reckoning(path: Path) -> Stored | None:
 def store_reckoning(path: Path, stored: Stored) -> None:
     """Store it in place of what was stored before. A failure is logged: the robot can do without it."""
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, msgspec.json.encode(stored))
     except OSError as error:
         log.warning("%s cannot be written: %s", path, error)

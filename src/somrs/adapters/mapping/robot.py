@@ -160,6 +160,7 @@ class MappingRobot(SimulatedDevice):
     def write_surveyed(self, names: Iterable[str]) -> None:
         """Keep the names of the objects that surveys have brought, for the next one."""
         try:
+            self._surveyed_file.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(self._surveyed_file, msgspec.json.encode(sorted(names)))
         except OSError as error:
             log.warning("%s: what it found cannot be kept (%s): the next survey takes it as found by others", self.name, error)

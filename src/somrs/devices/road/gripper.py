@@ -138,6 +138,7 @@ class Gripper:
             return
         self._stored = stored
         try:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(self._file, msgspec.json.encode(stored))
         except OSError as error:
             log.warning("%s cannot be written: %s", self._file, error)
