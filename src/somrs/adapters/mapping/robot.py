@@ -98,14 +98,14 @@ class MappingRobot(SimulatedDevice):
         await findings.publish(is_last=True)
         if doors.failed:
             await task.progress(1.0, note=f"cannot have opened: {', '.join(doors.failed)}. What is behind stays unknown")
-        return " AND ".join([f"{task.inputs['Storey']} wasExploredBy {self.name}", *self._own_pose(state)])
+        return " AND ".join([f"{task.inputs['Storey']} wasExploredBy {self.name}", *self.own_pose(state)])
 
     @explore_floor.stopping
     async def stand_still(self, task: Task) -> Situation:
         if self._doors is not None:
             await self._doors.leave()
         try:
-            return " AND ".join(self._own_pose((await self.retry_when_link_lost(self._link.stop)).state))
+            return " AND ".join(self.own_pose((await self.retry_when_link_lost(self._link.stop)).state))
         except RobotGaveUp as failure:
             raise ServiceFailed(failure.description, self.failure_situation(failure)) from failure
 
@@ -204,7 +204,7 @@ class _Findings:
             await self.publish()
             rooms = self._floor_map.room_count
             note = f"has looked {self._looks} times, and found {rooms} room{'s' if rooms != 1 else ''}"
-            await self._task.progress(1 - 1 / (1 + self._looks / 50), " AND ".join(self._device._own_pose(view.state)), note)
+            await self._task.progress(1 - 1 / (1 + self._looks / 50), " AND ".join(self._device.own_pose(view.state)), note)
         await self._report_things(view, seen_at)
 
     async def publish(self, *, is_last: bool = False) -> None:

@@ -130,52 +130,58 @@ class Firmware:
             self._take(content)
 
     def _take(self, content: bytes) -> None:
-        number = content[0]
         if not self._is_open and self._synchronized < 3:
-            if number == self._synchronized:
-                identity = f"{self._name}\0Pioneer\0{self._subclass}\0".encode() if number == 2 else b""
-                self._replies += packet(bytes((number,)) + identity)
-                self._synchronized += 1
-            else:
-                self._synchronized = 0
-            return
-        self._silence = 0.0
-        argument = _argument(content)
+            self._synchronize(content[0])
+        else:
+            self._silence = 0.0
+            self._obey(content[0], _argument(content))
+
+    def _synchronize(self, number: int) -> None:
+        """Answer a synchronization packet, if it is the one that is due; begin again otherwise."""
+        if number == self._synchronized:
+            identity = f"{self._name}\0Pioneer\0{self._subclass}\0".encode() if number == 2 else b""
+            self._replies += packet(bytes((number,)) + identity)
+            self._synchronized += 1
+        else:
+            self._synchronized = 0
+
+    def _obey(self, number: int, argument: int) -> None:
+        """Carry out a command (Operations Manual, table 6)."""
         match number:
-            case 1:
+            case 1:  # OPEN
                 self._is_open = True
-            case 2:
+            case 2:  # CLOSE
                 self._close()
-            case 4:
+            case 4:  # ENABLE
                 self._motors = bool(argument) and not self.stop_button
-            case 5 | 23 if argument:
+            case 5 | 23 if argument:  # SETA, SETRA
                 self.rates[(0 if number == 5 else 2) + (argument < 0)] = float(abs(argument))
-            case 6:
+            case 6:  # SETV
                 self._limits = min(float(abs(argument)), TOP_SPEED), self._limits[1]
-            case 10:
+            case 10:  # SETRV
                 self._limits = self._limits[0], min(float(abs(argument)), TOP_TURN)
-            case 7:
+            case 7:  # SETO
                 self._counted = (0.0, 0.0, 0.0)
-            case 11:
+            case 11:  # VEL
                 self._goal, self._emergency = (_limited(argument, self._limits[0]), self._goal[1]), False
-            case 9 | 21:
+            case 9 | 21:  # ROTATE, RVEL
                 self._goal, self._emergency = (self._goal[0], _limited(argument, self._limits[1])), False
-            case 18:
+            case 18:  # CONFIG
                 self._replies += packet(self._configuration())
-            case 28:
+            case 28:  # SONAR
                 self._sonar = bool(argument)
-            case 29:
+            case 29:  # STOP
                 self._goal = (0.0, 0.0)
-            case 44:
+            case 44:  # BUMPSTALL
                 self._bump_stall = argument
-            case 55:
+            case 55:  # E_STOP
                 self._goal, self._emergency = (0.0, 0.0), True
-            case 68:
+            case 68:  # CHARGE
                 self._charge_mechanism = bool(argument)
                 self.body.set_charging(self._charge_mechanism)
-            case 33 if self.gripper is not None:
+            case 33 if self.gripper is not None:  # GRIPPER
                 self.gripper.command(argument)
-            case 37 if argument:
+            case 37 if argument:  # GRIPREQUEST
                 self._replies += packet(bytes((0xE0, self.gripper is not None, self.gripper.state if self.gripper else 0, 10)))
 
     def _close(self) -> None:

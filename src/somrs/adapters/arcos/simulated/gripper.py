@@ -25,19 +25,19 @@ class Gripper:
 
     def command(self, number: int) -> None:
         match number:
-            case 1:
+            case 1:  # open
                 self._paddle_goal = 0.0
                 self._body.release()
-            case 2:
+            case 2:  # close
                 self._paddle_goal, self._has_slipped = 1.0, False
-            case 4:
+            case 4:  # lift up
                 self._lift_goal = 1.0
-            case 5:
+            case 5:  # lift down
                 self._lift_goal = 0.0
-            case 8:
+            case 8:  # deploy
                 self.command(1)
                 self.command(5)
-            case 3 | 6 | 15:
+            case 3 | 6 | 15:  # stop the paddles, the lift, or both
                 self._paddle_goal = self._paddle_goal if number == 6 else None
                 self._lift_goal = self._lift_goal if number == 3 else None
 

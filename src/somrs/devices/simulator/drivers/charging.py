@@ -122,9 +122,9 @@ class ChargingRobot(SimulatedDevice):
             self._reported_charge = state.charge
             self.observed(f"{self.name}.Charge = {format_number(round(state.charge, 1))}")
 
-    def _own_pose(self, state: RobotState) -> list[str]:
+    def own_pose(self, state: RobotState) -> list[str]:
         self._reported_charge = state.charge
-        return super()._own_pose(state)
+        return super().own_pose(state)
 
     # The charge that work needs
 

@@ -174,7 +174,7 @@ class Manipulator(OpeningRobot):
     @weigh.compensation
     async def keep_weight(self, task: Task, situation: Formula) -> Situation:
         """A measurement leaves nothing to undo."""
-        return await self._commanded(task, lambda: self._link.status())
+        return await self._commanded(task, self._link.status)
 
     async def way_to_thing(self, task: Task) -> float:
         """The driving distance to the thing that is to be weighed, m. Raises Refusal when there is no path."""
@@ -353,7 +353,7 @@ class Manipulator(OpeningRobot):
             try:
                 parts += await self.own_position(state)
             except RemoteError:  # what happened to the thing is to be reported all the same
-                parts += self._own_pose(state)
+                parts += self.own_pose(state)
         if state is None or state.faults or not self._link.connected:
             parts.append(self._out_of_order())
         return " AND ".join(parts)

@@ -113,7 +113,7 @@ class MobileRobot(ChargingRobot):
 
     @move_to.stopping
     async def stop_moving(self, task: Task) -> Situation:
-        return await self._commanded(task, lambda: self._link.stop())
+        return await self._commanded(task, self._link.stop)
 
     @move_to.compensation
     async def move_back(self, task: Task, situation: Formula) -> Situation:
@@ -173,12 +173,12 @@ class MobileRobot(ChargingRobot):
 
     @charge.stopping
     async def stop_charging(self, task: Task) -> Situation:
-        return await self._commanded(task, lambda: self._link.stop())
+        return await self._commanded(task, self._link.stop)
 
     @charge.compensation
     async def keep_charge(self, task: Task, situation: Formula) -> Situation:
         """A charged battery leaves nothing to undo."""
-        return await self._commanded(task, lambda: self._link.status())
+        return await self._commanded(task, self._link.status)
 
     # Looking
 
@@ -193,13 +193,13 @@ class MobileRobot(ChargingRobot):
     @look_at_place.stopping
     @look_into.stopping
     async def stop_looking(self, task: Task) -> Situation:
-        return await self._commanded(task, lambda: self._link.stop())
+        return await self._commanded(task, self._link.stop)
 
     @look_at_place.compensation
     @look_into.compensation
     async def keep_findings(self, task: Task, situation: Formula) -> Situation:
         """An observation leaves nothing to undo."""
-        return await self._commanded(task, lambda: self._link.status())
+        return await self._commanded(task, self._link.status)
 
     async def _look(self, task: Task, place: str) -> Result:
         """Drive to where the place is in view, and report the things there."""
@@ -271,11 +271,11 @@ class MobileRobot(ChargingRobot):
         if not places:
             return await self.own_position(state)
         nearest = min(places, key=lambda place: math.dist((place.x, place.y), (state.x, state.y)))
-        return [*self._own_pose(state), f"{self.name} isAt {nearest.name}"]
+        return [*self.own_pose(state), f"{self.name} isAt {nearest.name}"]
 
     async def own_position(self, state: RobotState) -> list[str]:
         left = await self.left_places(state)
-        return [*self._own_pose(state), *left]
+        return [*self.own_pose(state), *left]
 
     async def left_places(self, state: RobotState) -> list[str]:
         """That the robot is no longer at the place where it is according to the map, as parts of a formula; none if it is there."""

@@ -65,7 +65,7 @@ class OpeningRobot(MobileRobot):
     @close_cupboard.stopping
     async def let_go(self, task: Task) -> Situation:
         """Stop, and release the handle."""
-        return await self._commanded(task, lambda: self._link.stop())
+        return await self._commanded(task, self._link.stop)
 
     @open_door.compensation
     @close_door.compensation

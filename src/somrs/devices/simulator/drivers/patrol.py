@@ -84,10 +84,10 @@ class PatrolRobot(WatchingDevice, MobileRobot):
             state = (await self.retry_when_link_lost(self._link.status)).state
         except RobotGaveUp as failure:
             raise ServiceFailed(failure.description, self.failure_situation(failure)) from failure
-        own_pose = self._own_pose(state)
+        pose = self.own_pose(state)
         if search.situation is None:
-            raise ServiceFailed(_failure_text(self.name, search.object, searched_places, missed_places), " AND ".join(own_pose))
-        return Result(situation=" AND ".join([search.situation, *own_pose]), observation=search.observation)
+            raise ServiceFailed(_failure_text(self.name, search.object, searched_places, missed_places), " AND ".join(pose))
+        return Result(situation=" AND ".join([search.situation, *pose]), observation=search.observation)
 
     async def _search(self, search: Search) -> tuple[list[str], list[str]]:
         """Search until the object is found. Return the labels of the searched and of the unreachable places."""
@@ -118,7 +118,7 @@ class PatrolRobot(WatchingDevice, MobileRobot):
     @recognize.stopping
     async def stand_still(self, task: Task) -> Situation:
         try:
-            return " AND ".join(self._own_pose((await self.retry_when_link_lost(self._link.stop)).state))
+            return " AND ".join(self.own_pose((await self.retry_when_link_lost(self._link.stop)).state))
         except RobotGaveUp as failure:
             raise ServiceFailed(failure.description, self.failure_situation(failure)) from failure
 

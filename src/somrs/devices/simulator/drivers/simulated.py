@@ -142,7 +142,7 @@ class SimulatedDevice(Device):
 
     async def own_position(self, state: RobotState) -> list[str]:
         """Where the device is, and where it is no longer, as parts of a formula."""
-        return self._own_pose(state)
+        return self.own_pose(state)
 
     async def _pose_on_map(self) -> Pose:
         rows = await self.map.query(f"{self.name}.PositionX = ?X AND {self.name}.PositionY = ?Y AND {self.name}.RotationZ = ?Yaw", limit=1)
@@ -175,7 +175,7 @@ class SimulatedDevice(Device):
 
     def failure_situation(self, failure: RobotGaveUp) -> str:
         """Where the device is after a command that it gave up, and whether it works."""
-        pose = self._own_pose(failure.state) if failure.state is not None and not self._link.silent else []
+        pose = self.own_pose(failure.state) if failure.state is not None and not self._link.silent else []
         is_broken = self.is_out_of_order(failure) or not pose
         return " AND ".join([*pose, *([self._out_of_order()] if is_broken else [])])
 
@@ -248,7 +248,7 @@ class SimulatedDevice(Device):
         finally:
             driving.cancel()
 
-    def _own_pose(self, state: RobotState) -> list[str]:
+    def own_pose(self, state: RobotState) -> list[str]:
         """The device's pose, and the charge of its battery, as parts of a formula; records that the pose has been reported."""
         self._reported_pose = _pose(state)
         values = {"PositionX": state.x, "PositionY": state.y, "RotationZ": state.yaw}

@@ -286,11 +286,11 @@ def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
         points = np.array([spot for spot, _ in ranked]).reshape(-1, 2)
         off = _asides(robot, points) - 0.5 * np.hypot(points[:, 0] - x, points[:, 1] - y)
         return [ranked[number] for number in np.argsort(off, kind="stable").tolist()]
-    reachable = next((i for i, (spot, _) in enumerate(ranked[:12]) if _others_can_reach(robot, spot, radius)), 0)
+    reachable = next((i for i, (spot, _) in enumerate(ranked[:12]) if _others_can_reach(robot, spot)), 0)
     return ranked[reachable : reachable + 1] + ranked[:reachable] + ranked[reachable + 1 :]
 
 
-def _others_can_reach(robot: Robot, spot: Point, radius: float) -> bool:
+def _others_can_reach(robot: Robot, spot: Point) -> bool:
     """Whether another robot of this size finds a place from which it can take a thing from the spot."""
     size, (x, y, _) = robot.size, robot.pose()
     ring = [(spot[0] + 0.55 * math.cos(angle), spot[1] + 0.55 * math.sin(angle)) for angle in np.arange(16) * math.pi / 8]
