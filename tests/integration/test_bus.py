@@ -18,7 +18,7 @@ from somrs.client.client import Client
 from somrs.deployment import bus as bus_module
 from somrs.deployment.bus import addresses_on, discard_site, find_site, list_number, list_site, run_gateway
 from somrs.deployment.device import DeviceRunner
-from somrs.errors import InputError, RemoteError, UsageError
+from somrs.errors import DeviceError, InputError, RemoteError, UsageError
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Notified, Received, Send
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
@@ -161,6 +161,52 @@ class Silent:
         if isinstance(event, Received):
             self.asked.set()
         return []
+
+
+def test_a_device_that_another_program_on_the_bus_serves_is_not_served_twice(tmp_path: Path) -> None:
+    """Seen with a simulated robot that an adapter on another host served, too: both did each order."""
+
+    async def scenario(server: NatsServer) -> None:
+        opened = []
+
+        class Watched(Porter):
+            async def open(self) -> None:
+                opened.append(self.name)
+
+        addresses = addresses_on(server.address)
+        async with Host(bus=server.address) as elsewhere, Host(bus=server.address) as host:
+            serving = elsewhere.add("/devices/Robot1", Answerer)
+            await elsewhere.listening()
+            runner = DeviceRunner(Watched("Robot1"), addresses, tmp_path, host)
+            with pytest.raises(DeviceError, match="another program on the bus serves Robot1, too"):
+                await runner.start()
+            assert not opened, "its robot has been told nothing"
+            await elsewhere.remove(serving)
+            while await host.rival("/devices/Robot1") is not None:
+                await asyncio.sleep(0.01)
+            starting = asyncio.create_task(DeviceRunner(Watched("Robot1"), addresses, tmp_path / "again", host).start())
+            while not opened:
+                await asyncio.sleep(0.01)
+            starting.cancel()
+
+    on_bus(tmp_path, scenario)
+
+
+def test_of_two_programs_that_begin_at_the_same_time_one_goes_on(tmp_path: Path) -> None:
+    async def scenario(server: NatsServer) -> None:
+        async with Host(bus=server.address) as one, Host(bus=server.address) as two:
+            contested = [host.contested("/devices/Robot1") for host in (one, two)]
+            for host in (one, two):
+                assert await host.rival("/devices/Robot1") is None
+            for host in (one, two):
+                host.add("/devices/Robot1", Answerer)
+            await asyncio.gather(one.listening(), two.listening())
+            while not any(event.is_set() for event in contested):
+                await asyncio.sleep(0.01)
+            await asyncio.gather(one.listening(), two.listening())  # both have heard of both
+            assert [event.is_set() for event in contested].count(True) == 1
+
+    on_bus(tmp_path, scenario)
 
 
 @pytest.mark.parametrize("cause", ["its process was killed and began anew", "the server of the bus was killed"])

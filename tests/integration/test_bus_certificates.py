@@ -225,6 +225,24 @@ def test_where_nobody_listens_nothing_is_waited_for(tmp_path: Path) -> None:
     on_place(tmp_path, scenario)
 
 
+def test_the_program_that_serves_a_device_is_named(tmp_path: Path) -> None:
+    async def scenario(place: Place) -> None:
+        fleet = Identity(name="vda.5050", roles=frozenset({Role.DEVICE}), speaks_for=frozenset({"Robot1"}))
+        certificate, _ = place.bus.authority.issue_program(fleet, ("127.0.0.1",), datetime.now(UTC))
+        adapter, device = (Bus(place.bus.address, held) for held in (Credentials(certificate), place.bus.enrolled("Robot1", Role.DEVICE)))
+        for bus in (adapter, device):
+            await bus.start()
+        assert await device.listener("/devices/Robot1") is None
+        adapter.parts["/devices/Robot1"] = place.take
+        await adapter.listening()
+        assert await device.listener("/devices/Robot1") == "vda.5050"
+        assert await adapter.listener("/devices/Robot1") is None, "it is the program itself"
+        for bus in (adapter, device):
+            await bus.close()
+
+    on_place(tmp_path, scenario)
+
+
 def test_who_is_revoked_is_refused_at_once_also_when_it_is_enrolled_again(tmp_path: Path) -> None:
     async def scenario(place: Place) -> None:
         robot = place.bus.enrolled("Robot1", Role.DEVICE)

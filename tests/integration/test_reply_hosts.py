@@ -19,7 +19,7 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.people import client_address
 from somrs.protocol.soap import soap
 from somrs.runtime.batches import MEDIA_TYPE, batch, outcomes_of
-from somrs.runtime.bus import MSGPACK, decode, encode
+from somrs.runtime.bus_format import MSGPACK, decode, encode
 from somrs.runtime.http import CONTENT_TYPE, Server
 from somrs.runtime.proofs import NO_SOURCE
 from somrs.runtime.reception import Reception

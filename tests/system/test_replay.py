@@ -22,8 +22,8 @@ from somrs.protocol.messages.records import ReadRecords
 from somrs.protocol.messages.rights import DENIED
 from somrs.protocol.messages.submission import Submit
 from somrs.runtime import batches
-from somrs.runtime.bus import decode
 from somrs.runtime.bus_address import token_of
+from somrs.runtime.bus_format import decode
 from somrs.trust.credentials import FOLDER, Credentials
 from tests.support import warm
 from tests.support.hang import HANG_TIME

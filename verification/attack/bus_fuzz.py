@@ -18,7 +18,7 @@ import msgspec
 from somrs.protocol.messages import directory, frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.runtime.batches import batch, outcomes_of
-from somrs.runtime.bus import encode
+from somrs.runtime.bus_format import encode
 from verification.attack.bus_target import Attacker, BusTarget
 from verification.attack.fuzz import BODIES, TEXTS
 from verification.attack.target import PATIENCE, expect

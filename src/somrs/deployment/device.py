@@ -13,6 +13,7 @@ import logging
 import math
 import sys
 import uuid
+from collections.abc import Coroutine
 from pathlib import Path
 from types import ModuleType
 from urllib.parse import urlsplit
@@ -56,6 +57,9 @@ PATIENCE = math.inf
 """Seconds for which a device repeats a request that the Repository or the Task Manager does not answer: until the service that needs the
 answer is stopped. That they are away, however long, is no failure of the service."""
 
+RIVAL_PAUSE = 1.0
+"""Seconds after which it is asked again whether another program serves the device, when there was no answer."""
+
 LEAVE_TIME = 5.0
 """Seconds that a device has to become idle when its program stops."""
 
@@ -88,6 +92,15 @@ async def listen(host: str, port: int, name: str, bus: BusAddress | None = None,
     raise AssertionError("port 0 is always tried")
 
 
+def _rival_text(name: str, rival: str) -> str:
+    """What is wrong when another program serves the device, and what to do. `rival`: the name of that program, if it has one."""
+    program = f"the program {rival}" if rival else "another program"
+    return (
+        f"{program} on the bus serves {name}, too, and both would do what it is told; stop that one, or have this one leave {name} out: an "
+        "adapter by its settings, `somrs up` by a type without a driver"
+    )
+
+
 class DeviceRunner:
     """Runs one device in this process: `start` joins the system, `stop` leaves it. `data` is the folder of its journal.
 
@@ -117,6 +130,8 @@ class DeviceRunner:
         """Its part in traffic, if it is a lift, a door, or a robot."""
         self._early: list[Observed] = []
         """What the device observed before it joined."""
+        self._path = f"/devices/{device.name}"
+        self._contested = asyncio.Event()
         self._was_opened = False
         """Whether the device was told to connect to its hardware, successfully or not."""
         self._joined: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -128,6 +143,7 @@ class DeviceRunner:
         """
         self.device.profile()  # reports an invalid class before anything is connected
         self._runtime = runtime = await self._listen()
+        await self._check_alone(runtime)
         self.device.map = MapReader(self._ask)
         self.device.tasks = TaskSubmitter(DeviceTasks(self.device.name, self._addresses, runtime.request, PATIENCE).ask)
         self.device.observer = self._observed
@@ -138,8 +154,9 @@ class DeviceRunner:
         await self.device.open()
         profile = self.device.profile()
         repository, (registry, *further_registries) = self._addresses.repository, self._addresses.registries_for(self.device.name)
+        self._contested = runtime.contested(self._path)
         self._node = runtime.add_journaled(
-            f"/devices/{self.device.name}",
+            self._path,
             lambda address: ServiceManager(profile, repository=repository, registry=registry),
             self._journal,
             carry_out=self._carry_out,
@@ -151,6 +168,20 @@ class DeviceRunner:
         if self._addresses.traffic is not None:
             self._passage = self._join_traffic(runtime, self._addresses.traffic)
         return self._node.address
+
+    async def _check_alone(self, runtime: Host) -> None:
+        """Raises DeviceError if another program on the bus serves the device: both would get all orders. When that has ended, this one can
+        take its place. If it does not answer, its host may be lost, which the servers of the bus find out."""
+        name, is_answered = self.device.name, False
+        while not is_answered:
+            try:
+                rival = await runtime.rival(self._path)
+                is_answered = True
+            except RemoteError as error:
+                log.warning("%s waits: %s", name, error)
+                await asyncio.sleep(RIVAL_PAUSE)
+        if rival is not None:
+            raise DeviceError(_rival_text(name, rival))
 
     def _map_copy(self, runtime: Host) -> SharedMap:
         """The copy of the map that the devices of this process share, or one for this device alone."""
@@ -177,6 +208,11 @@ class DeviceRunner:
         """Return when the device cannot continue, because an input could not be stored."""
         assert self._node is not None, "start was called"
         await self._node.broken.wait()
+
+    async def wait_contested(self) -> None:
+        """Raises DeviceError when another program has begun at the same time to serve the device, and is to go on."""
+        await self._contested.wait()
+        raise DeviceError(_rival_text(self.device.name, ""))
 
     async def stop(self) -> None:
         """Leave the system: withdraw the offers, stop running services, and notify their coordinators."""
@@ -265,13 +301,25 @@ async def request(runtime: Host, body: Body, recipient: str) -> Body:
     return (await retry_unanswered(lambda: runtime.request(question), PATIENCE)).body
 
 
+async def first_of(*waiting: Coroutine[object, object, None]) -> None:
+    """Return, or raise, what the first of these does; the others are cancelled."""
+    tasks = [asyncio.create_task(work) for work in waiting]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+
+
 async def _serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:
     """Run a device until its process receives SIGTERM or SIGINT."""
     addresses = Addresses.read(data)
     give_devices_a_certificate([name], addresses, host)
     runner = DeviceRunner(kind(name, addresses.simulator or addresses.world), addresses, data, host)
     try:
-        await until_stopped(name, await runner.start())
+        await first_of(until_stopped(name, await runner.start()), runner.wait_contested())
     finally:
         await runner.stop()
 

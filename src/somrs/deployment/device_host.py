@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from somrs.client.addresses import Addresses
-from somrs.deployment.device import DeviceRunner, device_journal, last_port, listen, load, request
+from somrs.deployment.device import DeviceRunner, device_journal, first_of, last_port, listen, load, request
 from somrs.deployment.program_certificates import give_devices_a_certificate
 from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, run_program, until_stopped
 from somrs.deployment.shared_map import MAPS, SharedMap
@@ -112,7 +112,7 @@ class HostedDevice:
                 self.starts += 1
                 if not self.first_start.done():
                     self.first_start.set_result(address)
-                await runner.wait_broken()
+                await first_of(runner.wait_broken(), runner.wait_contested())
             finally:
                 await runner.stop()
         finally:

@@ -24,22 +24,17 @@ from itertools import takewhile
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-import msgspec
-
-from somrs.errors import RemoteError, WireError
-from somrs.kernel import codec
-from somrs.kernel.codec import Codec
-from somrs.protocol.messages import frp
-from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
-from somrs.protocol.soap.document import MOST_BYTES, SENDER
+from somrs.errors import RemoteError
+from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.runtime import batches
-from somrs.runtime.bus_address import ROOT, BusAddress, token_of
+from somrs.runtime.bus_address import ROOT, BusAddress, name_of, token_of
+from somrs.runtime.bus_format import MSGPACK, decode, encode
 from somrs.runtime.bus_processes import BusProcesses
 from somrs.runtime.bus_requests import Requests, answer_subject
 from somrs.runtime.bus_rights import may_answer, proof_of_subject, rights_on
 from somrs.runtime.outbox import Dispersed
 from somrs.runtime.proofs import NO_SOURCE, Denials, Source
-from somrs.runtime.reception import Format, Handler, Reception
+from somrs.runtime.reception import Handler, Reception
 from somrs.runtime.wire import NONE_ADDRESS, Unanswered, batch_documents, read_outcomes, write_document
 from somrs.storage.audit_log import AuditLog
 from somrs.storage.nats_connection import INBOXES, connect, end
@@ -52,32 +47,11 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_MESSAGES: Codec[Message] = Codec(Message)
+ANSWER_TIME = 5.0
+"""Seconds for which an answer to the question who listens is waited for."""
 
-
-def encode(message: Message) -> bytes:
-    """The message as msgpack. Raises WireError when it is too large for the other bindings."""
-    document = codec.encode(message)
-    if len(document) > MOST_BYTES:
-        raise WireError(SENDER, f"the message has {len(document)} bytes; the limit is {MOST_BYTES}")
-    return document
-
-
-def decode(document: bytes) -> Message:
-    """Return the message. Raises WireError for any invalid bytes."""
-    try:
-        return _MESSAGES.decode(document)
-    except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        raise WireError(SENDER, f"this is not a message: {error}") from None
-
-
-def fault(error: WireError, relates_to: str | None = None) -> bytes:
-    """The message that reports an error."""
-    header = Header(sender=ANONYMOUS, recipient=ANONYMOUS, message_id=message_id(relates_to, "fault"), relates_to=relates_to)
-    return encode(Message(header=header, body=frp.Fault(code=error.code, text=error.text[: MOST_BYTES // 8])))
-
-
-MSGPACK = Format(encode, decode, fault)
+NO_TOKEN = "-"
+"""In place of the token of a program without a certificate."""
 
 
 class Bus:
@@ -90,7 +64,7 @@ class Bus:
     def __init__(self, address: BusAddress, credentials: Credentials | None = None) -> None:
         self.address = address
         self._credentials = credentials = credentials if credentials is not None else Credentials.of_environment()
-        self._token = token_of(credentials.name) if credentials is not None else "-"
+        self._token = token_of(credentials.name) if credentials is not None else NO_TOKEN
         self.parts: dict[str, Handler] = _Parts(self._listen, self._silence)
         data = credentials.data if credentials is not None else None
         audit_log = AuditLog(data) if data is not None else None
@@ -100,6 +74,7 @@ class Bus:
         self._processes = BusProcesses()
         self._inbox = ""
         self._subscriptions: dict[str, asyncio.Task[Subscription]] = {}
+        self._contested: dict[str, asyncio.Event] = {}
         self._handling: set[asyncio.Task[None]] = set()
         self._waiting: dict[asyncio.Task[object], str] = {}
         """The tasks that wait for an answer, with its subject."""
@@ -289,6 +264,28 @@ class Bus:
             raise Unanswered("the connection to the bus is lost")
         return reply
 
+    async def listener(self, path: str) -> str | None:
+        """Which other process listens to the messages for a component at a path: the name in its certificate, empty without certificates;
+        None: none. Raises Unanswered when it does not say."""
+        from nats import errors
+
+        subject = self.address.subject(path)
+        try:
+            reply = await self._request(subject, batches.batch([]), asyncio.get_running_loop().time() + ANSWER_TIME)
+        except errors.NoRespondersError:
+            return None
+        except (errors.Error, OSError) as error:
+            raise Unanswered(f"who listens to {subject} does not answer: {error}") from None
+        inbox = reply.reply if reply is not None else ""
+        if inbox == self._inbox:
+            return None
+        tokens = self.address.tokens(inbox)
+        return name_of(tokens[1]) if len(tokens) > 1 and tokens[1] != NO_TOKEN else ""
+
+    def contested(self, path: str) -> asyncio.Event:
+        """Set when another process begins to listen at a path, too, and is to have it: of two that begin at the same time, one."""
+        return self._contested.setdefault(self.address.subject(path), asyncio.Event())
+
     def _give_up(self, subject: str | None = None) -> None:
         """Give up the requests to the subject, or all."""
         for task, wanted_subject in [*self._waiting.items()]:
@@ -301,6 +298,8 @@ class Bus:
 
     async def _on_begin(self, notice: Msg) -> None:
         subject = self.address.begun(notice.subject)
+        if (contested := self._contested.get(subject)) is not None and notice.data > self._inbox.encode():
+            contested.set()
         self._give_up(subject)
         if (inbox := self._processes.begin(subject)) is not None:
             self._give_up(inbox)
@@ -313,10 +312,11 @@ class Bus:
     async def _subscribe(self, subject: str) -> Subscription:
         subscription = await self.client.subscribe(self._heard(subject), cb=self._receive)
         # Who waits for an answer of an earlier process would wait in vain.
-        await self.client.publish(self.address.beginning(subject))
+        await self.client.publish(self.address.beginning(subject), self._inbox.encode())
         return subscription
 
     def _silence(self, path: str) -> None:
+        self._contested.pop(self.address.subject(path), None)
         task = self._subscriptions.pop(path, None)
         if task is not None:
             ending = asyncio.create_task(_end(task))

@@ -80,6 +80,14 @@ class Host:
         await self._server.start()
         await self._exits.enter_async_context(following(self._credentials))
 
+    async def rival(self, path: str) -> str | None:
+        """The other process on the bus that has a component at a path, as of `Bus.listener`; None: there is none."""
+        return await self._bus.listener(path) if self._bus is not None else None
+
+    def contested(self, path: str) -> asyncio.Event:
+        """Set when another process on the bus is to have the component at a path, as of `Bus.contested`."""
+        return self._bus.contested(path) if self._bus is not None else asyncio.Event()
+
     async def listening(self) -> None:
         """Return when others can reach the components that have been added."""
         if self._bus is not None:

@@ -48,10 +48,7 @@ MISTAKES = {
     ),
     "the address of the broker is none": (
         vehicle(broker="broker: mqtt://b:1883O"),
-        [
-            "6: adapters.vda5050.broker: 'mqtt://b:1883O' has no valid port: write mqtt://HOST:PORT, or mqtts://USER@HOST:PORT "
-            "with TLS"
-        ],
+        ["6: adapters.vda5050.broker: 'mqtt://b:1883O' has no valid port: write mqtt://HOST:PORT, or mqtts://USER@HOST:PORT with TLS"],
     ),
     "a setting of a vehicle is misspelt": (
         vehicle('serialnumber: "1"'),

@@ -11,8 +11,8 @@ from somrs.errors import WireError
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.soap.document import MOST_BYTES
-from somrs.runtime.bus import decode, encode, fault
 from somrs.runtime.bus_address import BusAddress
+from somrs.runtime.bus_format import decode, encode, fault
 from tests.support.bodies import KINDS, messages
 from tests.support.sessions import message
 
