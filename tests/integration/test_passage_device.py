@@ -151,11 +151,11 @@ def test_a_dead_lift_stands_nowhere_until_it_says_where_it_is() -> None:
             return [str(row["Storey"]) for row in await lift.map.query("Lift1 standsAt ?Storey")]
 
         lift.observer = report
-        # Its last will; it works; it says itself that it is out of order, and where it is; its last will again; it works.
-        for level, is_working in ((None, False), (HEIGHT, True), (HEIGHT, False), (None, False), (HEIGHT, True)):
+        # Its last will; it works; it says itself that it is out of order, and where it is; its last will; it works, and knows where it is.
+        for level, is_working in ((None, False), (HEIGHT, True), (HEIGHT, False), (None, False), (None, True), (HEIGHT, True)):
             lift.status(level=level, working=is_working)
             known_storeys.append(await storeys())
-        assert known_storeys == [[], ["Storey2"], ["Storey2"], [], ["Storey2"]]
+        assert known_storeys == [[], ["Storey2"], ["Storey2"], [], [], ["Storey2"]]
 
     run(test())
 

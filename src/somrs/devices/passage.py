@@ -113,9 +113,8 @@ class LiftDevice(PassageDevice):
         self._reports: set[asyncio.Task[None]] = set()
 
     def status(self, *, level: float | None = None, working: bool = True, shared: bool = False) -> None:
-        earlier = self.current_status
         super().status(level=level, working=working, shared=shared)
-        if earlier is None or earlier.working != working or (not working and earlier.level != level):
+        if not working or self._reported_level is None:
             report = asyncio.get_running_loop().create_task(self._report_whereabouts())
             self._reports.add(report)
             report.add_done_callback(self._reports.discard)
