@@ -10,6 +10,7 @@ it has started, and how each has ended.
 from __future__ import annotations
 
 import asyncio
+import atexit
 import contextlib
 import gc
 import importlib
@@ -19,6 +20,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -251,7 +253,6 @@ def launch(channel: socket.socket) -> NoReturn:
     request_with_files = _serve(channel)
     if request_with_files is not None:
         _run_request(*request_with_files)
-        sys.exit()
     os._exit(0)  # there is nothing to clean up
 
 
@@ -281,8 +282,8 @@ def _serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
                 _send_event(channel, Started(pid=pid))
 
 
-def _run_request(request: Start, files: list[int]) -> None:
-    """Run the requested program in this process."""
+def _run_request(request: Start, files: list[int]) -> NoReturn:
+    """Run the requested program in this process, and end it."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     os.setsid()
     for number, file in enumerate([os.open(os.devnull, os.O_RDONLY), *files]):
@@ -292,7 +293,33 @@ def _run_request(request: Start, files: list[int]) -> None:
     os.environ.update(request.environment)
     setproctitle.setproctitle(f"somrs {' '.join(request.arguments)}")
     sys.argv = ["somrs", *request.arguments]
-    importlib.import_module("somrs.cli.main").main()
+    _end(_exit_code(importlib.import_module("somrs.cli.main").main))
+
+
+def _exit_code(main: Callable[[], object]) -> int:
+    """Run the main function of a program, and return the exit code that Python would end with. An error is printed as Python prints it."""
+    try:
+        main()
+    except SystemExit as ending:
+        if ending.code is None or isinstance(ending.code, int):
+            return ending.code or 0
+        print(ending.code, file=sys.stderr)
+        return 1
+    except BaseException:  # noqa: BLE001  # as the interpreter does
+        sys.excepthook(*sys.exc_info())
+        return 1
+    return 0
+
+
+def _end(code: int) -> NoReturn:
+    """End this process as `multiprocessing` ends its own. Python would free each object, and so copy all memory that is shared with the
+    launcher, which takes as much CPU time as a whole start."""
+    threading._shutdown()  # type: ignore[attr-defined]  # waits for threads, such as those that write
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):  # nobody reads it any more, or the program has closed it
+            stream.flush()
+    os._exit(code)
 
 
 def _request(channel: socket.socket) -> tuple[bytes, list[int]]:
