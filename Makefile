@@ -29,8 +29,8 @@ demo: setup $(if $(filter 6,$(SCENARIO)),ros2)
 test:
 	@scripts/test
 
-# Tests of several parts and of whole systems, all at once.
-tests: setup ros2
+# Tests of several parts and of whole systems, all at once. With ROS2_MEANWHILE=1, those with ROS 2 wait until it is set up.
+tests: setup $(if $(ROS2_MEANWHILE),,ros2)
 	@$(BIN)/pytest tests/integration tests/system $(AT_ONCE)
 
 unit: setup

@@ -3,6 +3,7 @@ skipped because something is missing."""
 
 from __future__ import annotations
 
+import fcntl
 import gc
 from collections.abc import Generator, Iterator
 from pathlib import Path
@@ -15,6 +16,7 @@ from xdist.scheduler import LoadScopeScheduling  # type: ignore[import-untyped]
 from somrs.devices.simulator.world.kinds import WorldKind
 from tests.support import leftovers
 from tests.support.examples import PROFILE
+from tests.support.paths import ROOT
 
 settings.register_profile("somrs", PROFILE)
 settings.load_profile("somrs")
@@ -24,6 +26,16 @@ settings.load_profile("somrs")
 def world(request: pytest.FixtureRequest) -> WorldKind:
     """Both kinds of simulated worlds, one after the other."""
     return WorldKind(request.param)
+
+
+@pytest.fixture(scope="session")
+def ros2() -> None:
+    """ROS 2, which may still be set up when tests begin: `scripts/ros2` holds a lock meanwhile."""
+    (lock := ROOT / "out" / "ros2.lock").parent.mkdir(exist_ok=True)
+    with lock.open("a") as file:
+        fcntl.flock(file, fcntl.LOCK_SH)
+    if not (ROOT / ".venv-ros2" / ".ready").exists():
+        pytest.skip("ROS 2 is not set up in .venv-ros2; scripts/ros2 does it, or says why it cannot")
 
 
 FOLDERS = ("browser", "system", "integration", "unit")
@@ -77,11 +89,13 @@ def _begun_elsewhere(args: list[str], number: int, count: int) -> list[str]:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Sort the tests: long ones first, so that none of them begins last, and files in the same order for all workers."""
+    """Sort the tests: long ones first, so that none of them begins last, of these those with ROS 2 last, and files in the same
+    order for all workers."""
 
-    def rank(item: pytest.Item) -> tuple[bool, int, Path]:
+    def rank(item: pytest.Item) -> tuple[bool, bool, int, Path]:
+        is_long = item.get_closest_marker("long") is not None
         folder = next((place for place, name in enumerate(FOLDERS) if f"tests/{name}/" in item.nodeid), len(FOLDERS))
-        return item.get_closest_marker("long") is None, folder, item.path
+        return not is_long, is_long and "ros2" in getattr(item, "fixturenames", ()), folder, item.path
 
     items.sort(key=rank)
 

@@ -38,9 +38,7 @@ ROS = {
 """Settings of the adapter. Nodes that are killed leave their shared memory."""
 SHORT_LEASE = Path(__file__).with_name("short_lease.xml")
 
-needs_ros2 = pytest.mark.skipif(
-    not (PYTHON.parents[1] / ".ready").exists(), reason="ROS 2 is not set up in .venv-ros2; scripts/ros2 does it, or says why it cannot"
-)
+needs_ros2 = pytest.mark.usefixtures("ros2")
 
 PATIENCE = 120.0
 """Seconds for a test."""
