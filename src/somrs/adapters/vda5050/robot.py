@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
+from collections.abc import Sequence
 
 from somrs.adapters.vda5050.control.exchange import (
     ActionEnded,
@@ -26,17 +28,23 @@ from somrs.adapters.vda5050.control.exchange import (
     Remarked,
     Resume,
 )
+from somrs.adapters.vda5050.control.listener import LARGEST
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.orders import ActionParameter
 from somrs.adapters.vda5050.session import VehicleSession
 from somrs.adapters.vda5050.settings import Settings
+from somrs.adapters.vda5050.stations import FLOOR, Handled, StationTypes, lifting_problem, parameters_of
 from somrs.adapters.vda5050.zoning.site import SiteZone, ZoneCatalogue
 from somrs.devices.road_robot import CarryingRobot, Motion, RobotFailed, Way
+from somrs.devices.simulator.drivers.manipulator import read_spot
 from somrs.errors import RemoteError
 from somrs.ontology.types import Value
+from somrs.service_manager.sdk.device import Task
+from somrs.service_manager.sdk.orders import Refusal
+from somrs.space.shafts import SAME_FLOOR
 
-FLOOR = "floor"
-"""The type of the stations of vehicles that drop loads on any floor (2.1, table 5: "floor location")."""
+FASTEST = 50.0
+"""No vehicle has this speed, m/s."""
 LOOK = 2.0
 """Seconds between two looks at whether the zones of the site have changed."""
 
@@ -52,6 +60,7 @@ class Vda5050Vehicle(CarryingRobot):
     ) -> None:
         super().__init__(name)
         self.session, self.settings, self._catalogue = session, settings, catalogue or ZoneCatalogue()
+        self._stations = StationTypes(default=settings.station_type, words=settings.station_types)
         self.can_carry = {"pick", "drop"} <= actions
         self.can_charge = "startCharging" in actions
         state = session.control.vehicle.state
@@ -115,14 +124,18 @@ class Vda5050Vehicle(CarryingRobot):
         await self.halt()
 
     async def pick(self, thing: str, support: str) -> None:
-        await self._perform(Perform(action_type="pick", parameters=self._parameters("pick", thing, support)))
+        height = self._height_of(thing)
+        self._check_height(height)
+        await self._perform(Perform(action_type="pick", parameters=await self._parameters("pick", thing, support, height)))
 
     async def drop(self, thing: str, support: str) -> None:
-        await self._perform(Perform(action_type="drop", parameters=self._parameters("drop", thing, support)))
+        height = self._height_on(support)
+        self._check_height(height)
+        await self._perform(Perform(action_type="drop", parameters=await self._parameters("drop", thing, support, height)))
 
     async def put_down(self, thing: str) -> tuple[float, float, float, str]:
-        if self.settings.station_type != FLOOR:
-            raise RobotFailed(f"{self.name} drops loads at stations of the type {self.settings.station_type} only")
+        if (station_type := self._stations.word("", ())) != FLOOR:
+            raise RobotFailed(f"{self.name} drops loads at stations of the type {station_type} only")
         await self.drop(thing, "")
         pose = self.session.control.vehicle.pose
         assert pose is not None, "a vehicle in traffic has said where it is"
@@ -145,17 +158,63 @@ class Vda5050Vehicle(CarryingRobot):
         if failure is not None:
             raise RobotFailed(f"{self.name} gave up: {failure}")
 
-    def _parameters(self, action_type: str, thing: str, support: str) -> tuple[ActionParameter, ...]:
-        """The parameters of pick and drop (3.0, table 4): of those that the factsheet lists, or of all if it lists none."""
+    async def legs(self, task: Task) -> tuple[float, float]:
+        """As of all robots. Raises Refusal also when the vehicle does not handle loads as high as it would have to."""
+        legs = await super().legs(task)
+        thing = str(task.inputs["Object"])
+        support = read_spot(thing, task.precondition).support
+        heights = [self._height_on(support) if support is not None else self._height_of(thing)]
+        heights += [self._height_on(str(task.inputs["Destination"]))] if "Destination" in task.inputs else []
+        for height in heights:
+            if (problem := self._lifting_problem(height)) is not None:
+                raise Refusal(problem)
+        return legs
+
+    def _check_height(self, height: float | None) -> None:
+        """Raise RobotFailed if the vehicle does not handle loads at a height."""
+        if (problem := self._lifting_problem(height)) is not None:
+            raise RobotFailed(problem)
+
+    def _lifting_problem(self, height: float | None) -> str | None:
         factsheet = self.session.control.vehicle.factsheet
-        load_sets = factsheet.load_specification.load_sets if factsheet is not None else None
-        load_type = self.settings.load_type or (load_sets[0].load_type if load_sets else "DEFAULT")
-        station = {"stationName": support} if support else {}
-        values = {"stationType": self.settings.station_type, **station, "loadType": load_type, "loadId": thing}
-        supported = factsheet.action(action_type) if factsheet is not None else None
-        listed = supported.action_parameters if supported is not None else None
-        keys = {parameter.key for parameter in listed} if listed else values.keys()
-        return tuple(ActionParameter(key=key, value=value) for key, value in values.items() if key in keys)
+        problem = lifting_problem(height, self.settings.load_type, factsheet) if height is not None else None
+        return f"{self.name} {problem}" if problem is not None else None
+
+    def _height_of(self, thing: str) -> float | None:
+        """The height of the underside of a thing over its floor, m; None: the map does not say it."""
+        building = self.building
+        return self._over_floor(building.pose(thing)[2]) if thing in building.solids or thing in building.noted else None
+
+    def _height_on(self, support: str) -> float | None:
+        """The height over its floor at which things stand on an object, m; on the floor itself for none."""
+        if not support:
+            return 0.0
+        return self._over_floor(self.building.top_of(support)) if support in self.building.solids else None
+
+    def _over_floor(self, height: float) -> float:
+        """The height over the floor below it, of a height on the map, m."""
+        return height - max((level for level in self.building.ways().levels if level < height + SAME_FLOOR), default=0.0)
+
+    async def _parameters(self, action_type: str, thing: str, support: str, height: float | None) -> tuple[ActionParameter, ...]:
+        """The parameters of pick and drop, of a thing at a height over the floor, m."""
+        vehicle = self.session.control.vehicle
+        handled = Handled(
+            action_type=action_type,
+            thing=thing,
+            station=support,
+            station_type=self._stations.word(support, await self._types_of(support)),
+            load_type=self.settings.load_type,
+            height=height,
+            loads=(vehicle.state.loads if vehicle.state is not None else None) or (),
+        )
+        return parameters_of(handled, vehicle.factsheet)
+
+    async def _types_of(self, support: str) -> Sequence[str]:
+        """The type of an object on the map, its parent, and so on; none if the map does not have it."""
+        with contextlib.suppress(RemoteError):
+            map, ontology = await self.whole_map(is_current=False)
+            return ontology.ancestors(map.objects[support].type) if support in map.objects else ()
+        return ()
 
     # What the vehicle says
 
@@ -214,7 +273,7 @@ def _motion(factsheet: Factsheet) -> Motion:
     times = [(load.pick_time or 0.0) + (load.drop_time or 0.0) for load in load_sets or ()]
     ramps = [ramp for ramp in (physical.maximum_acceleration, abs(physical.maximum_deceleration)) if ramp > 0]
     return Motion(
-        speed=physical.maximum_speed if physical.maximum_speed > 0 else None,
+        speed=physical.maximum_speed if 0 < physical.maximum_speed < FASTEST else None,
         acceleration=min(ramps, default=usual.acceleration),
         turning=physical.maximum_angular_speed or usual.turning,
         handling=max(times, default=0.0) or usual.handling,
@@ -226,10 +285,10 @@ def _measures(factsheet: Factsheet) -> dict[str, Value]:
     """Traffic takes robots for discs: around the length and the width."""
     physical, payload = factsheet.physical_parameters, factsheet.type_specification.maximum_load_mass
     measures: dict[str, Value] = {}
-    if physical.length > 0 and physical.width > 0 and physical.maximum_height > 0:
-        radius = round(((physical.length**2 + physical.width**2) ** 0.5) / 2, 3)
+    if all(0 < size < LARGEST for size in (physical.length, physical.width, physical.maximum_height)):
+        radius = round(math.hypot(physical.length, physical.width) / 2, 3)
         measures |= {"Shape.Form": "Cylinder", "Shape.Radius": radius, "Shape.Height": physical.maximum_height}
-    if physical.maximum_speed > 0:
+    if 0 < physical.maximum_speed < FASTEST:
         measures["Speed"] = physical.maximum_speed
     if payload > 0:
         measures["Payload"] = payload

@@ -81,7 +81,12 @@ NAMES_IN_2: Mapping[type[Struct], Mapping[str, str]] = {
     ProtocolFeatures: {"mobileRobotActions": "agvActions"},
     SupportedAction: {"actionResult": "resultDescription"},
     Envelope: {"envelope2dId": "set", "vertices": "polygonPoints"},
-    LoadSet: {"maximumWeight": "maxWeight", "maximumSpeed": "agvSpeedLimit"},
+    LoadSet: {
+        "maximumWeight": "maxWeight",
+        "maximumSpeed": "agvSpeedLimit",
+        "minimumLoadhandlingHeight": "minLoadhandlingHeight",
+        "maximumLoadhandlingHeight": "maxLoadhandlingHeight",
+    },
 }
 """By struct: the names of its fields in 3.0, and in 2.0 and 2.1."""
 

@@ -114,6 +114,8 @@ class LoadSet(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=T
     bounding_box_reference: BoundingBoxReference | None = None
     load_dimensions: LoadDimensions | None = None
     maximum_weight: float | None = None
+    minimum_loadhandling_height: float | None = None
+    maximum_loadhandling_height: float | None = None
     maximum_speed: float | None = None
     pick_time: float | None = None
     drop_time: float | None = None
