@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import heapq
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TypeVar
 
 from msgspec import Struct
 
 from somrs.adapters.vda5050.control.exchange import Arrived, Effect, Follow, Halt, Input, Passed, Send, Tick
-from somrs.adapters.vda5050.control.provision import MapPackage
+from somrs.adapters.vda5050.control.policy import Policy
 from somrs.adapters.vda5050.control.vehicle import VehicleControl
 from somrs.adapters.vda5050.frames import Frames
 from somrs.adapters.vda5050.messages.decoding import decode
@@ -52,8 +54,8 @@ def way(*names: str, released: int | None = None, first: int = 0, spacing: float
 
 
 class Pair:
-    """`fate`: how many times a message that is sent arrives, by its topic; 1 unless it says otherwise. `clock_lead`: by how many seconds
-    the vehicle's clock is ahead."""
+    """`fate`: how many times a message that is sent arrives, by its topic; 1 unless it says otherwise. `delay`: after how many seconds each
+    does. `clock_lead`: by how many seconds the vehicle's clock is ahead."""
 
     def __init__(
         self,
@@ -62,14 +64,19 @@ class Pair:
         *,
         x: float = 0.0,
         sheet: Factsheet | None = None,
-        packages: Sequence[MapPackage] = (),
+        policy: Policy | None = None,
         clock_lead: float = 0.0,
+        delay: Callable[[Topic], float] = lambda topic: 0.0,
     ) -> None:
         identifiers = itertools.count(1)
         self.version, self.fate, self.now, self.clock_lead = version, fate, START, clock_lead
+        self._delay = delay
+        self._post: list[tuple[float, int, Callable[[], None]]] = []
+        """Messages that are to arrive: when, a number, and how."""
+        self._post_numbers = itertools.count()
         self.body = StandInBody(x)
         self.vehicle = SimulatedVehicle(version, sheet or factsheet(), map_id="hall")
-        self.control = VehicleControl(Frames(), version, lambda: f"id-{next(identifiers)}", packages)
+        self.control = VehicleControl(Frames(), version, lambda: f"id-{next(identifiers)}", policy)
         self.effects: list[Effect] = []
         self.commands: list[tuple[Topic, Struct]] = []
         """What fleet control has sent."""
@@ -86,8 +93,7 @@ class Pair:
             self.effects.append(effect)
             if isinstance(effect, Send):
                 self.commands.append((effect.topic, effect.message))
-                for _ in range(self.fate(effect.topic) if not self.is_cut else 0):
-                    self._deliver(effect.topic, effect.message)
+                self._send(effect.topic, partial(self._deliver, effect.topic, effect.message))
 
     def tell(self, input: VehicleInput) -> None:
         """Hand an input to the vehicle."""
@@ -97,6 +103,8 @@ class Pair:
         """Let time pass."""
         for _ in range(round(seconds / STEP)):
             self.now += STEP
+            while self._post and self._post[0][0] <= self.now:
+                heapq.heappop(self._post)[2]()
             self._tell(Felt(sensed=self.body.sense(self.now)))
             self.do(Tick())
 
@@ -166,5 +174,13 @@ class Pair:
                     check_schema(topic, payload, self.version)
                     received = decode(topic, payload, self.version)
                     assert received.deviations == ()
-                    for _ in range(self.fate(topic) if not self.is_cut else 0):
-                        self.do(Arrived(topic=topic, received=received))
+                    self._send(topic, partial(self.do, Arrived(topic=topic, received=received)))
+
+    def _send(self, topic: Topic, arrive: Callable[[], None]) -> None:
+        """Have a message arrive as often, and as late, as is its fate."""
+        for _ in range(self.fate(topic) if not self.is_cut else 0):
+            delay = self._delay(topic)
+            if delay > 0.0:
+                heapq.heappush(self._post, (self.now + delay, next(self._post_numbers), arrive))
+            else:
+                arrive()

@@ -68,7 +68,7 @@ MISTAKES = {
         ),
         [
             "9: adapters.vda5050.namedOnly: is 'yess': write true or false",
-            "10: adapters.vda5050.stationTyp: there is no such setting; did you mean stationType?",
+            "10: adapters.vda5050.stationTyp: there is no such setting; did you mean stationType or stationTypes?",
             "12: adapters.vda5050.maps.hall.level: is 'ground': write a number",
             "12: adapters.vda5050.maps.hall.turned: is '90 deg': write a number",
             "11: adapters.vda5050.interface: 'uagv/v2' ends with the version, which follows by itself: leave it out",

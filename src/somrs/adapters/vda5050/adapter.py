@@ -19,6 +19,7 @@ from somrs.adapters.vda5050.settings import read_settings
 from somrs.adapters.vda5050.simulated.link_body import serve_simulated
 from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
 from somrs.adapters.vda5050.zoning.site import ZoneCatalogue
+from somrs.entish.parse import nearest
 from somrs.errors import SettingsError, UsageError
 from somrs.ontology.files.loading import upper
 from somrs.ontology.map import Map
@@ -63,6 +64,10 @@ class Vda5050Adapter:
     def misfits(self, map: Map) -> Iterable[Mistake]:
         """Robots that the map of the site does not have, and maps of the vehicles that may be those of any of its storeys."""
         yield from absent("vehicles", self._settings.vehicles, map)
+        named = {*map.objects, *upper().types, *(object.type for object in map.objects.values())}
+        for name in self._settings.station_types:
+            if name not in named and (hint := nearest(name, named)):
+                yield ("stationTypes", name), f"there is no object and no type {name} on the map; {hint}"
         storeys = {storey: elevation_of(storey, map, upper()) for storey in sorted(map.of_type("Storey"))}
         for map_id in self._settings.floorless(storeys):
             heights = ", ".join(f"{storey} at {height:g} m" for storey, height in storeys.items())
@@ -109,7 +114,7 @@ class Vda5050Adapter:
     def _session(self, address: VehicleAddress) -> VehicleSession:
         session = self.sessions.get(address)
         if session is None:
-            session = self.sessions[address] = VehicleSession(address, self._frames, self._send, self._settings.packages)
+            session = self.sessions[address] = VehicleSession(address, self._frames, self._send, self._settings.policy)
             self._waited[address] = 0
         return session
 

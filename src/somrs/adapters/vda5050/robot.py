@@ -49,7 +49,7 @@ LOOK = 2.0
 """Seconds between two looks at whether the zones of the site have changed."""
 
 
-class Vda5050Vehicle(CarryingRobot):
+class Vda5050Vehicle(CarryingRobot, replaces=("legs",)):
     """A vehicle that carries loads. `actions`: what it can do, of `pick`, `drop` and `startCharging`. `catalogue`: makes the zones of the
     site."""
 

@@ -11,6 +11,7 @@ import msgspec
 from msgspec import Struct
 
 from somrs.adapters.settings import Mistake, read_struct
+from somrs.adapters.vda5050.control.policy import Policy
 from somrs.adapters.vda5050.control.provision import MapPackage
 from somrs.adapters.vda5050.frames import Frame, Frames
 from somrs.adapters.vda5050.mqtt import Certificates
@@ -18,6 +19,9 @@ from somrs.adapters.vda5050.topics import VehicleAddress
 
 VERSION = re.compile(r"v\d+")
 """A level of a topic with a version."""
+
+SHORTEST_REST = 10.0
+"""Seconds without anything to do, after which vehicles may hibernate at the earliest."""
 
 MAKER = "SOMRS"
 """The manufacturer of simulated vehicles."""
@@ -49,7 +53,8 @@ class MapSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown_fields=True):
     """`broker`: `mqtt://HOST:PORT` or `mqtts://USER@HOST:PORT`. `interface`: the first levels of the topics. `vehicles`: by their names on
     the map; others are named after manufacturer and serial number, unless `named_only`. `maps`: by mapId. `station_type`, `load_type`:
-    parameters of `pick` and `drop`."""
+    parameters of `pick` and `drop`; `station_types`: those of some objects, by name or type. `retries`: how often an action is tried again
+    that can be. `hibernate_after`: seconds without anything to do."""
 
     broker: str
     interface: tuple[str, ...] | str = ("uagv", "vda5050")
@@ -57,8 +62,11 @@ class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown
     vehicles: dict[str, VehicleSettings] = {}
     named_only: bool = False
     maps: dict[str, MapSettings] = {}
-    station_type: str = "floor"
+    station_type: str | None = None
+    station_types: dict[str, str] = {}
     load_type: str | None = None
+    retries: int = 1
+    hibernate_after: float | None = None
 
     @property
     def interfaces(self) -> tuple[str, ...]:
@@ -89,13 +97,14 @@ class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown
         return [map_id for map_id, frame in self.maps.items() if frame.level is None and map_id not in storeys]
 
     @property
-    def packages(self) -> list[MapPackage]:
-        """The maps whose versions the settings name."""
-        return [
+    def policy(self) -> Policy:
+        """What the site wants of each vehicle; it is to have the maps whose versions the settings name."""
+        packages = tuple(
             MapPackage(map_id=map_id, version=frame.version, link=frame.link, hash=frame.hash)
             for map_id, frame in self.maps.items()
             if frame.version is not None
-        ]
+        )
+        return Policy(packages=packages, retries=self.retries, hibernate_after=self.hibernate_after)
 
     def address(self, vehicle: VehicleSettings) -> VehicleAddress:
         """The address of a simulated vehicle: below the first interface."""
@@ -159,6 +168,10 @@ def _mistakes(settings: Settings) -> Iterator[Mistake]:
             yield ("interface",), f"{interface!r} cannot begin a topic: write it as the vehicles do, such as uagv"
         elif VERSION.fullmatch(interface.rpartition("/")[2]):
             yield ("interface",), f"{interface!r} ends with the version, which follows by itself: leave it out"
+    if settings.retries < 0:
+        yield ("retries",), "say how often an action is to be tried again: 0 for never"
+    if settings.hibernate_after is not None and settings.hibernate_after < SHORTEST_REST:
+        yield ("hibernateAfter",), f"give {SHORTEST_REST:g} seconds or more: to wake up takes a vehicle a while"
     for map_id, frame in settings.maps.items():
         if frame.version is None and (frame.link is not None or frame.hash is not None):
             yield ("maps", map_id), "give the `version` of what is to be downloaded"

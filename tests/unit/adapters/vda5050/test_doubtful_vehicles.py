@@ -11,9 +11,11 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import Struct
 
 from somrs.adapters.vda5050.control.exchange import Arrived, Broken, Delayed, Effect, Follow, GaveUp, Input, Located, Refused, Send, Tick
 from somrs.adapters.vda5050.control.orders import OPTIONAL, OrderWriter
+from somrs.adapters.vda5050.control.policy import Policy
 from somrs.adapters.vda5050.control.vehicle import VehicleControl
 from somrs.adapters.vda5050.frames import Frame, Frames, Pose
 from somrs.adapters.vda5050.messages.decoding import decode
@@ -30,9 +32,9 @@ from tests.unit.adapters.vda5050.test_messages import MINIMAL
 class Dialogue:
     """A vehicle of which the test writes each message, in virtual time."""
 
-    def __init__(self, frames: Frames | None = None) -> None:
+    def __init__(self, frames: Frames | None = None, policy: Policy | None = None) -> None:
         identifiers = itertools.count(1)
-        self.control = VehicleControl(frames or Frames(), Version.V2_1, lambda: f"id-{next(identifiers)}")
+        self.control = VehicleControl(frames or Frames(), Version.V2_1, lambda: f"id-{next(identifiers)}", policy)
         self.now = 1_790_000_000.0
         self.effects: list[Effect] = []
         self.said: dict[str, Any] = {}
@@ -74,20 +76,22 @@ class Dialogue:
     def forget(self) -> None:
         self.effects = []
 
+    def sent(self) -> list[Struct]:
+        return [effect.message for effect in self.effects if isinstance(effect, Send)]
+
     def orders(self) -> list[Order]:
-        return [effect.message for effect in self.effects if isinstance(effect, Send) and isinstance(effect.message, Order)]
+        return [message for message in self.sent() if isinstance(message, Order)]
 
     def asked(self) -> list[str]:
-        messages = [effect.message for effect in self.effects if isinstance(effect, Send)]
-        return [message.actions[0].action_type for message in messages if isinstance(message, InstantActions)]
+        return [message.actions[0].action_type for message in self.sent() if isinstance(message, InstantActions)]
 
     def reasons(self) -> list[str | None]:
         return [effect.reason for effect in self.effects if isinstance(effect, Broken)]
 
 
-def there() -> Dialogue:
+def there(policy: Policy | None = None) -> Dialogue:
     """A vehicle that stands at (0, 0), and has said what it is."""
-    dialogue = Dialogue()
+    dialogue = Dialogue(policy=policy)
     dialogue.connect()
     dialogue.stand_at(0.0)
     dialogue.describe()

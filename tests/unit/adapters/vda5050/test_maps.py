@@ -6,6 +6,7 @@ import msgspec
 import pytest
 
 from somrs.adapters.vda5050.control.exchange import Follow, GaveUp, Refused
+from somrs.adapters.vda5050.control.policy import Policy
 from somrs.adapters.vda5050.control.provision import MapPackage
 from somrs.adapters.vda5050.frames import Frame, Frames
 from somrs.adapters.vda5050.messages.header import Version
@@ -25,7 +26,7 @@ def maps(pair: Pair) -> list[tuple[str, str, MapStatus]]:
 
 @VERSIONS
 def test_a_newer_version_is_downloaded_enabled_and_takes_the_place_of_the_earlier_one(version: Version) -> None:
-    pair = Pair(version, packages=[HALL_2])
+    pair = Pair(version, policy=Policy(packages=(HALL_2,)))
     pair.run(10)
     assert maps(pair) == [("hall", "2", MapStatus.ENABLED)]
     assert [pair.instant_actions().count(name) for name in ("downloadMap", "enableMap", "deleteMap")] == [1, 1, 1]
@@ -36,7 +37,7 @@ def test_a_newer_version_is_downloaded_enabled_and_takes_the_place_of_the_earlie
 
 @VERSIONS
 def test_a_map_is_enabled_when_the_vehicle_has_no_order(version: Version) -> None:
-    pair = Pair(version, packages=[HALL_2])
+    pair = Pair(version, policy=Policy(packages=(HALL_2,)))
     pair.follow("A", "B", "C", "D")
     pair.run(4)
     assert maps(pair) == [("hall", "1", MapStatus.ENABLED), ("hall", "2", MapStatus.DISABLED)]
@@ -47,7 +48,7 @@ def test_a_map_is_enabled_when_the_vehicle_has_no_order(version: Version) -> Non
 
 @VERSIONS
 def test_a_download_that_fails_is_tried_again_later_and_told_once(version: Version) -> None:
-    pair = Pair(version, packages=[HALL_2])
+    pair = Pair(version, policy=Policy(packages=(HALL_2,)))
     pair.tell(Misbehaves(cannot_download=True))
     pair.run(200)
     assert 2 < pair.instant_actions().count("downloadMap") < 6
@@ -59,7 +60,7 @@ def test_a_download_that_fails_is_tried_again_later_and_told_once(version: Versi
 
 
 def test_a_map_that_nobody_can_send_is_asked_for_once() -> None:
-    pair = Pair(Version.V3_0, packages=[MapPackage(map_id="hall", version="2")])
+    pair = Pair(Version.V3_0, policy=Policy(packages=(MapPackage(map_id="hall", version="2"),)))
     pair.run(100)
     (refused,) = pair.of(Refused)
     assert isinstance(refused, Refused)
@@ -71,7 +72,7 @@ def test_a_vehicle_that_cannot_download_maps_is_named() -> None:
     features = sheet.protocol_features
     actions = tuple(action for action in features.mobile_robot_actions if action.action_type != "downloadMap")
     sheet = msgspec.structs.replace(sheet, protocol_features=msgspec.structs.replace(features, mobile_robot_actions=actions))
-    pair = Pair(Version.V3_0, packages=[HALL_2], sheet=sheet)
+    pair = Pair(Version.V3_0, policy=Policy(packages=(HALL_2,)), sheet=sheet)
     pair.run(10)
     (refused,) = pair.of(Refused)
     assert isinstance(refused, Refused)

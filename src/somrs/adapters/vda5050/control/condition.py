@@ -28,6 +28,7 @@ INSTANT = frozenset(
     {
         "cancelOrder", "startPause", "stopPause", "stateRequest", "factsheetRequest", "logReport", "stopCharging", "initializePosition",
         "clearInstantActions", "skipRetry", "retry", "enableMap", "downloadMap", "deleteMap", "enableZoneSet", "deleteZoneSet",
+        "startHibernation", "stopHibernation",
     }
 )  # fmt: skip
 """Types of instant actions; none of them makes the vehicle drive."""
@@ -102,17 +103,22 @@ def rejection(state: State, order_id: str, update_id: int, earlier: Collection[V
     return None
 
 
+def rejection_words(state: State) -> list[str]:
+    """What the vehicle says about messages that it does not take."""
+    return list(dict.fromkeys(str(error) for error in state.errors if plain_type(error) in REJECTIONS))
+
+
 def failure(state: State, earlier: Collection[VehicleError]) -> VehicleError | None:
     """The error for which the vehicle cannot go on with its order, and could take another one."""
     return next((error for error in state.errors if error.error_level is ErrorLevel.CRITICAL and error not in earlier), None)
 
 
-def words_about(state: State, action_id: str) -> str:
-    """What the vehicle says about an action that failed."""
+def words_about(state: State, action_id: str, earlier_words: str | None = None) -> str:
+    """What the vehicle says about an action that failed. `earlier_words`: what it said about it, when it could still be tried again."""
     words = [str(error) for error in state.errors if error.reference("actionId") == action_id]
     action = state.action(action_id)
     if action is not None and action.action_result:
         words.append(action.action_result)
     if not words:
         words = [str(error) for error in state.errors if error.error_level in (ErrorLevel.CRITICAL, ErrorLevel.FATAL)]
-    return "; ".join(dict.fromkeys(words)) or "the vehicle does not say why"
+    return "; ".join(dict.fromkeys(words)) or earlier_words or "the vehicle does not say why"

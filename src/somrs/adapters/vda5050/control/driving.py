@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
-from somrs.adapters.vda5050.control.condition import failure, is_idle, rejection
+from somrs.adapters.vda5050.control.condition import failure, is_idle, rejection, rejection_words
 from somrs.adapters.vda5050.control.exchange import Passed, Send
 from somrs.adapters.vda5050.control.listener import Listener
 from somrs.adapters.vda5050.control.orders import SentOrder, base_end
-from somrs.adapters.vda5050.control.outbox import Outbox
+from somrs.adapters.vda5050.control.outbox import UNHEEDED, Outbox
 from somrs.adapters.vda5050.messages.header import Topic
 from somrs.adapters.vda5050.messages.orders import Action
-from somrs.adapters.vda5050.messages.states import State
+from somrs.adapters.vda5050.messages.states import ActionStatus, State
 from somrs.devices.road_robot import Way, Waypoint
 
 CLEARED = 2
@@ -35,7 +35,8 @@ class Driving:
     def follow(self, way: Way) -> None:
         self.way = way
         if way:
-            self._place = way[0]
+            passed = self._place.number if self._place is not None else way[0].number
+            self._place = next((waypoint for waypoint in way if waypoint.number == passed), way[0])
 
     def map_ids(self) -> set[str]:
         """The maps of the vehicle on which the way lies."""
@@ -50,18 +51,36 @@ class Driving:
                 order.is_acknowledged = True
                 self._vehicle.refusals.clear()
             self.see_progress(order, state)
-        if not order.is_acknowledged:
+        if not order.is_acknowledged and not self._has_lost(order, state):
             error = rejection(state, message.order_id, message.order_update_id, order.earlier_errors)
-            if error is not None:
-                self._vehicle.refusals.add(str(error), state, now)
-            return str(error) if error is not None else None
-        if (error := failure(state, order.earlier_errors)) is not None:
+            reason = str(error) if error is not None else self._silent_refusal(order, state)
+            if reason is not None:
+                self._vehicle.refusals.add(reason, state, now)
+            return reason
+        if self._waits_for_retry(order, state):
+            order.earlier_errors = state.errors
+        elif (error := failure(state, order.earlier_errors)) is not None:
             return str(error)
         order.cleared = order.cleared + 1 if self._has_dropped(order, state) else 0
         if order.cleared < CLEARED or not is_idle(state) or order.action_id is not None or self._vehicle.hindrance is not None:
             return None
         self.order = None
         return "was moved away from its way" if self._is_astray(order.passed) else None
+
+    def _has_lost(self, order: SentOrder, state: State) -> bool:
+        """Whether the vehicle cannot take an update, because it does not know the order any more: it was switched off."""
+        return order.message.order_update_id > 0 and state.order_id != order.message.order_id
+
+    def _silent_refusal(self, order: SentOrder, state: State) -> str | None:
+        """Why a vehicle that says how it is, and not that it has the order, does not get it again and again."""
+        if order.sendings < UNHEEDED:
+            return None
+        return ": ".join(["does not show that it has its order", *rejection_words(state)])
+
+    def _waits_for_retry(self, order: SentOrder, state: State) -> bool:
+        """Whether the action of the order has failed, and may be tried again."""
+        action = state.action(order.action_id) if order.action_id is not None else None
+        return action is not None and action.action_status is ActionStatus.RETRIABLE
 
     def see_progress(self, order: SentOrder, state: State) -> None:
         """Take in which waypoint the vehicle has passed."""
@@ -70,6 +89,11 @@ class Driving:
             order.passed = number
             self._place = next((waypoint for waypoint in self.way if waypoint.number == number), self._place)
             self._outbox.add(Passed(number=number))
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether there is something to drive, or an order that the vehicle has not carried out."""
+        return (bool(self.way) and len(self._rest()) > 1) or (self.order is not None and not self.is_complete())
 
     def is_complete(self) -> bool:
         """Whether the vehicle has carried out all of the order, and has nothing to do."""
@@ -105,6 +129,7 @@ class Driving:
 
     def resend(self, order: SentOrder, now: float) -> None:
         """Send the last message again, as it was: a vehicle that knows it ignores it (3.0, 6.1.4.5)."""
+        order.sendings += self._vehicle.is_heard(now)
         order.sending_time = self._sending_time = now
         self._outbox.add(Send(topic=Topic.ORDER, message=order.message))
 
@@ -176,6 +201,7 @@ class Driving:
         writer = vehicle.order_writer()
         order.message = writer.update(order, way)
         order.decision_point, order.sending_time, order.is_acknowledged = base_end(way), now, False
+        order.sendings = 0
         order.horizon = tuple(waypoint for waypoint in way if waypoint.number > order.decision_point.number)
         order.earlier_errors = state.errors
         order.remember()

@@ -23,19 +23,29 @@ class HeaderLog:
         self._headers: dict[Topic, Header] = {}
         self.lost = 0
         self._restarts: deque[float] = deque(maxlen=RESTARTS)
+        self._begun: set[Topic] = set()
+        """The topics whose next message is the first since the vehicle has connected."""
         self.doubt: str | None = None
         """Why it is not clear which vehicle speaks; None: it is."""
+
+    def connect(self, header: Header) -> None:
+        """The vehicle has connected, perhaps after a restart: its numbers, and its clock, may begin anew."""
+        previous = self._headers.get(Topic.CONNECTION)
+        if previous != header:
+            self._begun = {*self._headers} - {Topic.CONNECTION}
 
     def is_old(self, topic: Topic, header: Header, now: float) -> bool:
         """Whether a message was sent before one that has already come, or has come itself. Notes the header if not.
 
         A connection message never is: the broker sends a last will with the header that it had when the vehicle connected (3.0, 6.5).
         """
-        previous = self._headers.get(topic)
+        previous, is_first = self._headers.get(topic), topic in self._begun
+        self._begun.discard(topic)
         if topic is not Topic.CONNECTION and previous is not None and header.timestamp:
             lag = (previous.header_id - header.header_id) % 2**32
             moment, previous_moment = seconds_of(header.timestamp) or 0.0, seconds_of(previous.timestamp) or 0.0
-            if (lag == 0 and header.timestamp == previous.timestamp) or (0 < lag < WINDOW and moment <= previous_moment):
+            is_late = 0 < lag < WINDOW and moment <= previous_moment and not is_first
+            if (lag == 0 and header.timestamp == previous.timestamp) or is_late:
                 return True
             if 0 < lag < 2**31 and topic is Topic.STATE:
                 self._restarts.append(now)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import msgspec
+
 from somrs.adapters.vda5050.control.condition import IN_CONTROL, delay, hindrance, remark, warnings
 from somrs.adapters.vda5050.control.exchange import (
     Arrived,
@@ -19,6 +21,7 @@ from somrs.adapters.vda5050.control.exchange import (
     Warned,
 )
 from somrs.adapters.vda5050.control.headers import HeaderLog
+from somrs.adapters.vda5050.control.novelty import Novelty
 from somrs.adapters.vda5050.control.orders import OPTIONAL, SENT, USEFUL, OrderWriter
 from somrs.adapters.vda5050.control.outbox import RESEND, Outbox
 from somrs.adapters.vda5050.control.refusals import Refusals
@@ -38,14 +41,22 @@ from somrs.adapters.vda5050.messages.states import (
     State,
     Visualization,
 )
+from somrs.adapters.vda5050.stations import unmet_parameters
 
 SILENCE = 30.0
 """Seconds after which a vehicle has to send a state, whatever happens (2.1, 6.10; 3.0, 6.6)."""
 
 QUIET = f"has sent no state that can be read for {SILENCE:.0f} s"
 
+LONGEST_INTERVAL = 10.0
+"""Seconds between two orders that a vehicle may ask for: more is a number of milliseconds."""
+FARTHEST = 1e8
+"""A coordinate on a map is less than that, m: none on Earth is more."""
+
 FULL = 99.0
 """The state of charge at which the battery of a vehicle is full whose factsheet does not say it."""
+LARGEST = 100.0
+"""How far vehicles extend around their middle, at most, m."""
 REACH = 0.5
 """How far a vehicle extends around its middle whose factsheet does not say it, m."""
 
@@ -71,12 +82,16 @@ class Listener:
         """Whether it has said anything since the broker is there."""
         self.is_outdated = False
         """Whether it has said that it is there, and not yet how it is now."""
+        self.is_hibernating = False
+        """Whether it has said that it hibernates: it sends no states, and takes nothing but the order to wake up."""
+        self._hibernation_time = 0.0
         self.refusals = Refusals()
         self._state_time: float | None = None
         """When its last state came, or it has been waited for since."""
         self._is_silent = False
-        self._tolerated: set[str] = set()
+        self._tolerated = Novelty()
         self._examined: Factsheet | None = None
+        self._cancelled_order = ""
         self.remark: str | None = None
         """What else it says of itself; None: nothing."""
 
@@ -86,6 +101,8 @@ class Listener:
         self.was_heard = True
         for deviation in received.deviations:
             self._tolerate(deviation)
+        if isinstance(received.message, Connection) and received.message.connection_state is ConnectionState.ONLINE:
+            self.headers.connect(received.header)
         if self.headers.is_old(arrived.topic, received.header, now):
             return None
         if version := received.header.version:
@@ -94,7 +111,7 @@ class Listener:
                 self._tolerate(f"version is {version!r} at topics of v{self.version.major}")
         match received.message:
             case Connection(connection_state=connection_state):
-                self._hear_connection(connection_state)
+                self._hear_connection(connection_state, now)
             case Factsheet() as factsheet:
                 self.factsheet = factsheet
                 self._outbox.limits = self.limits
@@ -107,8 +124,9 @@ class Listener:
                 moment = seconds_of(received.header.timestamp)
                 self.clock_lead = moment - now if moment is not None else 0.0
                 self._state_time, self.is_outdated = now, False
+                self.is_hibernating = self.is_hibernating and now < self._hibernation_time + RESEND  # it was sent just before
                 self._reach()
-                self._hear_state(state, now)
+                self._hear_state(state := self._without_cancelled(state), now)
                 return state
         return None
 
@@ -116,9 +134,13 @@ class Listener:
         """For how many seconds a vehicle that is there has sent no state that can be read."""
         return now - self._state_time if self.is_connected and self._state_time is not None else 0.0
 
+    def is_heard(self, now: float) -> bool:
+        """Whether the vehicle says how it is, so that a message that it does not show is not lost with all others."""
+        return self.is_connected and self.silence(now) < RESEND
+
     def notice_time(self, now: float) -> None:
         """Time has passed, in which the vehicle may have sent nothing."""
-        if self._state_time is None or not self.is_connected:
+        if self._state_time is None or not self.is_connected or self.is_hibernating:
             self._state_time = now
         self.refusals.review(self.state, now)
         self.judge()
@@ -147,13 +169,12 @@ class Listener:
         )
 
     def _tolerate(self, deviation: str) -> None:
-        if deviation not in self._tolerated:
-            self._tolerated.add(deviation)
+        if self._tolerated.is_new(deviation):
             self._outbox.add(Tolerated(deviation=deviation))
 
     def charge(self, state: State) -> float:
         """The charge in percent of that to which the battery is charged: a battery that is charged no further is full."""
-        return round(min(100.0, 100.0 * state.power_supply.state_of_charge / self.full_charge()), 1)
+        return round(max(0.0, min(100.0, 100.0 * state.power_supply.state_of_charge / self.full_charge())), 1)
 
     def full_charge(self) -> float:
         """The state of charge to which the battery is charged, 0 to 100."""
@@ -170,6 +191,7 @@ class Listener:
         """Name the optional parameters of orders that the vehicle requires, and that are not sent."""
         required = [item.parameter for item in factsheet.protocol_features.optional_parameters if item.support == "REQUIRED"]
         unmet = [name for name in required if name.startswith("order") and name.rpartition(".")[2] not in SENT]
+        unmet += unmet_parameters(factsheet)
         if unmet and factsheet != self._examined:
             self._outbox.add(Refused(description=f"requires {', '.join(unmet)}, which fleet control does not send"))
         self._examined = factsheet
@@ -185,6 +207,10 @@ class Listener:
         if self.factsheet is None or (self.version.major == 2 and not self.factsheet.protocol_features.optional_parameters):
             return USEFUL
         return frozenset(parameter for parameter in OPTIONAL if self.factsheet.takes(parameter))
+
+    def can_perform(self, action_type: str) -> bool:
+        """Whether it has an action, as far as the factsheet says it."""
+        return self.factsheet is None or self.factsheet.action(action_type) is not None
 
     def scopes(self, action_type: str) -> set[str]:
         """Where an action may be used, as far as the factsheet says it."""
@@ -204,11 +230,13 @@ class Listener:
         if self.factsheet is None:
             return REACH
         physical = self.factsheet.physical_parameters
-        return math.hypot(physical.length, physical.width) / 2 or REACH
+        reach = math.hypot(physical.length, physical.width) / 2
+        return reach if 0.0 < reach < LARGEST else REACH
 
     def order_interval(self) -> float:
         """Seconds that have to pass between two orders."""
-        return self.factsheet.protocol_limits.timing.minimum_order_interval if self.factsheet is not None else 0.0
+        interval = self.factsheet.protocol_limits.timing.minimum_order_interval if self.factsheet is not None else 0.0
+        return min(interval, LONGEST_INTERVAL)
 
     def most_nodes(self) -> int | None:
         """How many nodes an order may have, two at least; None: any number."""
@@ -218,8 +246,12 @@ class Listener:
         limits = [lengths.order_nodes or None, lengths.order_edges + 1 if lengths.order_edges else None]
         return max(2, min((limit for limit in limits if limit is not None), default=0)) if any(limits) else None
 
-    def _hear_connection(self, connection_state: ConnectionState) -> None:
-        if connection_state is ConnectionState.ONLINE:
+    def _hear_connection(self, connection_state: ConnectionState, now: float) -> None:
+        self.is_hibernating = connection_state is ConnectionState.HIBERNATING
+        if self.is_hibernating:
+            self._hibernation_time = now
+            self._reach()
+        elif connection_state is ConnectionState.ONLINE:
             if self.state is None:
                 self._reach()
             self.refusals.clear()
@@ -228,20 +260,21 @@ class Listener:
                 self._outbox.instant("stateRequest")
         else:
             self.lose()
+        self._judge_delay(now)
 
     @property
     def takes_instant_actions(self) -> bool:
         """Whether instant actions may be sent, as far as its last state says (3.0, table 11)."""
-        return self.state is None or self.state.operating_mode in IN_CONTROL
+        return not self.is_hibernating and (self.state is None or self.state.operating_mode in IN_CONTROL)
 
     @property
     def takes_orders(self) -> bool:
-        """Whether orders may be sent: it is there, can drive, and has said how it is since it is there."""
-        return self.is_connected and self.hindrance is None and not self.is_outdated
+        """Whether orders may be sent: it is there, awake, can drive, and has said how it is since it is there."""
+        return self.is_connected and self.hindrance is None and not self.is_outdated and not self.is_hibernating
 
     def lose(self) -> None:
         """The vehicle cannot be reached."""
-        self.is_outdated = False
+        self.is_outdated = self.is_hibernating = False
         if self.is_connected:
             self.is_connected = False
             self._outbox.add(Reachable(is_connected=False))
@@ -255,10 +288,26 @@ class Listener:
                 self._outbox.instant("factsheetRequest")
 
     def _locate(self, position: Position) -> None:
+        if max(abs(position.x), abs(position.y)) > FARTHEST:
+            self._tolerate("state: is at a point that is on no map")
+            return
         self.map_id = position.map_id
         if position.localized and self.frames.has(position.map_id):
             self.pose = self.frames.frame(position.map_id).to_site(position.x, position.y, position.theta)
             self._outbox.add(Located(pose=self.pose))
+
+    def note_cancelled(self, order_id: str) -> None:
+        """The vehicle says that this order is cancelled. Some go on to list its nodes."""
+        self._cancelled_order = order_id
+        if self.state is not None:
+            self.state = self._without_cancelled(self.state)
+
+    def _without_cancelled(self, state: State) -> State:
+        """A state without the nodes of an order that was cancelled, of a vehicle that stands."""
+        if not state.order_id or state.order_id != self._cancelled_order or state.driving or not (state.node_states or state.edge_states):
+            return state
+        self._tolerate("state: lists nodes of an order that was cancelled")
+        return msgspec.structs.replace(state, node_states=(), edge_states=())
 
     def _hear_state(self, state: State, now: float) -> None:
         previous, self.state = self.state, state
@@ -294,7 +343,9 @@ class Listener:
 
     def _judge_delay(self, now: float) -> None:
         reasons = [words] if self.state is not None and (words := delay(self.state)) is not None else []
-        is_silent = self.silence(now) >= SILENCE + RESEND
+        if self.is_hibernating:
+            reasons.append("hibernates")
+        is_silent = self.silence(now) >= SILENCE + RESEND and not self.is_hibernating
         if is_silent:
             reasons.append(QUIET)
             if not self._is_silent:

@@ -31,7 +31,7 @@ NEAR = 0.1
 USEFUL = frozenset({"theta", "allowedDeviationXY", "maximumSpeed", "orientation", "orientationType"})
 """The optional parameters of orders that are sent to a vehicle that does not say which it takes."""
 
-OPTIONAL = USEFUL | {"trajectory", "length"}
+OPTIONAL = USEFUL | {"trajectory", "length", "retriable"}
 """The optional parameters that are sent to a vehicle that takes them. Positions of nodes are always sent: vehicles know no other places."""
 
 SENT = OPTIONAL | {"nodePosition", "actionParameters"}
@@ -44,7 +44,8 @@ class SentOrder:
 
     `first`: the number of the waypoint whose sequenceId is 0. `decision_point`: the last waypoint of the base. `horizon`: what follows it.
     `passed`: the number of the last waypoint that the vehicle has passed. `earlier_errors`: those that the vehicle had when the last
-    message was sent. `cleared`: how many states in a row say that the vehicle has dropped the order.
+    message was sent. `cleared`: how many states in a row say that the vehicle has dropped the order. `sendings`: how often the last message
+    was sent to a vehicle that says how it is.
     """
 
     message: Order
@@ -57,6 +58,7 @@ class SentOrder:
     is_acknowledged: bool = False
     earlier_errors: tuple[VehicleError, ...] = ()
     cleared: int = 0
+    sendings: int = 0
     nodes: dict[int, Node] = field(default_factory=dict)
 
     def waypoint_number(self, sequence_id: int, node_id: str) -> int | None:

@@ -14,6 +14,9 @@ from somrs.adapters.vda5050.messages.states import State
 RESEND = 3.0
 """Seconds after which a message is sent again that the vehicle does not show to have received."""
 
+UNHEEDED = 5
+"""How often something is sent that the vehicle does not show to have received, although it says how it is, until that is given up."""
+
 FINISHED_ACTIONS = 10
 """Finished instant actions in the state of a vehicle, after which it is told to drop them (3.0, 7.8)."""
 

@@ -9,6 +9,7 @@ from msgspec import Struct
 from somrs.adapters.vda5050.control.condition import is_idle, words_about
 from somrs.adapters.vda5050.control.exchange import Refused, Send
 from somrs.adapters.vda5050.control.listener import Listener
+from somrs.adapters.vda5050.control.novelty import Novelty
 from somrs.adapters.vda5050.control.outbox import RESEND, Outbox
 from somrs.adapters.vda5050.messages.header import Topic, Version
 from somrs.adapters.vda5050.messages.orders import Action, ActionParameter, BlockingType, ZoneSet, ZoneSetContent
@@ -50,7 +51,7 @@ class Provision:
         self.packages: tuple[MapPackage, ...] = ()
         self._steps: dict[tuple[str, str], Step] = {}
         self._due: set[tuple[str, str]] = set()
-        self._told: set[str] = set()
+        self._told = Novelty()
 
     def reconcile(self, state: State, now: float) -> None:
         """Send what the vehicle does not show to have done."""
@@ -156,6 +157,5 @@ class Provision:
                 del self._steps[key]
 
     def _tell(self, words: str) -> None:
-        if words not in self._told:
-            self._told.add(words)
+        if self._told.is_new(words):
             self._outbox.add(Refused(description=words))

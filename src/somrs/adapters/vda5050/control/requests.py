@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 from somrs.adapters.vda5050.control.exchange import Refused, Send
 from somrs.adapters.vda5050.control.listener import Listener
+from somrs.adapters.vda5050.control.novelty import Novelty
 from somrs.adapters.vda5050.control.outbox import RESEND, Outbox
 from somrs.adapters.vda5050.messages.header import Topic, timestamp_of
-from somrs.adapters.vda5050.messages.orders import GrantType, Response, Responses, Zone, ZoneSetContent, ZoneType
+from somrs.adapters.vda5050.messages.orders import GrantType, Response, Responses, Trajectory, Zone, ZoneSetContent, ZoneType
 from somrs.adapters.vda5050.messages.states import EdgeRequest, RequestStatus, State, ZoneRequest
 from somrs.adapters.vda5050.shapes import Point, comes_near, curve_points, distance_to_line, points_along
 from somrs.devices.road_robot import Way
@@ -20,6 +22,8 @@ LEASE = 30.0
 REMINDER = 30.0
 """Seconds after which a vehicle that still asks is told again that it has to wait, or that it gets nothing."""
 
+MOST_CONTROL_POINTS, HIGHEST_DEGREE, LONGEST_PATH = 1000, 10, 2000.0
+"""Of a path that a vehicle may ask for; the length in metres."""
 STRAY = 0.15
 """How far from its granted way a path may lead that the vehicle plans, m."""
 
@@ -42,7 +46,7 @@ class Requests:
         self._answers: dict[str, Answer] = {}
         self._decisions: dict[str, tuple[ZoneRequest | EdgeRequest, Way, tuple[GrantType, str]]] = {}
         """By request id: what was decided, about which request and way. It is so until one of them changes."""
-        self._told: set[str] = set()
+        self._told = Novelty()
 
     def answer(self, state: State, way: Way, now: float) -> None:
         """Say what has not been said. `way`: what traffic has granted and planned."""
@@ -59,8 +63,7 @@ class Requests:
             previous = self._answers.get(request.request_id)
             if self._is_to_be_revoked(request, previous, grant_type):
                 grant_type = GrantType.REVOKED
-            elif grant_type is GrantType.REJECTED and reason not in self._told:
-                self._told.add(reason)
+            elif grant_type is GrantType.REJECTED and self._told.is_new(reason):
                 self._outbox.add(Refused(description=reason))
             if self._is_due(previous, grant_type, request, now):
                 responses.append(self._response(request.request_id, grant_type, now))
@@ -128,7 +131,7 @@ class Requests:
         if request.trajectory is None:
             return GrantType.REJECTED, f"asks for a path through the zone {name}, and does not say which"
         try:
-            path = self._ahead([*points_along(curve_points(request.trajectory))], request)
+            path = self._ahead([*points_along(_path(request.trajectory))], request)
         except ValueError as error:
             return GrantType.REJECTED, f"asks for a path through the zone {name}: {error}"
         if all(distance_to_line(point, granted) <= STRAY for point in path):
@@ -161,3 +164,13 @@ class Requests:
                 planned = planned or granted[-1:]
                 planned.append(point)
         return granted, planned
+
+
+def _path(trajectory: Trajectory) -> list[Point]:
+    """The points of a path for which a vehicle asks. Raises ValueError when it is none, or when it would take long to look at."""
+    if len(trajectory.control_points) > MOST_CONTROL_POINTS or (trajectory.degree or 1) > HIGHEST_DEGREE:
+        raise ValueError(f"it has more than {MOST_CONTROL_POINTS} control points, or a higher degree than {HIGHEST_DEGREE}")
+    path = curve_points(trajectory)
+    if sum(math.dist(start, end) for start, end in pairwise(path)) > LONGEST_PATH:
+        raise ValueError(f"it is longer than {LONGEST_PATH:g} m")
+    return path

@@ -6,7 +6,9 @@ sent. So a message that is lost, a vehicle that restarts, and one that was drive
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+
+import msgspec
 
 from somrs.adapters.vda5050.control.condition import CLEARING, is_idle, stands, words_about
 from somrs.adapters.vda5050.control.driving import Driving
@@ -28,14 +30,17 @@ from somrs.adapters.vda5050.control.exchange import (
     Subscribed,
     Tick,
 )
+from somrs.adapters.vda5050.control.hibernation import Hibernation
 from somrs.adapters.vda5050.control.inquiry import Inquiry
 from somrs.adapters.vda5050.control.job import Cancellation, Charging, Job
 from somrs.adapters.vda5050.control.listener import Listener
 from somrs.adapters.vda5050.control.orders import SentOrder
-from somrs.adapters.vda5050.control.outbox import RESEND, Outbox
+from somrs.adapters.vda5050.control.outbox import RESEND, UNHEEDED, Outbox
 from somrs.adapters.vda5050.control.pausing import Pausing
-from somrs.adapters.vda5050.control.provision import MapPackage, Provision
+from somrs.adapters.vda5050.control.policy import Policy
+from somrs.adapters.vda5050.control.provision import Provision
 from somrs.adapters.vda5050.control.requests import Requests
+from somrs.adapters.vda5050.control.retrying import Retrying
 from somrs.adapters.vda5050.frames import Frames
 from somrs.adapters.vda5050.messages.header import Version
 from somrs.adapters.vda5050.messages.orders import ActionParameter, BlockingType
@@ -43,22 +48,30 @@ from somrs.adapters.vda5050.messages.states import ActionStatus, State
 from somrs.adapters.vda5050.zoning.sets import zone_set
 from somrs.adapters.vda5050.zoning.site import SiteZone
 
+CHARGING_SHOWS = 30.0
+"""Seconds in which a vehicle says that it charges, after it has said that it has begun."""
+
 
 class VehicleControl:
     """`version`: in which the vehicle speaks, as far as it has said so. `new_id`: makes identifiers that are never used again.
-    `packages`: the maps that it is to have."""
+    `policy`: what the site wants of it."""
 
-    def __init__(self, frames: Frames, version: Version, new_id: Callable[[], str], packages: Sequence[MapPackage] = ()) -> None:
+    def __init__(self, frames: Frames, version: Version, new_id: Callable[[], str], policy: Policy | None = None) -> None:
+        self._policy = policy if policy is not None else Policy()
         self._outbox = Outbox(new_id)
         self.vehicle = Listener(frames, version, self._outbox)
         self._driving = Driving(self.vehicle, self._outbox)
         self._cancellation: Cancellation | None = None
         self._job: Job | None = None
         self._charging: Charging | None = None
+        self._cancelled_order = ""
+        """The order that was cancelled last, at `_cancelling_time`."""
+        self._cancelling_time = 0.0
         self._pausing = Pausing(self._outbox)
         self._inquiry = Inquiry(self.vehicle, self._outbox)
+        self._hibernation = Hibernation(self.vehicle, self._outbox, self._policy.hibernate_after)
         self._provision, self._requests = Provision(self.vehicle, self._outbox), Requests(self.vehicle, self._outbox)
-        self._provision.packages = tuple(packages)
+        self._provision.packages = self._policy.packages
         self._zones: tuple[SiteZone, ...] | None = None
         self._zones_key: object = None
 
@@ -84,23 +97,35 @@ class VehicleControl:
                 self._outbox.add(ActionEnded(failure=self.vehicle.hindrance))
             case Perform(action_type=action_type, parameters=parameters):
                 self._driving.way = ()
-                self._job = Job(action=self._outbox.action(action_type, self.vehicle.blocking_type(action_type), parameters))
+                self._job = self._new_job(action_type, parameters)
             case Charge():
                 self._driving.way = ()
-                self._job = self._charging_job()
+                self._job = self._new_job("startCharging")
             case BuildingChanged(zones=zones):
                 self._zones = zones
             case Tick():
                 self.vehicle.notice_time(now)
                 self._repeat(now)
+        self._hibernation.reconcile(now, is_wanted=self._is_wanted)
         self._reconcile(now)
         return self._outbox.effects
 
-    def _charging_job(self) -> Job:
-        """To begin to charge: at a node, or by an instant action for a vehicle that cannot do so at nodes."""
-        is_instant = self.vehicle.scopes("startCharging") == {"INSTANT"}
-        blocking = BlockingType.NONE if is_instant else self.vehicle.blocking_type("startCharging")
-        return Job(action=self._outbox.action("startCharging", blocking), charges=True, is_instant=is_instant)
+    @property
+    def _is_wanted(self) -> bool:
+        """Whether the vehicle has something to do."""
+        work = self._job, self._charging, self._cancellation
+        return any(item is not None for item in work) or self._pausing.is_wanted or self._driving.is_wanted
+
+    def _new_job(self, action_type: str, parameters: tuple[ActionParameter, ...] = ()) -> Job:
+        """An action at a node; or an instant one, to charge, for a vehicle that cannot do so at nodes."""
+        charges = action_type == "startCharging"
+        is_instant = charges and self.vehicle.scopes(action_type) == {"INSTANT"}
+        blocking = BlockingType.NONE if is_instant else self.vehicle.blocking_type(action_type)
+        action = self._outbox.action(action_type, blocking, parameters)
+        if self._policy.retries and self.vehicle.version is Version.V3_0 and "retriable" in self.vehicle.optional_parameters:
+            action = msgspec.structs.replace(action, retriable=True)
+        retrying = Retrying(self.vehicle, self._outbox, action.action_id, self._policy.retries)
+        return Job(action=action, retrying=retrying, charges=charges, is_instant=is_instant)
 
     def _see(self, state: State, now: float) -> None:
         if self.vehicle.hindrance is not None:
@@ -111,14 +136,19 @@ class VehicleControl:
         elif order is not None:
             self._see_order(order, state, now)
         elif self._job is not None and self._job.sending_time is not None:
-            self._see_action(self._job, state)
-        elif self._charging is None and self.vehicle.hindrance is None and state.order_id and not is_idle(state):
-            # An order from before this program was started, or one that came after its end.
+            self._see_action(self._job, state, now)
+        elif self._charging is None and self.vehicle.hindrance is None and self._has_strange_order(state, now):
             self._cancel(now)
         if self._charging is not None:
             self._see_charging(self._charging, state, now)
         if self.vehicle.hindrance is None and not state.paused:  # those of a pause say who has begun it
             self._outbox.clear_instant_actions(state)
+
+    def _has_strange_order(self, state: State, now: float) -> bool:
+        """Whether the vehicle carries out an order from before this program was started, or one that came after its end. One that it goes
+        on with, although it was cancelled, is cancelled again after a while."""
+        is_strange = bool(state.order_id) and not is_idle(state)
+        return is_strange and (state.order_id != self._cancelled_order or now >= self._cancelling_time + RESEND)
 
     def _give_up(self, hindrance: str, state: State, now: float) -> None:
         """Drop what is wanted from a vehicle that cannot drive: it would go on by itself, when somebody has mended it."""
@@ -146,7 +176,7 @@ class VehicleControl:
             if state.order_id != order.message.order_id:
                 self._end_job("the vehicle has lost the order")
             else:
-                self._see_action(self._job, state)
+                self._see_action(self._job, state, now)
 
     def _fail(self, order: SentOrder, reason: str, state: State, now: float) -> None:
         """End the trip or the action, when the vehicle stands."""
@@ -160,19 +190,38 @@ class VehicleControl:
         else:
             self._cancel(now, effect)
 
-    def _see_action(self, job: Job, state: State) -> None:
+    def _see_action(self, job: Job, state: State, now: float) -> None:
         action = state.action(job.action.action_id)
         if action is None:
+            self._see_nothing(job, state, now)
             return
+        job.unlisted = 0
         if action.action_status is ActionStatus.FAILED:
-            self._end_job(words_about(state, action.action_id))
-        elif action.action_status is ActionStatus.RETRIABLE and job.skipped is None:
-            job.skipped = self._outbox.instant("skipRetry", ActionParameter(key="actionId", value=action.action_id))
+            self._end_job(words_about(state, action.action_id, job.retrying.reason))
+        elif action.action_status is ActionStatus.RETRIABLE:
+            self._retry(job, state, now)
         elif action.action_status is ActionStatus.FINISHED and job.charges:
             self._job, self._driving.order = None, None
-            self._charging = Charging(full=self.vehicle.full_charge())
+            self._charging = Charging(full=self.vehicle.full_charge(), start_time=now)
         elif action.action_status is ActionStatus.FINISHED and is_idle(state):
             self._end_job(None)
+
+    def _see_nothing(self, job: Job, state: State, now: float) -> None:
+        """The vehicle does not list the action. It may have dropped it; whether it has performed it, nobody knows then."""
+        order = self._driving.order
+        job.unlisted += 1
+        if order is not None and job.unlisted >= UNHEEDED and is_idle(state) and now >= order.sending_time + RESEND:
+            self._end_job(f"the vehicle does not say what has become of {job.action.action_type}")
+
+    def _retry(self, job: Job, state: State, now: float) -> None:
+        """Have the vehicle try the action again, or give it up."""
+        if not job.retrying.reconcile(state, now):
+            return
+        reason = job.retrying.reason or "the action has failed"
+        if self._driving.order is not None:
+            self._fail(self._driving.order, reason, state, now)
+        else:
+            self._end_job(reason)
 
     def _end_job(self, reason: str | None) -> None:
         self._job, self._driving.order = None, None
@@ -181,21 +230,24 @@ class VehicleControl:
     def _see_charging(self, charging: Charging, state: State, now: float) -> None:
         power = state.power_supply
         charging.has_charged = charging.has_charged or power.charging
-        if power.charging and power.state_of_charge >= charging.full and charging.stop_id is None:
+        is_full = power.state_of_charge >= charging.full
+        if power.charging and is_full and charging.stop_id is None:
             self._stop_charging(charging, now)
         action = state.action(charging.stop_id) if charging.stop_id is not None else None
-        has_stopped = charging.has_charged and not power.charging
-        if not has_stopped and (action is None or not action.action_status.is_final):
+        has_stopped = not power.charging and (charging.has_charged or is_full or now >= charging.start_time + CHARGING_SHOWS)
+        if not has_stopped and (action is None or not action.action_status.is_final) and charging.sendings < UNHEEDED:
             return
         self._charging = None
         if charging.is_interrupted:
             self._outbox.add(Halted())
         elif charging.stop_id is None and power.state_of_charge < charging.full - 5.0:
-            self._outbox.add(ActionEnded(failure=f"the vehicle stopped charging at {power.state_of_charge:.0f} %"))
+            words = "stopped charging" if charging.has_charged else "does not charge, and is"
+            self._outbox.add(ActionEnded(failure=f"the vehicle {words} at {power.state_of_charge:.0f} %"))
         else:
             self._outbox.add(ActionEnded(failure=None))
 
     def _stop_charging(self, charging: Charging, now: float) -> None:
+        charging.sendings += charging.stop_id is not None and self.vehicle.is_heard(now)
         charging.stop_id, charging.sending_time = self._outbox.instant("stopCharging"), now
 
     # Halting (3.0, 6.1.3).
@@ -203,7 +255,7 @@ class VehicleControl:
     def _halt(self, now: float) -> None:
         state, driving = self.vehicle.state, self._driving
         if self._job is not None and self._job.sending_time is not None:
-            self._charging = Charging(full=self.vehicle.full_charge())  # it may have begun
+            self._charging = Charging(full=self.vehicle.full_charge(), start_time=now)  # it may have begun
         driving.way, self._job = (), None
         if self._charging is not None:
             self._charging.is_interrupted = True
@@ -224,6 +276,7 @@ class VehicleControl:
             parameters = (ActionParameter(key="orderId", value=order.message.order_id),)
         action = self._outbox.action("cancelOrder", BlockingType.NONE, parameters)
         self._cancellation = Cancellation(action=action, start_time=now, sending_time=now, effects=list(effects))
+        self._cancelling_time = now
         if not self._clears_orders():
             self._outbox.send_action(action)
 
@@ -238,23 +291,35 @@ class VehicleControl:
         if order is not None and state.order_id == order.message.order_id:
             self._driving.see_progress(order, state)
         action = state.action(cancellation.action.action_id)
-        is_ended = action is not None and action.action_status.is_final
+        status = action.action_status if action is not None else None
+        is_ended = status is ActionStatus.FINISHED or (status is ActionStatus.FAILED and is_idle(state))
         is_unneeded = is_idle(state) and now >= cancellation.start_time + RESEND
         if stands(state) and (is_ended or is_unneeded):
             self._cancellation, self._driving.order = None, None
+            self._cancelled_order = state.order_id
+            if status is ActionStatus.FINISHED:
+                self.vehicle.note_cancelled(state.order_id)
             self._outbox.add(*cancellation.effects)
+        elif status is ActionStatus.FAILED and now >= cancellation.sending_time + RESEND:
+            # It did not know the order, or could not stop then: it has an order all the same.
+            cancellation.action = self._outbox.action("cancelOrder", BlockingType.NONE)
+            cancellation.sending_time = now
+            self._outbox.send_action(cancellation.action)
 
     # What the vehicle is told.
 
     def _reconcile(self, now: float) -> None:
         if not self.vehicle.takes_orders:
             return
-        if self.vehicle.state is not None:
-            self._pausing.reconcile(self.vehicle.state, now)
+        state = self.vehicle.state
+        if state is not None:
+            self._pausing.reconcile(state, now)
             self._renew_zone_sets()
-            self._provision.reconcile(self.vehicle.state, now)
-            self._requests.answer(self.vehicle.state, self._driving.way, now)
+            self._provision.reconcile(state, now)
+            self._requests.answer(state, self._driving.way, now)
         if self._cancellation is not None or self._charging is not None or self._pausing.is_wanted:
+            return
+        if state is not None and self._hibernation.is_falling_asleep(state, now):
             return
         if self._job is None:
             if not self._lacks_map(now):
@@ -271,7 +336,10 @@ class VehicleControl:
             return
         driving.order = None
         is_lost = job.sending_time is not None and now >= job.sending_time + RESEND and state.action(job.action.action_id) is None
-        if job.sending_time is None or is_lost:
+        if is_lost and job.sendings >= UNHEEDED:
+            self._end_job(f"the vehicle does not show that it has {job.action.action_type}")
+        elif job.sending_time is None or is_lost:
+            job.sendings += self.vehicle.is_heard(now)
             job.sending_time = now
             self._outbox.send_action(job.action)
 
@@ -305,7 +373,9 @@ class VehicleControl:
         """Send again what the vehicle does not show to have received."""
         state, order, charging, cancellation = self.vehicle.state, self._driving.order, self._charging, self._cancellation
         self._inquiry.ask(now)
-        if state is None or not self.vehicle.is_connected or self._clears_orders():
+        job = self._job
+        action = state.action(job.action.action_id) if state is not None and job is not None else None
+        if state is None or not self.vehicle.is_connected or self.vehicle.is_hibernating or self._clears_orders():
             return
         if cancellation is not None:
             if now >= cancellation.sending_time + RESEND and state.action(cancellation.action.action_id) is None:
@@ -316,3 +386,5 @@ class VehicleControl:
                 self._stop_charging(charging, now)
         elif order is not None and not order.is_acknowledged and now >= order.sending_time + RESEND and self.vehicle.takes_orders:
             self._driving.resend(order, now)
+        elif job is not None and action is not None and action.action_status is ActionStatus.RETRIABLE:
+            self._retry(job, state, now)

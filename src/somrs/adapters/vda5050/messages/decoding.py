@@ -71,6 +71,9 @@ DEFAULTS: Mapping[tuple[str, str], Any] = {
 }
 """By struct and field of 3.0: the values of required fields that are absent. Arrays are empty then, and parts of a factsheet zero."""
 
+MOST_BYTES = 4_000_000
+"""Of a message; factsheets may have drawings."""
+
 FACTSHEET = "somrs.adapters.vda5050.messages.factsheets"
 
 
@@ -84,6 +87,8 @@ class Received(Struct, frozen=True, kw_only=True):
 
 def decode(topic: Topic, payload: bytes, version: Version) -> Received:
     """Read a message of a topic. Raises InputError when it is no such message."""
+    if len(payload) > MOST_BYTES:
+        raise InputError(f"{topic}: has more than {MOST_BYTES} bytes")
     try:
         document = msgspec.json.decode(payload)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -285,7 +290,7 @@ OF_NO_USE: Mapping[str, frozenset[str]] = {
     | {"state.information"},
     "LoadSet": frozenset(
         {"description", "agvAccelerationLimit", "agvDecelerationLimit", "maximumAcceleration", "maximumDeceleration"}
-        | {f"{limit}Loadhandling{size}" for limit in ("min", "max", "minimum", "maximum") for size in ("Height", "Depth", "Tilt")}
+        | {f"{limit}Loadhandling{size}" for limit in ("min", "max", "minimum", "maximum") for size in ("Depth", "Tilt")}
     ),
 }
 """By struct: fields of the standard that nothing here needs."""

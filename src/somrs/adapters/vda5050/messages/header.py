@@ -55,8 +55,13 @@ class Header(Struct, frozen=True, kw_only=True, rename="camel"):
     serial_number: str
 
 
+EARLIEST, LATEST = datetime(1, 1, 2, tzinfo=UTC).timestamp(), datetime(9999, 12, 30, tzinfo=UTC).timestamp()
+"""What can be written as a timestamp."""
+
+
 def timestamp_of(seconds: float) -> str:
     """Write a time in seconds since 1970 as VDA 5050 does, such as 2017-04-15T11:40:03.123Z."""
+    seconds = max(EARLIEST, min(LATEST, seconds))
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 

@@ -128,6 +128,8 @@ def _unfit_id(order: Order, limits: StringLengths) -> str | None:
 
 def _unsupported_field(order: Order, sheet: Factsheet) -> str | None:
     """An optional parameter that the vehicle does not take (3.0, 6.1.4.2)."""
+    if any(action.retriable is not None for action in order.actions) and not sheet.takes("retriable"):
+        return "retriable"
     nodes = [part for node in order.nodes for part in (node, node.node_position) if part is not None]
     for part in (*nodes, *order.edges):
         for field in msgspec.structs.fields(part):

@@ -25,13 +25,14 @@ NODE_ACTIONS = ("pick", "drop", "startCharging", "stopCharging", "waitForTrigger
 
 PARAMETERS = (
     "order.nodes.nodePosition", "order.nodes.nodePosition.theta", "order.nodes.nodePosition.allowedDeviationXY", "order.edges.maximumSpeed",
-    "order.edges.orientation", "order.edges.orientationType",
+    "order.edges.orientation", "order.edges.orientationType", "order.nodes.actions.retriable",
 )  # fmt: skip
 """The optional parameters that every simulated vehicle takes."""
 
 INSTANT_ACTIONS = (
     "cancelOrder", "startPause", "stopPause", "stateRequest", "factsheetRequest", "stopCharging", "initializePosition",
-    "clearInstantActions", "trigger", "downloadMap", "enableMap", "deleteMap", "enableZoneSet", "deleteZoneSet",
+    "clearInstantActions", "trigger", "downloadMap", "enableMap", "deleteMap", "enableZoneSet", "deleteZoneSet", "retry", "skipRetry",
+    "startHibernation", "stopHibernation",
 )  # fmt: skip
 
 LOADS = LoadSet(set_name="DEFAULT", load_type="DEFAULT", pick_time=7.0, drop_time=8.0)

@@ -126,6 +126,11 @@ class Progress:
             if status.is_final:
                 self.queue = [action for action in self.queue if action.action_id != action_id]
 
+    def retriable(self, action_id: str) -> Action | None:
+        """The action of this id, if it has failed and can be tried again."""
+        state = self.states.get(action_id)
+        return self.actions[action_id] if state is not None and state.action_status is ActionStatus.RETRIABLE else None
+
     def trigger(self) -> None:
         """What the vehicle waits for has happened."""
         for action in [action for action in self.queue if action.action_type == "waitForTrigger"]:

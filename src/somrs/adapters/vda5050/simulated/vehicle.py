@@ -8,26 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 
-import msgspec
-
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.header import Topic, Version
 from somrs.adapters.vda5050.messages.orders import Action, Order
-from somrs.adapters.vda5050.messages.states import (
-    ActionStatus,
-    Connection,
-    ConnectionState,
-    EmergencyStop,
-    ErrorLevel,
-    Load,
-    OperatingMode,
-    Position,
-    PowerSupply,
-    SafetyState,
-    State,
-)
+from somrs.adapters.vda5050.messages.states import ActionStatus, Connection, ErrorLevel, OperatingMode, State
 from somrs.adapters.vda5050.simulated.acceptance import CLEARING, ORDERS_ALLOWED, Situation, instant_objection, is_repetition, objection
 from somrs.adapters.vda5050.simulated.body import Charge, Command, Drive, Drop, Pick, Rest, Sensed
+from somrs.adapters.vda5050.simulated.commands import BODILY, command_for, drive_command
 from somrs.adapters.vda5050.simulated.complaints import Complaints
 from somrs.adapters.vda5050.simulated.exchange import (
     Act,
@@ -51,6 +38,8 @@ from somrs.adapters.vda5050.simulated.exchange import (
 from somrs.adapters.vda5050.simulated.instant import Ending, InstantLog
 from somrs.adapters.vda5050.simulated.problems import Problem
 from somrs.adapters.vda5050.simulated.progress import Progress
+from somrs.adapters.vda5050.simulated.report import event_of, state_of
+from somrs.adapters.vda5050.simulated.sleep import Sleep
 from somrs.adapters.vda5050.simulated.storage import Storage
 from somrs.adapters.vda5050.simulated.zones import ZoneGuard
 
@@ -70,7 +59,7 @@ class SimulatedVehicle:
         self.version, self._factsheet, self.map_id, self._interval = version, sheet, map_id, interval
         self.storage, self.zones = Storage({map_id, *maps}), ZoneGuard(contour=contour)
         self.progress, self.mode, self._paused = Progress(), OperatingMode.AUTOMATIC, False
-        self._complaints, self._instant = Complaints(version), InstantLog()
+        self._complaints, self._instant, self._sleep = Complaints(version), InstantLog(), Sleep()
         self._sensed: Sensed | None = None
         self._load: str | None = None
         self._busy: Command | None = None
@@ -84,6 +73,8 @@ class SimulatedVehicle:
     def handle(self, input: Input, now: float) -> list[Effect]:
         """Take in what happened. Returns what to do, in this order."""
         self._effects = []
+        if self._sleep.ignores(input):
+            return []
         match input:
             case Felt(sensed=sensed):
                 self._feel(sensed, now)
@@ -115,9 +106,10 @@ class SimulatedVehicle:
                 self._restart()
             case Misbehaves():
                 self._habits, self.storage.can_download = input, not input.cannot_download
-        if self._sensed is not None:
+        if self._sensed is not None and not self._sleep.is_asleep:
             self._work(now)
             self._publish_state(now)
+            self._fall_asleep()
         return self._effects
 
     # Orders.
@@ -166,6 +158,7 @@ class SimulatedVehicle:
 
     def _restart(self) -> None:
         self.progress, self._paused, self._instant = Progress(), False, InstantLog()
+        self._sleep.wake()
         self._complaints.forget_work()
         self.zones.clear()
         self._begin(Rest())
@@ -198,6 +191,14 @@ class SimulatedVehicle:
             case "stopCharging":
                 self._begin(Rest())
                 status, ending = ActionStatus.RUNNING, Ending.IS_DISCONNECTED
+            case "startHibernation" if self.version is Version.V3_0:
+                self._clear_order()
+                status, ending, self._sleep.action_id = ActionStatus.RUNNING, Ending.DOES_NOTHING, action.action_id
+            case "stopHibernation" if self.version is Version.V3_0:
+                self._sleep.wake()
+                self._publish_connection()
+            case "retry" | "skipRetry" if self.version is Version.V3_0:
+                status = self._answer_failure(action)
             case "trigger":
                 self.progress.trigger()
             case "initializePosition":
@@ -221,12 +222,39 @@ class SimulatedVehicle:
         if self.progress.is_idle or (named is not None and current is not None and named != current.order_id):
             self._complaints.add(Problem.NO_ORDER, "there is no such order", actionId=action.action_id)
             return ActionStatus.FAILED, None
+        if self._habits.rolls_on:
+            self.progress.clear()
+            self.zones.clear()
+            return ActionStatus.FINISHED, None
+        self._clear_order()
+        return ActionStatus.RUNNING, Ending.DOES_NOTHING
+
+    def _clear_order(self) -> None:
+        """3.0, 6.6.7."""
         self.progress.clear()
         self.zones.clear()
-        if self._habits.rolls_on:
-            return ActionStatus.FINISHED, None
         self._begin(Rest())
-        return ActionStatus.RUNNING, Ending.DOES_NOTHING
+
+    def _answer_failure(self, instruction: Action) -> ActionStatus:
+        """Try an action again that has failed, or give it up (3.0, 6.6.9)."""
+        action = self.progress.retriable(str(instruction.parameter("actionId") or ""))
+        if action is None:
+            words = f"{instruction.parameter('actionId')} does not wait for another try"
+            self._complaints.add(Problem.INVALID_INSTANT_ACTION, words, actionId=instruction.action_id)
+            return ActionStatus.FAILED
+        if instruction.action_type == "skipRetry":
+            self.progress.set_status(action.action_id, ActionStatus.FAILED)
+        else:
+            self._complaints.forget(Problem.ACTION_FAILED)
+            self._start(action)
+        return ActionStatus.FINISHED
+
+    def _fall_asleep(self) -> None:
+        """Say so when the vehicle stands, after a last state."""
+        state = self._instant.states.get(self._sleep.action_id or "")
+        if state is not None and state.action_status is ActionStatus.FINISHED:
+            self._sleep.action_id, self._sleep.is_asleep = None, True
+            self._publish_connection()
 
     # The body.
 
@@ -280,7 +308,8 @@ class SimulatedVehicle:
             case Charge():
                 self._busy = command
         if action_id is not None:
-            self.progress.set_status(action_id, ActionStatus.FAILED if failure is not None else ActionStatus.FINISHED, failure)
+            failed = ActionStatus.RETRIABLE if self.progress.actions[action_id].retriable else ActionStatus.FAILED
+            self.progress.set_status(action_id, failed if failure is not None else ActionStatus.FINISHED, failure)
             if failure is not None:
                 self._complaints.add(Problem.ACTION_FAILED, failure, actionId=action_id)
 
@@ -307,25 +336,17 @@ class SimulatedVehicle:
             self._drive(now)
 
     def _start(self, action: Action) -> None:
-        needs_body = {"pick", "drop", "startCharging", "stopCharging"}
         if action.action_type == "waitForTrigger":
             self.progress.set_status(action.action_id, ActionStatus.RUNNING)
             return
-        if action.action_type not in needs_body:
+        if action.action_type not in BODILY:
             self.progress.set_status(action.action_id, ActionStatus.FINISHED)
             return
         assert self._sensed is not None, "work begins when the body is felt"
         if self._sensed.is_moving or (self._busy is not None and not isinstance(self._busy, Charge)):
             return
-        load, station = str(action.parameter("loadId") or "load"), str(action.parameter("stationName") or "")
-        commands: dict[str, Command] = {
-            "pick": Pick(load=load, station=station),
-            "drop": Drop(load=self._load or load, station=station),
-            "startCharging": Charge(),
-            "stopCharging": Rest(),
-        }
         self.progress.set_status(action.action_id, ActionStatus.RUNNING)
-        self._begin(commands[action.action_type], action.action_id)
+        self._begin(command_for(action, self._load), action.action_id)
 
     def _drive(self, now: float) -> None:
         nodes, edges = self.progress.leg(self.map_id)
@@ -338,13 +359,8 @@ class SimulatedVehicle:
         if self._blocked_at is not None and now < self._blocked_at + RETRY:
             return
         self._blocked_at = None
-        points = tuple((node.node_position.x, node.node_position.y) for node in nodes if node.node_position is not None)
-        backward = edges[0].orientation is not None and abs(edges[0].orientation) > math.pi / 2
-        yaw = nodes[-1].node_position.theta if nodes[-1].node_position is not None else None
-        limit = min(edges[0].maximum_speed or math.inf, self.zones.speed_limit(len(nodes)))
-        speed = limit if math.isfinite(limit) else None
-        command = Drive(points=points, map_id=self.map_id, speed=speed, backward=backward, yaw=yaw)
-        if isinstance(self._busy, Drive) and self._busy.points[-1:] == points[-1:]:
+        command = drive_command(nodes, edges, self.map_id, self.zones.speed_limit(len(nodes)))
+        if isinstance(self._busy, Drive) and self._busy.points[-1:] == command.points[-1:]:
             return
         for action in edges[0].actions:
             if action not in self.progress.queue:
@@ -354,47 +370,31 @@ class SimulatedVehicle:
     # What it says.
 
     def _publish_connection(self) -> None:
-        self._effects.append(Publish(topic=Topic.CONNECTION, message=Connection(connection_state=ConnectionState.ONLINE)))
+        self._effects.append(Publish(topic=Topic.CONNECTION, message=Connection(connection_state=self._sleep.connection_state)))
         self._effects.append(Publish(topic=Topic.FACTSHEET, message=self._factsheet))
         self._published_at = -math.inf
 
     def _publish_state(self, now: float) -> None:
         """Publish the state if something has changed but the pose and the charge, or if it is time (3.0, 6.6)."""
         state = self.state()
-        event = msgspec.structs.replace(state, mobile_robot_position=None, power_supply=_charging_only(state.power_supply))
+        event = event_of(state)
         if event != self._published or now >= self._published_at + self._interval:
             self._published, self._published_at = event, now
             self._effects.append(Publish(topic=Topic.STATE, message=state))
 
     def state(self) -> State:
         """The state as the vehicle reports it now."""
-        sensed, progress = self._sensed, self.progress
-        assert sensed is not None, "a state is reported when the body is felt"
-        order = progress.order
-        _, edges = progress.leg(self.map_id)
-        return State(
-            order_id=order.order_id if order is not None else "",
-            order_update_id=order.order_update_id if order is not None else 0,
-            last_node_id=progress.last_node_id,
-            last_node_sequence_id=progress.last_sequence_id,
-            node_states=progress.node_states(),
-            edge_states=progress.edge_states(),
-            driving=sensed.is_moving,
-            paused=self._paused,
-            new_base_request=len(edges) == 1 and any(not node.released for node in progress.nodes),
-            action_states=tuple(progress.states.values()),
-            instant_action_states=tuple(self._instant.states.values()),
-            power_supply=PowerSupply(state_of_charge=round(sensed.charge, 1), charging=sensed.is_charging),
-            operating_mode=self.mode,
-            errors=self._complaints.errors,
-            safety_state=SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False),
-            mobile_robot_position=Position(x=sensed.x, y=sensed.y, theta=sensed.yaw, map_id=self.map_id, localized=True),
-            loads=(Load(load_id=self._load),) if self._load is not None else (),
-            maps=tuple(self.storage.maps),
-            zone_sets=tuple(self.storage.zone_sets) if self.version is Version.V3_0 else None,
-            zone_requests=self.zones.requests if self.version is Version.V3_0 else None,
+        assert self._sensed is not None, "a state is reported when the body is felt"
+        return state_of(
+            self._sensed,
+            self.progress,
+            self._instant,
+            self._complaints,
+            self.storage,
+            self.zones,
+            version=self.version,
+            map_id=self.map_id,
+            mode=self.mode,
+            is_paused=self._paused,
+            load=self._load,
         )
-
-
-def _charging_only(power: PowerSupply) -> PowerSupply:
-    return PowerSupply(state_of_charge=0.0, charging=power.charging)
