@@ -22,7 +22,7 @@ from tests.unit.adapters.vda5050.test_messages import MINIMAL
 
 ADDRESS = VehicleAddress(interface="uagv", major=2, manufacturer="ACME", serial_number="0001")
 
-STATE = MINIMAL | {"loads": []}
+STATE = MINIMAL | {"headerId": 0, "timestamp": "", "loads": []}
 
 
 class Bench:
