@@ -17,8 +17,11 @@ from somrs.devices.road_robot import CarryingRobot, RobotFailed, Way, Waypoint
 from somrs.kernel.component import Answered, Ask, Effect, Input, Notified, Received, Send, SetTimer, Started, TimerFired
 from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
+from somrs.protocol.messages import bodies
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.traffic import ReadRoadmap, RoadmapPage
+from somrs.repository.component import Repository
+from somrs.repository.state import Contents
 from somrs.repository.update import update_outcome
 from somrs.space.solids import solid_of
 from somrs.traffic.component import Traffic
@@ -30,6 +33,7 @@ from somrs.traffic.robot_program import RobotProgram
 from somrs.traffic.robot_tasks import RoadmapRead
 from somrs.traffic.state import PlanTraffic
 from tests.support.robot_lab import SITE, site
+from tests.support.virtual_devices import make_ask
 
 T = TypeVar("T")
 
@@ -129,10 +133,12 @@ class Body:
 
 class LabRobot(CarryingRobot, replaces=("_notice_state", "data", "whole_map")):
     """The program of a robot. `stopping`: the seconds that it takes to stand still. `reach`: how far along the x axis it puts things
-    down, in metres; `floor`: whether it can. `senses`: whether it has a sensor in its gripper."""
+    down, in metres; `floor`: whether it can. `senses`: whether it has a sensor in its gripper. `ends_at`: of what it picks or drops, the
+    share after which the program of its gripper has ended; None: it does not end."""
 
     stopping, reach = 0.0, 0.0
     floor, senses = True, True
+    ends_at: float | None = None
 
     def __init__(self, lab: RoadLab, name: str, body: Body) -> None:
         super().__init__(name)
@@ -210,7 +216,12 @@ class LabRobot(CarryingRobot, replaces=("_notice_state", "data", "whole_map")):
 
     async def _act(self, action: Coroutine[Any, Any, str | None]) -> None:
         """Have the body do something, which it ends also when nobody waits for it."""
-        failure = await asyncio.shield(asyncio.create_task(action))
+        work = asyncio.create_task(action)
+        if self.ends_at is not None:
+            await asyncio.sleep(self.ends_at * self.body.handling)
+            work.cancel()
+            raise RobotFailed("its gripper has ended", is_unsure=True)
+        failure = await asyncio.shield(work)
         self.say()
         if failure is not None:
             raise RobotFailed(failure)
@@ -244,6 +255,11 @@ class RoadLab:
     async def whole_map(self, *, is_current: bool = True) -> tuple[Map, Ontology]:
         await asyncio.sleep(0)
         return self.map, self.ontology
+
+    async def answer(self, question: bodies.Body) -> bodies.Body:
+        """What the Repository answers to a question about the map."""
+        repository = Repository("repository", Contents(ontology=self.ontology, map=self.map))
+        return await make_ask(repository, asyncio.get_running_loop().time)(question)
 
     def distance(self, place: str, x: float, y: float) -> float:
         """How far a point is from an object, m."""

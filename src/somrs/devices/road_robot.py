@@ -23,7 +23,9 @@ from somrs.devices.road.motion import Experience, Motion
 from somrs.devices.road.waypoints import Way, Waypoint
 from somrs.devices.simulator.drivers.manipulator import Manipulator
 from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
+from somrs.devices.simulator.drivers.simulated import Pose
 from somrs.devices.simulator.link.command_link import CommandLink
+from somrs.devices.simulator.link.commands import RobotState
 from somrs.errors import RemoteError
 from somrs.ontology.map import Map
 from somrs.ontology.modes import is_stopped
@@ -197,11 +199,31 @@ class CarryingRobot(RoadRobot, Manipulator):
     can_carry: bool = True
     """Whether it can pick and drop things."""
     carrying_patience: float = 120.0
-    """Seconds for which a robot that cannot be reached keeps its task while it carries something: nobody else can go on with that."""
+    """Seconds for which a robot that cannot be reached keeps its task while it may carry something: nobody else can go on with that."""
+    _place_is_due: bool = True
+    """Whether the map may have forgotten where the thing is with which the robot had to do last."""
 
     @property
     def lost_link_patience(self) -> float:
-        return self.carrying_patience if self.holding is not None else self.reconnect_timeout
+        may_carry = self.holding is not None or self._road_link.gripper.is_working
+        return self.carrying_patience if may_carry else self.reconnect_timeout
+
+    def heard(self, is_connected: bool) -> None:
+        self._place_is_due = self._place_is_due or is_connected
+        super().heard(is_connected)
+
+    async def _notice_idle(self, state: RobotState, pose: Pose) -> None:
+        await super()._notice_idle(state, pose)
+        gripper = self._road_link.gripper
+        if self._place_is_due and gripper.held is None:
+            if gripper.place is not None and not await self._is_on_map(gripper.place.object):
+                self.observed(await self._situation(state, gripper.place.object, (gripper.place,)))
+            self._place_is_due = False
+
+    async def _is_on_map(self, thing: str) -> bool:
+        """Whether the map says where a thing is."""
+        places = [await self.map.query(f"{thing} {relation} ?Place", limit=1) for relation in ("isOn", "isIn", "isHeldBy")]
+        return any(places)
 
     async def open(self) -> None:
         await super().open()

@@ -186,6 +186,8 @@ class RobotConnection:
             await self._leave_charger()
             if self._is_interrupted:
                 raise RobotFailed("charging was interrupted")
+            if (charge := self._readings["Charge"].value) is not None:
+                self._robot.measured("Charge", charge)  # however little it has changed
 
     async def interrupt(self) -> None:
         """End what the robot does besides driving. Returns when it does nothing."""

@@ -21,6 +21,7 @@ class Ros2Robot(CarryingRobot):
     def __init__(self, name: str, settings: RobotSettings, binding: Binding, session: Session) -> None:
         super().__init__(name)
         self.can_charge, self.can_carry = binding.charge is not None, bool(binding.pick)
+        self._full = binding.charge.full if binding.charge is not None else 100.0
         self._moves = binding.moves
         self._connection = RobotConnection(name, settings, binding, session, self)
 
@@ -75,9 +76,13 @@ class Ros2Robot(CarryingRobot):
     def measured(self, attribute: str, value: Value) -> None:
         """An attribute of the robot has this value."""
         if attribute == "Charge":
-            self.battery = float(value) if isinstance(value, int | float) else None
+            self.battery = self._charge(float(value)) if isinstance(value, int | float) else None
         else:
             self.observed(f"{self.name}.{attribute} = {as_term(value)}")
+
+    def _charge(self, level: float) -> float:
+        """The charge in percent of that to which the battery is charged: a battery that is charged no further is full."""
+        return min(100.0, 100.0 * level / self._full)
 
     def _object_pose(self, name: str) -> Pose:
         """The pose of an object of the map. Raises RobotFailed."""

@@ -178,7 +178,8 @@ class Step(Model):
 
 
 class Charging(Model):
-    """How the battery is charged: `begin`, at the charger; it is done when the attribute Charge is at `full` percent; then `end`."""
+    """How the battery is charged: `begin`, at the charger; it is done when the attribute Charge is at `full` percent, which the
+    map has as 100; then `end`."""
 
     begin: tuple[Step, ...] = ()
     full: float = Field(default=99.0, gt=0, le=100)

@@ -77,7 +77,7 @@ class Steps:
             async with asyncio.timeout(FOUND):
                 await self._present[key].wait()
         if not self._present[key].is_set():
-            raise RobotFailed(f"the action {step.action} has no server")
+            raise RobotFailed(f"the action {step.action} has no server", is_unsure=True)
         ended: asyncio.Future[GoalEnded] = asyncio.get_running_loop().create_future()
 
         def observe(report: Feedback | CancelRejected | GoalEnded) -> None:
@@ -93,9 +93,10 @@ class Steps:
             self._goals[id] = ended
         end = await asyncio.shield(ended)
         if end.status != GoalStatus.SUCCEEDED:
-            lost = "was lost: its server has ended" if end.status == GoalStatus.LOST else f"was {end.status}"
-            description = f"the goal of {step.action} {lost}" + (f": {end.problem}" if end.problem else "")
-            raise RobotFailed(description, is_lost=end.status != GoalStatus.REJECTED)
+            is_unsure = end.status == GoalStatus.LOST
+            reason = "was lost: its server has ended" if is_unsure else f"was {end.status}"
+            description = f"the goal of {step.action} {reason}" + (f": {end.problem}" if end.problem else "")
+            raise RobotFailed(description, is_lost=end.status != GoalStatus.REJECTED, is_unsure=is_unsure)
         return end.value
 
     async def _ask(self, step: Step, message: dict[str, object]) -> dict[str, object]:

@@ -136,10 +136,18 @@ class Vda5050Vehicle(CarryingRobot, replaces=("legs",)):
     async def put_down(self, thing: str) -> tuple[float, float, float, str]:
         if (station_type := self._stations.word("", ())) != FLOOR:
             raise RobotFailed(f"{self.name} drops loads at stations of the type {station_type} only")
+        ahead, aside = self._load_offset()
         await self.drop(thing, "")
         pose = self.session.control.vehicle.pose
         assert pose is not None, "a vehicle in traffic has said where it is"
-        return pose.x, pose.y, self.road.level, ""
+        cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+        return pose.x + cos * ahead - sin * aside, pose.y + sin * ahead + cos * aside, self.road.level, ""
+
+    def _load_offset(self) -> tuple[float, float]:
+        """How far before its middle, and to the left of it, the vehicle carries its load, m: as its state says, or at its middle."""
+        state = self.session.control.vehicle.state
+        references = (load.bounding_box_reference for load in (state.loads if state is not None else None) or ())
+        return next(((reference.x, reference.y) for reference in references if reference is not None), (0.0, 0.0))
 
     async def charge_at(self, charger: str) -> None:
         await self._perform(Charge())

@@ -118,6 +118,11 @@ class Gripper:
         else:
             self.release(self.place if not is_lost else None)
 
+    def leave(self) -> None:
+        """What was begun has ended, and nobody knows how, unless the robot says what it holds."""
+        self.is_working = False
+        self.settle()
+
     def hold(self, thing: str, origin: str | None) -> None:
         """The thing is in the gripper."""
         self._robot.holding, self.is_working = thing, False

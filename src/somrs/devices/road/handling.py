@@ -61,6 +61,9 @@ class Handling:
             await work
         except RobotFailed as failure:
             self.is_lost = failure.is_lost
+            if failure.is_unsure:
+                gripper.leave()
+                raise RobotGaveUp("link-lost", failure.description, traveller.state) from None
             gripper.end(is_lost=self.is_lost)
             raise self._problem(failure.description) from None
         except asyncio.CancelledError:

@@ -14,10 +14,11 @@ from somrs.space.solids import Point
 
 class RobotFailed(Exception):
     """The robot could not do what it was told. `description`: why, for people. `is_lost`: the thing that it was to take may be elsewhere
-    now; otherwise it is where it was, or in its gripper."""
+    now; otherwise it is where it was, or in its gripper. `is_unsure`: what did it has ended, and nobody knows how far it came; it is done
+    again when that is back."""
 
-    def __init__(self, description: str, *, is_lost: bool = False) -> None:
-        self.description, self.is_lost = description, is_lost
+    def __init__(self, description: str, *, is_lost: bool = False, is_unsure: bool = False) -> None:
+        self.description, self.is_lost, self.is_unsure = description, is_lost, is_unsure
         super().__init__(description)
 
 

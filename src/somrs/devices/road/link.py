@@ -45,6 +45,8 @@ log = logging.getLogger(__name__)
 
 PATIENCE, PAUSE = 45.0, 2.0
 """For how long a robot waits for others that are in the way to where it is to work, and the pause between two attempts, in seconds."""
+ENTRY = 30.0
+"""For how long a robot whose program has just started waits for its part in traffic before it gives up a command, s."""
 RETRYING = 12.0
 """For how long a robot asks again for a trip that traffic refuses, s: whoever supervises it tries some times more."""
 REST = 0.3
@@ -170,6 +172,7 @@ class RoadLink(CommandLink):
     async def _carry_out(self, command: Command) -> CommandDone:
         is_ready = False
         try:
+            await self._enter_traffic()
             match command:
                 case DriveTo(x=x, y=y, z=z):
                     await self._drive_to((x, y), z)
@@ -192,6 +195,12 @@ class RoadLink(CommandLink):
             if not is_ready:  # the command to work where it stands is next otherwise
                 self.traveller.end_stay()
             self.traveller.renew_state()
+
+    async def _enter_traffic(self) -> None:
+        """Wait until the robot takes part in traffic: what a program that was started anew is told first is to undo what was begun."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(ENTRY):
+                await self.traveller.entered.wait()
 
     def _done(self, *object_states: ObjectState) -> CommandDone:
         assert self.state is not None, "a command is carried out when the robot was located"

@@ -76,6 +76,8 @@ class Traveller:
         self._workplace: str | None = None
         """The place or berth at which it is to work, if it drives to one."""
         self.connected = asyncio.Event()
+        self.entered = asyncio.Event()
+        """Set when the robot takes part in traffic for the first time."""
         self._says_whether_heard = False
         self._lost_at = self._still_since = 0.0
         self.level = 0.0
@@ -317,6 +319,7 @@ class Traveller:
         if isinstance(stop, Berth):
             self._berths.remember(stop, None)
         self._blocked, self._way = set(), ()
+        self.entered.set()
         return standing(stop, halts=self._halts)
 
     async def _follow(self, way: tuple[WayPlace, ...]) -> None:

@@ -29,6 +29,7 @@ from somrs.adapters.ros2.lines import (
     SendGoal,
     Subscribe,
 )
+from somrs.adapters.ros2.robot import Ros2Robot
 from somrs.adapters.ros2.session import Session
 from somrs.adapters.ros2.settings import Binding, RobotSettings
 from somrs.devices.road_robot import RobotFailed
@@ -234,6 +235,34 @@ async def test_a_robot_leaves_the_charger_when_it_is_interrupted() -> None:
     await interruption
     with pytest.raises(RobotFailed, match="charging was interrupted"):
         await charging
+
+
+@in_event_loop
+async def test_a_robot_whose_battery_is_full_says_so() -> None:
+    """Seen: its charge was full within the dead band, and the map had it at 97 %; it was charged again without an end."""
+    step = {"service": "charge", "type": "x/srv/SetBool"}
+    charge = CHARGE | {"dead_band": 5}
+    conversation = Conversation({"charge": {"begin": [step], "end": [step], "full": 96}, "attributes": {"Charge": charge}})
+    topic = conversation.subscription("/r1/battery")
+    conversation.session.handle(Message(id=topic, value={"percentage": 0.94}))
+    charging = asyncio.create_task(conversation.connection.charge("Charger1", Pose(0, 0, 0)))
+    conversation.session.handle(Replied(id=(await conversation.request()).id, value={}))
+    conversation.session.handle(Message(id=topic, value={"percentage": 0.97}))
+    conversation.session.handle(Replied(id=(await conversation.request()).id, value={}))
+    await charging
+    assert conversation.witness.values == {"Charge": [94.0, 97.0]}
+
+
+@in_event_loop
+async def test_a_battery_that_is_charged_no_further_is_full() -> None:
+    settings = RobotSettings.model_validate({"binding": "x.yaml"})
+    binding = Binding.model_validate({"pose": {}, "charge": {"full": 80}, "attributes": {"Charge": CHARGE}})
+    robot = Ros2Robot("Robot1", settings, binding, Session(list[Request]().append, lambda problem: None))
+    levels: list[float | None] = []
+    for level in (40.0, 80.0, 85.0):
+        robot.measured("Charge", level)
+        levels.append(robot.battery)
+    assert levels == [50.0, 100.0, 100.0]
 
 
 @in_event_loop

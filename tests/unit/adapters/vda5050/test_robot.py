@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 from typing import Any
 
 import pytest
@@ -78,6 +79,24 @@ def test_a_pick_that_fails_says_why_and_what_the_vehicle_holds() -> None:
         with pytest.raises(RobotFailed, match="Robot1 gave up: the vehicle does not say why"):
             await picking
         assert bench.device.carries is False
+
+    asyncio.run(test())
+
+
+def test_a_load_that_is_put_down_is_where_the_vehicle_carried_it() -> None:
+    """Seen before a platform: the jar was on it, and the map had it on the floor, at the middle of the vehicle."""
+
+    async def test() -> None:
+        bench = Bench()
+        position = {"x": 2.0, "y": 1.0, "theta": math.pi / 2, "mapId": "map", "localized": True}
+        load = {"loadId": "Jar7", "boundingBoxReference": {"x": 0.5, "y": 0.1, "z": 0.0}}
+        bench.say(mobileRobotPosition=position, loads=[load])
+        putting = asyncio.create_task(bench.device.put_down("Jar7"))
+        await asyncio.sleep(0)
+        bench.answer("FINISHED", mobileRobotPosition=position)
+        x, y, *rest = await putting
+        assert [x, y] == pytest.approx([1.9, 1.5])
+        assert rest == [0.0, ""]
 
     asyncio.run(test())
 

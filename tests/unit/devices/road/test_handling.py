@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from somrs.devices.simulator.link.commands import ObjectState
 from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.service_manager.sdk.map_reader import MapReader
 from tests.support.road_lab import LabRobot, RoadLab, in_virtual_time
 
 
@@ -214,5 +215,99 @@ def test_what_was_put_down_unnoticed_is_taken_from_there_to_be_brought_back(tmp_
         await robot.link.approach("Table1")
         (state,) = (await robot.link.place("Table1")).object_states
         assert state.support == "Table1" == lab.places["Jar1"]
+
+    in_virtual_time(test())
+
+
+def test_a_command_waits_until_a_robot_whose_program_was_started_anew_takes_part_in_traffic(tmp_path: Path) -> None:
+    """Seen with vehicles and ROS 2: undoing at once what had been begun failed, and no plan takes a thing out of a gripper."""
+
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        await lab.start()
+        await carrying(lab, robot)
+        restart = asyncio.create_task(lab.restart("Robot1"))
+        while (restarted := lab.robots["Robot1"]) is robot or not restarted.link.connected:
+            await asyncio.sleep(0.01)
+        restarted.link.gripper.load([])
+        assert not restarted.road.entered.is_set()
+        await restarted.link.approach("Table1")
+        await restarted.link.place("Table1")
+        assert lab.places["Jar1"] == "Table1"
+        await restart
+
+    in_virtual_time(test())
+
+
+@pytest.mark.parametrize("is_gripped", [False, True])
+def test_what_nobody_knows_of_a_pick_is_made_sure_of_when_the_gripper_answers_again(tmp_path: Path, is_gripped: bool) -> None:
+    """Seen with ROS 2, whose gripper's program had ended: the task waited for somebody to look for a jar that had not been touched."""
+
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        robot.senses = False
+        await lab.start()
+        await robot.link.approach("Jar1")
+        robot.ends_at = 0.75 if is_gripped else 0.25
+        with pytest.raises(RobotGaveUp, match="its gripper has ended") as failure:
+            await robot.link.grip("Jar1")
+        assert (failure.value.reason, failure.value.object_states) == ("link-lost", ())
+        assert robot.lost_link_patience == robot.carrying_patience
+        with pytest.raises(RobotGaveUp, match="its gripper has ended"):
+            await robot.link.put_down_object()
+        assert robot.holding == "Jar1", "nobody can tell"
+        robot.ends_at = None
+        assert await put_down_place(robot) == "Table1" == lab.places["Jar1"]
+
+    in_virtual_time(test())
+
+
+def test_a_robot_that_was_gone_while_it_picked_goes_on_when_it_is_back(tmp_path: Path) -> None:
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        await lab.start()
+        await robot.link.approach("Jar1")
+        picking = asyncio.create_task(robot.link.grip("Jar1"))
+        await asyncio.sleep(0.1)
+        robot.go_away()
+        with pytest.raises(RobotGaveUp, match="cannot be reached"):
+            await picking
+        assert robot.lost_link_patience == robot.carrying_patience
+
+    in_virtual_time(test())
+
+
+def test_a_robot_that_is_back_says_where_the_thing_is_that_the_map_has_forgotten(tmp_path: Path) -> None:
+    """Seen with vehicles that were away for 38 s while they picked: the task waited for ever, and the jar was where it had been."""
+
+    async def test() -> None:
+        lab = RoadLab(tmp_path)
+        robot = lab.robots["Robot1"]
+        observed: list[str | None] = []
+        robot.observer = lambda situation, observation: observed.append(situation)
+        robot.map = MapReader(lab.answer)
+        await lab.start()
+        robot._link, robot._last_observations, robot._weights, robot._reported_pose, robot._kept = robot.link, {}, {}, None, None
+        await robot.link.approach("Jar1")
+        picking = asyncio.create_task(robot.link.grip("Jar1"))
+        await asyncio.sleep(0.1)
+        robot.go_away()
+        with pytest.raises(RobotGaveUp):
+            await picking
+        await asyncio.sleep(10.0)
+        robot.body.held_thing, lab.places["Jar1"] = None, "Table1"  # it has let go of it
+        lab.report("NOT Jar1 isOn Table1")
+        robot.return_back()
+        await robot.link.stop()
+        for _ in range(2):
+            state = robot.link.state
+            assert state is not None
+            await robot._notice_idle(state, (state.x, state.y, state.yaw))
+        situations = [situation for situation in observed if situation is not None and "Jar1" in situation]
+        assert len(situations) == 1
+        assert "Jar1 isOn Table1" in situations[0]
 
     in_virtual_time(test())

@@ -7,13 +7,15 @@ from typing import Protocol
 
 from msgspec import Struct
 
+from somrs.adapters.vda5050.messages.states import BoundingBoxReference, Load
+
 
 class Sensed(Struct, frozen=True, kw_only=True):
     """How the body is. Lengths in metres, angles in radians on the vehicle's map; `charge`: 0 to 100.
 
     `finished`: the number of the last command that has ended, and `failure` why it failed; None: it did not. `fault`: why the body cannot
-    move until somebody mends it; None: it can. `load`: what it carries, by its sensor; None: nothing. `map_id`: the map on which the body
-    is, for one that rides lifts; None: the one on which it was.
+    move until somebody mends it; None: it can. `load`: what it carries, by its sensor; None: nothing. `reach`: how far before its middle it
+    carries and drops that. `map_id`: the map on which the body is, for one that rides lifts; None: the one on which it was.
     """
 
     x: float
@@ -27,6 +29,12 @@ class Sensed(Struct, frozen=True, kw_only=True):
     fault: str | None = None
     map_id: str | None = None
     load: str | None = None
+    reach: float = 0.0
+
+    def loads(self, name: str | None) -> tuple[Load, ...]:
+        """The loads as states show them, of a vehicle that carries the thing with this name; None: nothing."""
+        place = BoundingBoxReference(x=self.reach, y=0.0, z=0.0)
+        return (Load(load_id=name, bounding_box_reference=place),) if name is not None else ()
 
 
 class Drive(Struct, frozen=True, kw_only=True):

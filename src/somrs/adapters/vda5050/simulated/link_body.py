@@ -24,6 +24,8 @@ log = logging.getLogger(__name__)
 
 NO_LEVELS: Mapping[str, float] = MappingProxyType({})
 
+REACH = 0.5
+"""How far before their middles robots of the simulator put things down, m."""
 CONTOUR = 0.2
 """How far the smallest robots of the simulator extend around their middle, m."""
 
@@ -58,6 +60,7 @@ class LinkBody:
             finished=self._number if is_charging else self._finished,
             failure=self._failure,
             load=state.holding,
+            reach=REACH,
             fault="the drive is dead" if Fault.DRIVE in state.faults else None,
             map_id=min(self._levels, key=lambda map_id: abs(self._levels[map_id] - (state.z or 0.0)), default=None),
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from somrs.adapters.vda5050.messages.header import Version
-from somrs.adapters.vda5050.messages.states import EmergencyStop, Load, OperatingMode, Position, PowerSupply, SafetyState, State
+from somrs.adapters.vda5050.messages.states import EmergencyStop, OperatingMode, Position, PowerSupply, SafetyState, State
 from somrs.adapters.vda5050.simulated.body import Sensed
 from somrs.adapters.vda5050.simulated.complaints import Complaints
 from somrs.adapters.vda5050.simulated.instant import InstantLog
@@ -48,7 +48,7 @@ def state_of(
         errors=complaints.errors,
         safety_state=SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False),
         mobile_robot_position=Position(x=sensed.x, y=sensed.y, theta=sensed.yaw, map_id=map_id, localized=True),
-        loads=(Load(load_id=load),) if load is not None else (),
+        loads=sensed.loads(load),
         maps=tuple(storage.maps),
         zone_sets=tuple(storage.zone_sets) if version is Version.V3_0 else None,
         zone_requests=zones.requests if version is Version.V3_0 else None,
