@@ -24,7 +24,7 @@ from tests.support.robot_lab import repository
 from tests.support.virtual_devices import make_ask
 
 
-class RecordingRobot(ArcosRobot):
+class RecordingRobot(ArcosRobot, replaces=("passed", "gave_up", "broken")):
     """Notes what it tells traffic."""
 
     def __init__(self, settings: RobotSettings) -> None:
