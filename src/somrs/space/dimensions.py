@@ -10,6 +10,10 @@ FINGER = 0.11
 """Length of the fingers, m."""
 OPENING = 0.085
 """Largest distance of each finger from the middle, m."""
+ROBOT_HEIGHT = 1.85
+"""Height that a robot is taken to need above its floor, m."""
+EVEN = 0.02
+"""What rises less than this above a floor is no obstacle there, m."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from somrs.errors import SimulationError
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Object
 from somrs.ontology.types import Ontology
-from somrs.space.dimensions import dimensions_of
+from somrs.space.dimensions import ROBOT_HEIGHT, dimensions_of
 from somrs.space.distances import STEP, distances_from, distances_from_segment, points_along
 from somrs.space.fitting import TOLERANCE, is_in_the_way, overlaps
 from somrs.space.lanes import MapLane, lanes_of
@@ -28,8 +28,8 @@ from somrs.space.standing import BESIDE, beside_supports, beside_text
 from somrs.space.way_back import lanes_without_way_back
 from somrs.space.zones import NO_GO_ZONE, zone_objects
 
-ROBOT_RADIUS, ROBOT_HEIGHT = 0.25, 1.85
-"""The size of a robot where the map has none, m."""
+ROBOT_RADIUS = 0.25
+"""The radius of a robot where the map has none, m."""
 _LEVEL_DISTANCE = 0.3
 """The largest difference between the height of an object and of the floor that it stands on, m."""
 _NARROW = 0.05

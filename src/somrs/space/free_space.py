@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.space.clearance import FAR, Disc, Field, Grid, clearances
+from somrs.space.dimensions import EVEN, ROBOT_HEIGHT
 from somrs.space.leaves import leaf_obstacles
 from somrs.space.shafts import shafts_of
 from somrs.space.solids import STANDING, Point, Role, Solid, solid_of
@@ -25,7 +26,7 @@ SLACK = 0.01
 
 
 class FreeSpace:
-    """The free space of one floor of a map. `height`: of the robots; solids above it are not obstacles.
+    """The free space of one floor of a map. Solids above the robots are not obstacles.
 
     `leaf_positions`: where the leaves of doors and containers are, if not where the map says.
     """
@@ -36,11 +37,10 @@ class FreeSpace:
         ontology: Ontology,
         *,
         level: float = 0.0,
-        height: float = 1.85,
         leaf_positions: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
-        standing = {solid.name: solid for solid in solids if _stands(solid) and solid.z < level + height and solid.top > level + 0.02}
+        standing = {solid.name: solid for solid in solids if _stands(solid) and solid.z < level + ROBOT_HEIGHT and solid.top > level + EVEN}
         shafts = shafts_of(map, ontology)
         for fact in map.facts("leadsInto"):  # the doors of a lift are open for whoever may use it
             standing.pop(fact.arguments[0], None)

@@ -32,6 +32,10 @@ SLACK = 0.02
 """How much nearer to something than planned a robot drives before it counts as in the way, m."""
 NO_NEARER = 0.005
 """How much nearer to something a robot may come before it counts as nearer, m."""
+SLOWEST = 0.08
+"""Speed at which corners are passed at least, m/s."""
+TURNING_DOWN = 3.0
+"""Deceleration with which the base comes to a heading, rad/s²."""
 LOOK = 1.0
 """The time after which a robot looks again whether its way is clear, s."""
 NEAR_FLOOR = 0.3
@@ -306,10 +310,10 @@ def _drive_lane(robot: Robot, start: Point, end: Point) -> Routine:
             error = 0.0  # so near to the goal, the direction is mostly noise
         allowed = _top_speed(robot, lane) * max(0.0, math.cos(error)) ** 4 if abs(error) < 1.0 else 0.0
         turn = _turned(next_lane) - _turned(lane)
-        exit_speed = 0.02 if is_final else min(_corner_speed(robot, start, end, ahead[0], turn), _top_speed(robot, next_lane))
+        exit_speed = 0.02 if is_final else min(corner_speed(start, end, ahead[0], robot.solid.speed, turn), _top_speed(robot, next_lane))
         allowed = min(allowed, math.sqrt(exit_speed * exit_speed + 2 * COMFORTABLE * max(0.0, distance - 0.01)))
         allowed = min(allowed, distance / robot.period)  # not past the place within this period
-        robot.move(direction, allowed, _turning(error))
+        robot.move(direction, allowed, turning_speed(error))
         yield
 
 
@@ -331,17 +335,17 @@ def turn_to(robot: Robot, yaw: float) -> Routine:
         error = wrap(yaw - robot.pose()[2])
         if abs(error) < 0.01:
             return
-        robot.move((math.cos(robot.pose()[2]), math.sin(robot.pose()[2])), 0.0, _turning(error))
+        robot.move((math.cos(robot.pose()[2]), math.sin(robot.pose()[2])), 0.0, turning_speed(error))
         yield
 
 
-def _turning(error: float) -> float:
+def turning_speed(error: float) -> float:
     """The turning speed for a heading error, rad/s: the base stops at the heading without overshooting."""
-    return math.copysign(min(4.0 * abs(error), math.sqrt(2 * 3.0 * abs(error))), error)
+    return math.copysign(min(4.0 * abs(error), math.sqrt(2 * TURNING_DOWN * abs(error))), error)
 
 
-def _corner_speed(robot: Robot, previous_point: Point, corner: Point, next_point: Point, turn: float) -> float:
+def corner_speed(previous_point: Point, corner: Point, next_point: Point, top_speed: float, turn: float = 0.0) -> float:
     """The largest speed at a corner of the path, m/s. `turn`: by how much the robot turns there besides, rad."""
     heading = math.atan2(corner[1] - previous_point[1], corner[0] - previous_point[0]) - turn
     bend = wrap(math.atan2(next_point[1] - corner[1], next_point[0] - corner[0]) - heading)
-    return max(0.08, robot.solid.speed * max(0.0, math.cos(bend)) ** 2)
+    return max(SLOWEST, top_speed * max(0.0, math.cos(bend)) ** 2)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Generator
 
 import numpy as np
 
@@ -36,9 +36,9 @@ Spots = Callable[[], tuple[Array, Array]]
 """Returns the suitable spots (n, 2) and their penalties (n). Called again whenever the robot needs another spot."""
 
 
-def get_within_reach(  # type: ignore[no-untyped-def]
+def get_within_reach(
     robot: Robot, target_name: str, spots: Spots, top: float, ignored: Collection[str] = (), container: Solid | None = None
-):
+) -> Generator[None, None, Point]:
     """Drive, if necessary, to a place from which one of the spots, in a container or not, is in reach. Returns the spot. Raises GivenUp."""
     waited = 0.0
     while True:
@@ -62,7 +62,7 @@ def get_within_reach(  # type: ignore[no-untyped-def]
                 yield from drive_to(robot, stand.base, patience=4.0)
                 return stand.spot
             except GivenUp as failure:
-                if failure.reason not in ("blocked", "unreachable"):
+                if not failure.leaves_other_places:
                     raise
                 problem = failure
         if not ranked:

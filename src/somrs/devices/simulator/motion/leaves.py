@@ -6,7 +6,7 @@ The base stands while the leaf moves. Where the arm does not reach far enough, t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,7 +79,7 @@ def _move_part(robot: Robot, leaf: Leaf, goal: float) -> Routine:
         robot.fleet.sweeps.pop(robot.name, None)
 
 
-def _drive_to_stand(robot: Robot, leaf: Leaf, goal: float):  # type: ignore[no-untyped-def]
+def _drive_to_stand(robot: Robot, leaf: Leaf, goal: float) -> Generator[None, None, _Stand]:
     """Drive to a place from which a handle is in reach, on the nearer side if there is one. Returns the stand. Raises GivenUp."""
     problem = GivenUp("unreachable", f"there is no place from which {robot.name} could move the door of {leaf.owner.name}")
     nearer = leaf.nearer_side(robot.pose()[:2])
@@ -90,7 +90,7 @@ def _drive_to_stand(robot: Robot, leaf: Leaf, goal: float):  # type: ignore[no-u
                 yield from drive_to(robot, stand.base, patience=8.0)
                 return stand
             except GivenUp as failure:
-                if failure.reason not in ("blocked", "unreachable"):
+                if not failure.leaves_other_places:
                     raise
                 problem = failure
     raise problem
@@ -123,7 +123,7 @@ def leading_bases(robot: Robot, leaf: Leaf, side: int, way: tuple[float, float],
     radii = np.linspace(size.nearest + 0.015, size.farthest - 0.015, 7)
     angles = np.arange(32) * (math.pi / 16)
     bases = handles[0] + np.array([(r * math.cos(angle), r * math.sin(angle)) for r in radii for angle in angles])
-    bases = bases[robot.scene.clearances(bases, level + 0.02, level + 1.85, [leaf.name]) >= size.radius + MARGIN + 0.015]
+    bases = bases[robot.scene.room(bases, level, [leaf.name]) >= size.radius + MARGIN + 0.015]
     reached = np.zeros(len(bases), dtype=int)
     going = np.arange(len(bases))
     for position, handle in zip(positions, handles, strict=True):

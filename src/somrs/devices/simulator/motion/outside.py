@@ -9,15 +9,13 @@ from __future__ import annotations
 import math
 
 from somrs.devices.simulator.motion.arm import withdraw
-from somrs.devices.simulator.motion.driving import MARGIN, NO_NEARER, floor_things, sees, turn_to
+from somrs.devices.simulator.motion.driving import MARGIN, NO_NEARER, corner_speed, floor_things, sees, turn_to, turning_speed
 from somrs.devices.simulator.motion.robot import COMFORTABLE, GivenUp, Robot, Routine, stand, wrap
 from somrs.space.lines import point_distance
 from somrs.space.solids import Point
 
 REACHED, PASSED = 0.01, 0.04
 """A robot that is this near to its last point, or to one on the way, has come to it, m."""
-SLOWEST = 0.08
-"""Speed at which corners are passed at least, m/s."""
 CONTACT = 0.01
 """How much nearer to something than its radius the base may come, m."""
 
@@ -54,22 +52,12 @@ def _drive_line(robot: Robot, points: tuple[Point, ...], top_speed: float, turne
         if distance < (REACHED if is_final else PASSED):
             return
         error = 0.0 if is_final and distance < PASSED else wrap(math.atan2(dy, dx) + turned - yaw)
-        exit_speed = 0.02 if is_final else _corner_speed(start, end, points[1], top_speed)
+        exit_speed = 0.02 if is_final else corner_speed(start, end, points[1], top_speed)
         allowed = top_speed * max(0.0, math.cos(error)) ** 4 if abs(error) < 1.0 else 0.0
         allowed = min(allowed, math.sqrt(exit_speed**2 + 2 * COMFORTABLE * max(0.0, distance - 0.01)), distance / robot.period)
-        blocker = robot.move((dx / distance, dy / distance), allowed, _turning(error))
+        blocker = robot.move((dx / distance, dy / distance), allowed, turning_speed(error))
         robot.is_obstructed = blocker is not None and robot.speed == 0.0
         yield
-
-
-def _corner_speed(start: Point, corner: Point, following: Point, top_speed: float) -> float:
-    bend = wrap(math.atan2(following[1] - corner[1], following[0] - corner[0]) - math.atan2(corner[1] - start[1], corner[0] - start[0]))
-    return max(SLOWEST, top_speed * max(0.0, math.cos(bend)) ** 2)
-
-
-def _turning(error: float) -> float:
-    """The turning speed for a heading error, rad/s: the base stops at the heading without overshooting."""
-    return math.copysign(min(4.0 * abs(error), math.sqrt(6.0 * abs(error))), error)
 
 
 def move_at(robot: Robot, forward: float, turning: float, lasts: float) -> Routine:

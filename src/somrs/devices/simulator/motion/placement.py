@@ -27,7 +27,7 @@ PALM = 0.1
 """Half the width of the palm, with some space, m."""
 DOORWAY = 0.6
 """Distance of things on a floor from a door, so that robots can pass, m."""
-COMFORTABLE = 0.5
+EASIEST = 0.5
 """Distance from the middle of the base at which a spot is easiest to reach, m."""
 WAY = 0.3
 """What a metre of the way to a stand costs."""
@@ -73,7 +73,7 @@ def stands(
         spots,
         top,
         penalties,
-        lambda points: robot.scene.clearances(points, level + 0.02, level + 1.85),
+        lambda points: robot.scene.room(points, level),
         container,
     )
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot, ignored)]
@@ -115,7 +115,7 @@ def reaching_bases(
     offsets = np.array([(r * math.cos(angle), r * math.sin(angle)) for r in reaches for angle in angles])
     bases = (spots[:, None, :] + offsets[None, :, :]).reshape(-1, 2)
     target_spots = np.repeat(spots, len(offsets), axis=0)
-    costs = np.repeat(penalties, len(offsets)) + np.tile(np.abs(np.repeat(reaches, len(angles)) - COMFORTABLE) * 0.5, len(spots))
+    costs = np.repeat(penalties, len(offsets)) + np.tile(np.abs(np.repeat(reaches, len(angles)) - EASIEST) * 0.5, len(spots))
     mask = room(bases) >= size.radius + MARGIN + 0.015
     bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
     mask = _boom_clear(size, static, bases, target_spots, top, container)
@@ -262,8 +262,8 @@ def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
     level = robot.solid.z
     held = [robot.holding] if robot.holding else []
     rated_spots: list[tuple[float, Point, float]] = []
-    bases = np.tile(np.array([[x, y]]), (len(spots), 1))
-    for spot, cost, base in zip(spots, ahead, bases, strict=True):
+    base = np.array([[x, y]])
+    for spot, cost in zip(spots, ahead, strict=True):
         support = robot.scene.support_below(float(spot[0]), float(spot[1]), level + 1.3)
         if support is None or support.role is Role.STATIC:
             continue
@@ -274,7 +274,7 @@ def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
         robots = min((float(_from_capsule(single_spot, c)[0]) - radius for o in robot.other_robots() for c in o.claims()), default=9.0)
         if (
             min(edge, walls - FINGERS, room - FINGERS, robots - 0.12) < 0
-            or not _boom_clear(size, robot.scene.clearances, base[None, :], single_spot, support.top)[0]
+            or not _boom_clear(size, robot.scene.clearances, base, single_spot, support.top)[0]
         ):
             continue
         narrow = 0.4 * max(0.0, 0.5 - min(walls, room, robots))

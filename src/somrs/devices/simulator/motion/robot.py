@@ -55,6 +55,11 @@ class GivenUp(Exception):
         self.reason, self.description = reason, description
         super().__init__(reason, description)
 
+    @property
+    def leaves_other_places(self) -> bool:
+        """Whether the robot only did not get to one place: from another one, it may be able to go on."""
+        return self.reason in ("blocked", "unreachable")
+
 
 def wrap(angle: float) -> float:
     """The equivalent angle in (-pi, pi]."""

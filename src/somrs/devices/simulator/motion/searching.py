@@ -29,7 +29,6 @@ ATTEMPTS = 4
 """Number of viewpoints that are tried for a place."""
 GLANCE = 0.1
 """Time between two checks whether the object is in view, s."""
-_BLOCKED = ("blocked", "unreachable")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +57,7 @@ def look_at(robot: Robot, point: Place, sought: Sought, observations: dict[str, 
         try:
             yield from _move_until_seen(robot, drive_to(robot, (x, y), yaw, patience=4.0), sought)
         except GivenUp as failure:
-            if failure.reason not in _BLOCKED:
+            if not failure.leaves_other_places:
                 raise
             problem = failure
         else:
@@ -105,7 +104,7 @@ def _viewpoints(robot: Robot, point: Place) -> Iterator[Point]:
     ]
     spots: Array = np.array([(x, y), *ring])
     costs = 0.8 * np.hypot(spots[:, 0] - point[0], spots[:, 1] - point[1])
-    room = robot.scene.clearances(spots, robot.solid.z + 0.02, robot.solid.z + 1.85)
+    room = robot.scene.room(spots, robot.solid.z)
     discs = [*floor_things(robot), *robot_discs(robot.staying_robots())]
     for i in ranked(robot, spots, costs, 1.0):
         spot = float(spots[i][0]), float(spots[i][1])

@@ -19,7 +19,7 @@ from somrs.devices.simulator.world.hands import Hands
 from somrs.devices.simulator.world.joints import Joints
 from somrs.devices.simulator.world.layout import Layout
 from somrs.ontology.objects import Object
-from somrs.space.dimensions import dimensions_of
+from somrs.space.dimensions import EVEN, ROBOT_HEIGHT, dimensions_of
 from somrs.space.distances import Array, distances_from
 from somrs.space.leaves import Leaf, inside, leaves_of
 from somrs.space.solids import Role, Solid
@@ -238,6 +238,10 @@ class Scene(ABC):
             if block.z < high and block.top > low and block.name not in skip:
                 distances = np.minimum(distances, distances_from(block, points))
         return distances
+
+    def room(self, points: Array, level: float, ignored: Iterable[str] = ()) -> Array:
+        """Distance from each point to the nearest static solid that a robot on the floor of this height would touch, as `clearances`."""
+        return self.clearances(points, level + EVEN, level + ROBOT_HEIGHT, ignored)
 
     def support_below(self, x: float, y: float, z: float, name: str = "") -> Solid | None:
         """The highest support, obstacle or floor under a point."""
