@@ -42,8 +42,6 @@ from somrs.service_manager.sdk.values import number_of
 
 log = logging.getLogger(__name__)
 
-STORE_PERIOD = 0.5
-"""Seconds between two times at which the pose is stored."""
 AWAY = 0.1
 """How far a robot backs up from what it has put down, m, at least."""
 SPARE = 0.1
@@ -66,7 +64,6 @@ class ArcosRobot(CarryingRobot):
         self._stored: Stored | None = None
         self._start: Pose | None = None
         """Where the map had it when the program began."""
-        self._store_time = -STORE_PERIOD
 
     async def open(self) -> None:
         stored, self._start = load_reckoning(self._file), self.settings.pose or await self._start_pose()
@@ -175,16 +172,14 @@ class ArcosRobot(CarryingRobot):
         return self.data / "arcos" / f"{self.name}.json"
 
     def _store_reckoning(self) -> None:
-        """Store where the robot is, so that a program that is started anew while it drives goes on from there."""
-        now = asyncio.get_running_loop().time()
-        if now - self._store_time < STORE_PERIOD:
-            return
+        """Store where the robot is, so that a program that is started anew while it drives goes on from there. At every report: while it
+        turns, a heading of half a second ago leads it a metre astray."""
         reckoning, on_map = self._open_line().driver.reckoning, self._pose_of_map()
         if reckoning is None or on_map is None:
             return
         stored = Stored(reckoning=reckoning, on_map=on_map)
         if stored != self._stored:
-            self._store_time, self._stored = now, stored
+            self._stored = stored
             store_reckoning(self._file, stored)
 
     def _pose_of_map(self) -> Pose | None:
