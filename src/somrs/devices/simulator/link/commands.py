@@ -226,6 +226,10 @@ class Fault(StrEnum):
     """The robot stops. Its connection is cut, and refused until the fault is repaired."""
 
 
+MUTING = frozenset({Fault.SILENT, Fault.LINK})
+"""The faults that keep a device from sending anything."""
+
+
 class RobotState(Struct, frozen=True, kw_only=True):
     """The state that a robot reports: time, pose, held object, command in progress, faults as far as it can report them, and battery.
 

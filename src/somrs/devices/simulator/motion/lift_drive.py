@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from msgspec.structs import replace
 
 from somrs.devices.simulator.link.commands import (
+    MUTING,
     Command,
     CommandDone,
     Fault,
@@ -135,7 +136,7 @@ class LiftDrive(StationaryDevice):
     def fault(self, fault: Fault) -> None:
         """Inject a fault: the cabin and the doors stop where they are."""
         self.faults.add(fault)
-        if fault in (Fault.SILENT, Fault.LINK):
+        if fault in MUTING:
             self._commanded = self._serving = self.activity = None
         self._give_up("drive-dead", f"{self.name} does not work")
         for leaf, _ in self._leaves():

@@ -71,7 +71,7 @@ class Office(Protocol):
 
 
 class RoadUser:
-    """A robot's part in traffic. `level`: the height of its floor, m."""
+    """A robot's part in traffic."""
 
     def __init__(self, robot: str, kind: RobotKind, level: float, office: Office) -> None:
         self.robot, self.office = robot, office

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Generator, Iterator
 
 from somrs.devices.simulator.battery import PER_ARM_SECOND, PER_METRE, PER_RADIAN, Battery
-from somrs.devices.simulator.link.commands import Fault, RobotState
+from somrs.devices.simulator.link.commands import MUTING, Fault, RobotState
 from somrs.devices.simulator.motion.passages import AutomaticDoor, Lift
 from somrs.devices.simulator.motion.road_user import RoadUser
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
@@ -137,7 +137,12 @@ class Robot:
     @property
     def mobile(self) -> bool:
         """Whether its drive works, and may."""
-        return not self.paused and not self.faults & {Fault.DRIVE, Fault.SILENT, Fault.LINK}
+        return not (self.paused or self.is_mute or Fault.DRIVE in self.faults)
+
+    @property
+    def is_mute(self) -> bool:
+        """Whether a fault keeps it from sending anything; then it stands, too."""
+        return not MUTING.isdisjoint(self.faults)
 
     @property
     def hindrance(self) -> str | None:

@@ -99,7 +99,7 @@ class Connections:
 
     def is_mute(self, robot: str) -> bool:
         """Whether a fault keeps the robot from sending anything."""
-        return robot in self._simulation.linked and bool(self._simulation.linked[robot].faults & {Fault.SILENT, Fault.LINK})
+        return robot in self._simulation.linked and self._simulation.linked[robot].is_mute
 
     @property
     def any_waits_for_rest(self) -> bool:

@@ -52,10 +52,7 @@ class RobotWork:
         return any(self._can_work(name) for name in self._work)
 
     def _can_work(self, robot: str) -> bool:
-        return not (self._is_dead(robot) or self._robots[robot].paused)
-
-    def _is_dead(self, robot: str) -> bool:
-        return bool(self._robots[robot].faults & {Fault.SILENT, Fault.LINK})
+        return not (self._robots[robot].is_mute or self._robots[robot].paused)
 
     # Commands
 

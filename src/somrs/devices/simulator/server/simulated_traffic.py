@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
-from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.driving import sees, things_on_floor
 from somrs.devices.simulator.motion.passages import Lift
 from somrs.devices.simulator.motion.road_user import RoadUser
@@ -165,7 +164,7 @@ class SimulatedTraffic:
 
     def return_to_traffic(self, robot: Robot) -> None:
         """A robot was repaired."""
-        if not (_is_silent(robot) or robot.is_outside):
+        if not (robot.is_mute or robot.is_outside):
             robot.road.enter_again()
 
     def lay_out(self, map: Map, ontology: Ontology) -> None:
@@ -234,7 +233,7 @@ class SimulatedTraffic:
         self.office.hold(reason)
 
     def close_passages(self, names: tuple[str, ...]) -> None:
-        """Let no robot use these doors, which are out of order, and only these."""
+        """Let no robot use these doors and lifts, which are out of order, and only these."""
         self.changed |= names != self._out_of_order
         self._out_of_order = names
 
@@ -259,12 +258,12 @@ class SimulatedTraffic:
         if now >= self._join_time + RENEWAL:
             self._join()
         renews = now >= self.office.renewed_at + RENEWAL
-        self.office.advance(now, lambda name: _is_silent(self._robots[name]))
+        self.office.advance(now, lambda name: self._robots[name].is_mute)
         self._passages.advance(self.office, renews=renews)
 
     def note_mobility(self, robot: Robot, mobility: Mobility) -> None:
-        """Say whether a robot can make room, unless it is silent."""
-        if _is_silent(robot) or robot.is_outside:
+        """Say whether a robot can make room, unless it is mute."""
+        if robot.is_mute or robot.is_outside:
             return
         if mobility is Mobility.IMMOBILE and robot.road.mobility is not mobility and robot.stands and not _is_riding(robot):
             robot.road.level = _level(robot)
@@ -276,7 +275,7 @@ class SimulatedTraffic:
         """Let robots enter that do not take part, and those say where exactly they are that have got stuck between two places."""
         self._join_time = self._now
         for robot in self._robots.values():
-            if _is_silent(robot) or robot.is_outside:
+            if robot.is_mute or robot.is_outside:
                 continue
             if not robot.road.takes_part:
                 robot.road.level = _level(robot)
@@ -310,10 +309,6 @@ class SimulatedTraffic:
             free_spaces = {level: self._free_space(level) for level in self._robots.levels}
             shut_solids = [solids[name] for name in shut if name in solids]
             self.office.close(free_spaces, rounded, shut_solids, self._robots.zones.forbidden, occupied_lifts)
-
-
-def _is_silent(robot: Robot) -> bool:
-    return bool(robot.faults & {Fault.SILENT, Fault.LINK})
 
 
 def _is_riding(robot: Robot) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, Fault, RobotState
+from somrs.devices.simulator.link.commands import MUTING, Command, CommandDone, CommandGivenUp, Fault, RobotState
 from somrs.devices.simulator.world.scene import Scene
 from somrs.space.solids import Solid
 
@@ -22,6 +22,11 @@ class StationaryDevice:
         self.solid, self.scene = solid, scene
         self.faults: set[Fault] = set()
         self.activity: str | None = None
+
+    @property
+    def is_mute(self) -> bool:
+        """Whether a fault keeps it from sending anything."""
+        return not MUTING.isdisjoint(self.faults)
 
     def state(self) -> RobotState:
         solid, faults = self.solid, tuple(sorted(self.faults))
