@@ -6,8 +6,9 @@ from __future__ import annotations
 import asyncio
 import math
 import selectors
-from collections.abc import Coroutine, Iterable
-from functools import lru_cache
+from collections.abc import Callable, Coroutine, Iterable
+from functools import lru_cache, wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from random import Random
 from typing import Any, TypeVar
@@ -84,6 +85,24 @@ def in_virtual_time(test: Coroutine[Any, Any, T]) -> T:
 
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         return runner.run(limited())
+
+
+def in_lab(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """A test with a laboratory and its first robot, which takes part in traffic when the test begins, in virtual time."""
+
+    @wraps(test)
+    def run(tmp_path: Path, **arguments: object) -> None:
+        async def play() -> None:
+            lab = RoadLab(tmp_path)
+            await lab.start()
+            await test(lab, lab.robots["Robot1"], **arguments)
+
+        in_virtual_time(play())
+
+    _, _, *parameters = signature(test).parameters.values()
+    folder = Parameter("tmp_path", Parameter.POSITIONAL_OR_KEYWORD, annotation=Path)
+    run.__signature__ = Signature([folder, *parameters])  # type: ignore[attr-defined]  # what pytest has to pass
+    return run
 
 
 class Body:

@@ -9,49 +9,39 @@ from pathlib import Path
 import pytest
 
 from somrs.devices.simulator.link.connection import RobotGaveUp
-from tests.support.road_lab import RoadLab, in_virtual_time
+from tests.support.road_lab import LabRobot, RoadLab, in_lab, in_virtual_time
 
 
-def test_a_robot_that_is_being_stopped_drives_no_further_than_it_keeps(tmp_path: Path) -> None:
+@in_lab
+async def test_a_robot_that_is_being_stopped_drives_no_further_than_it_keeps(lab: RoadLab, robot: LabRobot) -> None:
     """Seen with vehicles that were cut off from their broker: what traffic grants while they are halted was followed afterwards."""
 
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        robot.stopping = 3.0
-        await lab.start()
-        approaching = asyncio.create_task(robot.link.approach("Platform1"))
-        await asyncio.sleep(2.0)
-        robot.go_away()
-        with pytest.raises(RobotGaveUp, match="cannot be reached"):
-            await approaching
-        await asyncio.sleep(8.0)
-        robot.return_back()
-        await asyncio.sleep(30.0)
-        building = await robot.road.building()
-        (place,) = lab.held("Robot1")
-        assert (robot.body.x, robot.body.y) == pytest.approx(building.point(place), abs=0.05)
-
-    in_virtual_time(test())
+    robot.stopping = 3.0
+    approaching = asyncio.create_task(robot.link.approach("Platform1"))
+    await asyncio.sleep(2.0)
+    robot.go_away()
+    with pytest.raises(RobotGaveUp, match="cannot be reached"):
+        await approaching
+    await asyncio.sleep(8.0)
+    robot.return_back()
+    await asyncio.sleep(30.0)
+    building = await robot.road.building()
+    (place,) = lab.held("Robot1")
+    assert (robot.body.x, robot.body.y) == pytest.approx(building.point(place), abs=0.05)
 
 
-def test_a_robot_that_cannot_drive_says_why(tmp_path: Path) -> None:
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        await lab.start()
-        trip = asyncio.create_task(robot.link.approach("Jar1"))
-        await asyncio.sleep(1)
-        await robot.halt()  # somebody turns the key
-        robot.broken("its key switch is at MANUAL")
-        with pytest.raises(RobotGaveUp, match="Robot1 cannot drive: its key switch is at MANUAL"):
-            await trip
-        assert (await robot.link.status()).state.trouble == "Robot1 cannot drive: its key switch is at MANUAL"
-        robot.broken(None)
-        await robot.link.approach("Jar1")
-        assert (await robot.link.status()).state.trouble is None
-
-    in_virtual_time(test())
+@in_lab
+async def test_a_robot_that_cannot_drive_says_why(lab: RoadLab, robot: LabRobot) -> None:
+    trip = asyncio.create_task(robot.link.approach("Jar1"))
+    await asyncio.sleep(1)
+    await robot.halt()  # somebody turns the key
+    robot.broken("its key switch is at MANUAL")
+    with pytest.raises(RobotGaveUp, match="Robot1 cannot drive: its key switch is at MANUAL"):
+        await trip
+    assert (await robot.link.status()).state.trouble == "Robot1 cannot drive: its key switch is at MANUAL"
+    robot.broken(None)
+    await robot.link.approach("Jar1")
+    assert (await robot.link.status()).state.trouble is None
 
 
 def test_a_robot_that_does_not_take_part_in_traffic_yet_says_so(tmp_path: Path) -> None:

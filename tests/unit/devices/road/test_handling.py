@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from somrs.devices.simulator.link.commands import ObjectState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.service_manager.sdk.map_reader import MapReader
-from tests.support.road_lab import LabRobot, RoadLab, in_virtual_time
+from tests.support.road_lab import LabRobot, RoadLab, in_lab, in_virtual_time
 
 
 async def carrying(lab: RoadLab, robot: LabRobot) -> None:
@@ -32,30 +32,20 @@ async def put_down_place(robot: LabRobot) -> str | None:
     return state.support
 
 
-def test_a_thing_is_put_down_on_the_floor_where_the_robot_stands(tmp_path: Path) -> None:
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        await lab.start()
-        await carrying(lab, robot)
-        assert await put_down_place(robot) == "Floor1" == lab.places["Jar1"]
-
-    in_virtual_time(test())
+@in_lab
+async def test_a_thing_is_put_down_on_the_floor_where_the_robot_stands(lab: RoadLab, robot: LabRobot) -> None:
+    await carrying(lab, robot)
+    assert await put_down_place(robot) == "Floor1" == lab.places["Jar1"]
 
 
-def test_what_is_laid_down_over_a_piece_of_furniture_is_on_it(tmp_path: Path) -> None:
+@in_lab
+async def test_what_is_laid_down_over_a_piece_of_furniture_is_on_it(lab: RoadLab, robot: LabRobot) -> None:
     """Seen with a Pioneer that stood before a cupboard: the map had the jar under it, where no robot could reach it."""
 
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        robot.reach = -0.7  # to where the table is
-        await lab.start()
-        await carrying(lab, robot)
-        (state,) = (await robot.link.put_down_object()).object_states
-        assert (state.support, state.z) == ("Table1", 0.7)
-
-    in_virtual_time(test())
+    robot.reach = -0.7  # to where the table is
+    await carrying(lab, robot)
+    (state,) = (await robot.link.put_down_object()).object_states
+    assert (state.support, state.z) == ("Table1", 0.7)
 
 
 async def put_on_platform(robot: LabRobot) -> ObjectState:
@@ -65,96 +55,66 @@ async def put_on_platform(robot: LabRobot) -> ObjectState:
     return state
 
 
-def test_no_thing_is_put_where_another_one_is(tmp_path: Path) -> None:
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        await lab.start()
-        await carrying(lab, robot)
-        jar = await put_on_platform(robot)
-        lab.report(f"Jar1 isOn Platform1 AND Jar1.PositionX = {jar.x} AND Jar1.PositionY = {jar.y} AND Jar1.PositionZ = {jar.z}")
-        await robot.link.approach("Anvil1")
-        await robot.link.grip("Anvil1")
-        anvil = await put_on_platform(robot)
-        size = sum(robot.building.solids[thing].extent for thing in ("Jar1", "Anvil1"))
-        assert math.dist((jar.x, jar.y), (anvil.x, anvil.y)) > size
-
-    in_virtual_time(test())
+@in_lab
+async def test_no_thing_is_put_where_another_one_is(lab: RoadLab, robot: LabRobot) -> None:
+    await carrying(lab, robot)
+    jar = await put_on_platform(robot)
+    lab.report(f"Jar1 isOn Platform1 AND Jar1.PositionX = {jar.x} AND Jar1.PositionY = {jar.y} AND Jar1.PositionZ = {jar.z}")
+    await robot.link.approach("Anvil1")
+    await robot.link.grip("Anvil1")
+    anvil = await put_on_platform(robot)
+    size = sum(robot.building.solids[thing].extent for thing in ("Jar1", "Anvil1"))
+    assert math.dist((jar.x, jar.y), (anvil.x, anvil.y)) > size
 
 
-def test_where_another_robot_has_put_something_meanwhile_nothing_is_put(tmp_path: Path) -> None:
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        await lab.start()
-        await carrying(lab, robot)
-        await robot.link.approach("Platform1")
-        x, y = robot.building.spot_on("Platform1", (robot.body.x, robot.body.y))
-        lab.report(f"Anvil1 isOn Platform1 AND Anvil1.PositionX = {x} AND Anvil1.PositionY = {y} AND Anvil1.PositionZ = 0.3")
-        (jar,) = (await robot.link.place("Platform1")).object_states
-        assert math.dist((jar.x, jar.y), (x, y)) > robot.building.solids["Anvil1"].extent
-
-    in_virtual_time(test())
+@in_lab
+async def test_where_another_robot_has_put_something_meanwhile_nothing_is_put(lab: RoadLab, robot: LabRobot) -> None:
+    await carrying(lab, robot)
+    await robot.link.approach("Platform1")
+    x, y = robot.building.spot_on("Platform1", (robot.body.x, robot.body.y))
+    lab.report(f"Anvil1 isOn Platform1 AND Anvil1.PositionX = {x} AND Anvil1.PositionY = {y} AND Anvil1.PositionZ = 0.3")
+    (jar,) = (await robot.link.place("Platform1")).object_states
+    assert math.dist((jar.x, jar.y), (x, y)) > robot.building.solids["Anvil1"].extent
 
 
-def test_a_robot_that_carries_something_keeps_its_task_longer_while_it_cannot_be_reached(tmp_path: Path) -> None:
+@in_lab
+async def test_a_robot_that_carries_something_keeps_its_task_longer_while_it_cannot_be_reached(lab: RoadLab, robot: LabRobot) -> None:
     """Seen with vehicles whose broker was started anew: the task failed, because no plan takes a thing out of a gripper."""
 
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        await lab.start()
-        assert robot.lost_link_patience < 10
-        await carrying(lab, robot)
-        robot.go_away()
-        returning = asyncio.create_task(asyncio.sleep(60))
-        returning.add_done_callback(lambda _: robot.return_back())
-        assert await robot.link.wait_reconnected(robot.lost_link_patience)
-
-    in_virtual_time(test())
+    assert robot.lost_link_patience < 10
+    await carrying(lab, robot)
+    robot.go_away()
+    returning = asyncio.create_task(asyncio.sleep(60))
+    returning.add_done_callback(lambda _: robot.return_back())
+    assert await robot.link.wait_reconnected(robot.lost_link_patience)
 
 
-def test_a_robot_that_puts_nothing_down_where_it_stands_brings_it_back(tmp_path: Path) -> None:
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        robot.floor = False
-        await lab.start()
-        await carrying(lab, robot)
-        await robot.link.approach("Platform1")
-        assert await put_down_place(robot) == "Table1" == lab.places["Jar1"]
-
-    in_virtual_time(test())
+@in_lab
+async def test_a_robot_that_puts_nothing_down_where_it_stands_brings_it_back(lab: RoadLab, robot: LabRobot) -> None:
+    robot.floor = False
+    await carrying(lab, robot)
+    await robot.link.approach("Platform1")
+    assert await put_down_place(robot) == "Table1" == lab.places["Jar1"]
 
 
-def test_where_there_is_no_room_any_more_it_goes_to_the_nearest_support_that_has_some(tmp_path: Path) -> None:
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        robot.floor = False
-        await lab.start()
-        await carrying(lab, robot)
-        lab.full.add("Table1")
-        assert await put_down_place(robot) == "Platform1" == lab.places["Jar1"]
-
-    in_virtual_time(test())
+@in_lab
+async def test_where_there_is_no_room_any_more_it_goes_to_the_nearest_support_that_has_some(lab: RoadLab, robot: LabRobot) -> None:
+    robot.floor = False
+    await carrying(lab, robot)
+    lab.full.add("Table1")
+    assert await put_down_place(robot) == "Platform1" == lab.places["Jar1"]
 
 
-def test_a_robot_that_can_put_it_nowhere_keeps_it_and_says_why(tmp_path: Path) -> None:
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        robot.floor = False
-        await lab.start()
-        await carrying(lab, robot)
-        lab.full |= {"Table1", "Platform1"}
-        with pytest.raises(RobotGaveUp, match=r"Robot1 can put Jar1 down nowhere: there is .* no room for it"):
-            await robot.link.put_down_object()
-        assert robot.holding == "Jar1"
-        lab.full.clear()
-        assert await put_down_place(robot) == "Table1"
-
-    in_virtual_time(test())
+@in_lab
+async def test_a_robot_that_can_put_it_nowhere_keeps_it_and_says_why(lab: RoadLab, robot: LabRobot) -> None:
+    robot.floor = False
+    await carrying(lab, robot)
+    lab.full |= {"Table1", "Platform1"}
+    with pytest.raises(RobotGaveUp, match=r"Robot1 can put Jar1 down nowhere: there is .* no room for it"):
+        await robot.link.put_down_object()
+    assert robot.holding == "Jar1"
+    lab.full.clear()
+    assert await put_down_place(robot) == "Table1"
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -197,87 +157,67 @@ def test_it_is_known_where_a_thing_is_whenever_a_program_or_a_connection_ends(
     in_virtual_time(test())
 
 
-def test_what_was_put_down_unnoticed_is_taken_from_there_to_be_brought_back(tmp_path: Path) -> None:
+@in_lab
+async def test_what_was_put_down_unnoticed_is_taken_from_there_to_be_brought_back(lab: RoadLab, robot: LabRobot) -> None:
     """Seen with ROS 2, whose gripper says nothing: the robot looked for the thing where it had been before."""
 
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        robot.senses = False
-        await lab.start()
-        await carrying(lab, robot)
-        await robot.link.approach("Platform1")
-        placing = asyncio.create_task(robot.link.place("Platform1"))
-        await asyncio.sleep(0.75 * robot.body.handling)
-        robot = await lab.restart("Robot1")
-        placing.cancel()
-        assert lab.places["Jar1"] == "Platform1"
-        await robot.link.approach("Table1")
-        (state,) = (await robot.link.place("Table1")).object_states
-        assert state.support == "Table1" == lab.places["Jar1"]
-
-    in_virtual_time(test())
+    robot.senses = False
+    await carrying(lab, robot)
+    await robot.link.approach("Platform1")
+    placing = asyncio.create_task(robot.link.place("Platform1"))
+    await asyncio.sleep(0.75 * robot.body.handling)
+    robot = await lab.restart("Robot1")
+    placing.cancel()
+    assert lab.places["Jar1"] == "Platform1"
+    await robot.link.approach("Table1")
+    (state,) = (await robot.link.place("Table1")).object_states
+    assert state.support == "Table1" == lab.places["Jar1"]
 
 
-def test_a_command_waits_until_a_robot_whose_program_was_started_anew_takes_part_in_traffic(tmp_path: Path) -> None:
+@in_lab
+async def test_a_command_waits_until_a_robot_whose_program_was_started_anew_takes_part_in_traffic(lab: RoadLab, robot: LabRobot) -> None:
     """Seen with vehicles and ROS 2: undoing at once what had been begun failed, and no plan takes a thing out of a gripper."""
 
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        await lab.start()
-        await carrying(lab, robot)
-        restart = asyncio.create_task(lab.restart("Robot1"))
-        while (restarted := lab.robots["Robot1"]) is robot or not restarted.link.connected:
-            await asyncio.sleep(0.01)
-        restarted.link.gripper.load([])
-        assert not restarted.road.entered.is_set()
-        await restarted.link.approach("Table1")
-        await restarted.link.place("Table1")
-        assert lab.places["Jar1"] == "Table1"
-        await restart
-
-    in_virtual_time(test())
+    await carrying(lab, robot)
+    restart = asyncio.create_task(lab.restart("Robot1"))
+    while (restarted := lab.robots["Robot1"]) is robot or not restarted.link.connected:
+        await asyncio.sleep(0.01)
+    restarted.link.gripper.load([])
+    assert not restarted.road.entered.is_set()
+    await restarted.link.approach("Table1")
+    await restarted.link.place("Table1")
+    assert lab.places["Jar1"] == "Table1"
+    await restart
 
 
 @pytest.mark.parametrize("is_gripped", [False, True])
-def test_what_nobody_knows_of_a_pick_is_made_sure_of_when_the_gripper_answers_again(tmp_path: Path, is_gripped: bool) -> None:
+@in_lab
+async def test_what_nobody_knows_of_a_pick_is_made_sure_of_afterwards(lab: RoadLab, robot: LabRobot, is_gripped: bool) -> None:
     """Seen with ROS 2, whose gripper's program had ended: the task waited for somebody to look for a jar that had not been touched."""
 
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        robot.senses = False
-        await lab.start()
-        await robot.link.approach("Jar1")
-        robot.ends_at = 0.75 if is_gripped else 0.25
-        with pytest.raises(RobotGaveUp, match="its gripper has ended") as failure:
-            await robot.link.grip("Jar1")
-        assert (failure.value.reason, failure.value.object_states) == ("link-lost", ())
-        assert robot.lost_link_patience == robot.carrying_patience
-        with pytest.raises(RobotGaveUp, match="its gripper has ended"):
-            await robot.link.put_down_object()
-        assert robot.holding == "Jar1", "nobody can tell"
-        robot.ends_at = None
-        assert await put_down_place(robot) == "Table1" == lab.places["Jar1"]
-
-    in_virtual_time(test())
+    robot.senses = False
+    await robot.link.approach("Jar1")
+    robot.ends_at = 0.75 if is_gripped else 0.25
+    with pytest.raises(RobotGaveUp, match="its gripper has ended") as failure:
+        await robot.link.grip("Jar1")
+    assert (failure.value.reason, failure.value.object_states) == ("link-lost", ())
+    assert robot.lost_link_patience == robot.carrying_patience
+    with pytest.raises(RobotGaveUp, match="its gripper has ended"):
+        await robot.link.put_down_object()
+    assert robot.holding == "Jar1", "nobody can tell"
+    robot.ends_at = None
+    assert await put_down_place(robot) == "Table1" == lab.places["Jar1"]
 
 
-def test_a_robot_that_was_gone_while_it_picked_goes_on_when_it_is_back(tmp_path: Path) -> None:
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        await lab.start()
-        await robot.link.approach("Jar1")
-        picking = asyncio.create_task(robot.link.grip("Jar1"))
-        await asyncio.sleep(0.1)
-        robot.go_away()
-        with pytest.raises(RobotGaveUp, match="cannot be reached"):
-            await picking
-        assert robot.lost_link_patience == robot.carrying_patience
-
-    in_virtual_time(test())
+@in_lab
+async def test_a_robot_that_was_gone_while_it_picked_goes_on_when_it_is_back(lab: RoadLab, robot: LabRobot) -> None:
+    await robot.link.approach("Jar1")
+    picking = asyncio.create_task(robot.link.grip("Jar1"))
+    await asyncio.sleep(0.1)
+    robot.go_away()
+    with pytest.raises(RobotGaveUp, match="cannot be reached"):
+        await picking
+    assert robot.lost_link_patience == robot.carrying_patience
 
 
 def test_a_robot_that_is_back_says_where_the_thing_is_that_the_map_has_forgotten(tmp_path: Path) -> None:

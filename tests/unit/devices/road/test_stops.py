@@ -3,33 +3,27 @@
 from __future__ import annotations
 
 import asyncio
-from pathlib import Path
 
 from somrs.devices.road.waypoints import Waypoint, with_slow_zones
 from somrs.space.solids import Role, Solid
 from somrs.space.zones import Zone, Zones
-from tests.support.road_lab import RoadLab, in_virtual_time
+from tests.support.road_lab import LabRobot, RoadLab, in_lab
 
 
-def test_a_robot_that_is_stopped_on_its_way_goes_on_afterwards(tmp_path: Path) -> None:
-    async def test() -> None:
-        lab = RoadLab(tmp_path)
-        robot = lab.robots["Robot1"]
-        await lab.start()
-        following = asyncio.create_task(robot._follow_stops())
-        approaching = asyncio.create_task(robot.link.approach("Platform1"))
-        await asyncio.sleep(2.0)
-        lab.report("Robot1.Paused = TRUE")
-        await asyncio.sleep(1.0)
-        place = robot.body.x, robot.body.y
-        await asyncio.sleep(60.0)
-        assert (robot.body.x, robot.body.y) == place
-        assert not approaching.done()
-        lab.report("Robot1.Paused = FALSE")
-        await approaching
-        following.cancel()
-
-    in_virtual_time(test())
+@in_lab
+async def test_a_robot_that_is_stopped_on_its_way_goes_on_afterwards(lab: RoadLab, robot: LabRobot) -> None:
+    following = asyncio.create_task(robot._follow_stops())
+    approaching = asyncio.create_task(robot.link.approach("Platform1"))
+    await asyncio.sleep(2.0)
+    lab.report("Robot1.Paused = TRUE")
+    await asyncio.sleep(1.0)
+    place = robot.body.x, robot.body.y
+    await asyncio.sleep(60.0)
+    assert (robot.body.x, robot.body.y) == place
+    assert not approaching.done()
+    lab.report("Robot1.Paused = FALSE")
+    await approaching
+    following.cancel()
 
 
 def waypoint(number: int, x: float, *, level: float = 0.0, speed_limit: float | None = None) -> Waypoint:
