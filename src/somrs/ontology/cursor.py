@@ -113,7 +113,7 @@ def locate_cursor(text: str, position: int, ontology: Ontology, map: Map, variab
     end = rest.end() if rest is not None and (start < position or position == 0 or not text_before[-1].isdigit()) else position
     # The word after the cursor is replaced only if the cursor is within it or at its end: `|isOn` keeps `isOn`.
     end = end if start < position else position
-    variable_types = {**dict.fromkeys(_named(text, start, end)), **variables, **_declared(text, start, ontology)}
+    variable_types = {**dict.fromkeys(_named(text, start, end)), **variables, **_declared(text, ontology)}
     placer = _CursorPlacer(ontology, map, {**variable_types, **_inferred(text, variable_types, ontology)})
     begin = _atom(text_before, start)
     cursor = _replace_fields(placer.cursor_after(text_before[begin:start]), negated=_NEGATED.search(text_before[:begin]) is not None)
@@ -168,7 +168,7 @@ def _named(text: str, start: int, end: int) -> list[str]:
     return [lexeme["word"][1:] for lexeme in lexemes if not (lexeme.start() == start and lexeme.end() <= end)]
 
 
-def _declared(text: str, position: int, ontology: Ontology) -> dict[str, str]:
+def _declared(text: str, ontology: Ontology) -> dict[str, str]:
     matches = re.finditer(r"\?([^\W\d][\w-]*)\s*:\s*([^\W\d][\w-]*)", text)
     return {match[1]: match[2] for match in matches if match[2] in ontology.types or match[2] in ("number", "text", "truth")}
 

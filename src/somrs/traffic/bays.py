@@ -53,7 +53,7 @@ def find_bays(
         centres = space.grid.centres(cells)
         near_lanes = sorted({number for numbers in middles.query_ball_point(centres, 2 * spacing) for number in numbers})
         if any(in_corridor[through[number][0]] and in_corridor[through[number][1]] for number in near_lanes):
-            bay = _bay(centres, lanes[near_lanes], points, spacing, are_clear)
+            bay = _bay(centres, lanes[near_lanes], spacing, are_clear)
             bays += [bay] if bay is not None else []
     return np.vstack(bays) if bays else np.zeros((0, 2))
 
@@ -88,8 +88,8 @@ def _cells_of(labels: NDArray[np.int32], count: int) -> Iterator[NDArray[np.int6
             yield np.argwhere(labels[area] == label) + np.array([area[0].start, area[1].start])
 
 
-def _bay(centres: Points, lanes: Lanes, points: Points, spacing: float, are_clear: AreClear) -> Points | None:
-    """A place in a niche with these cells, and those on the lanes past it; None if it has one, or if no lane is in sight."""
+def _bay(centres: Points, lanes: Lanes, spacing: float, are_clear: AreClear) -> Points | None:
+    """A place in a niche with these cells, and those on the lanes past it; None if no lane is in sight."""
     feet = _feet(centres, lanes)
     distances = np.hypot(*np.moveaxis(feet - centres[:, None], -1, 0))
     nearest = distances.min(axis=1)

@@ -33,7 +33,7 @@ def dump_map(map: Map, ontology: Ontology, name: str | None = None) -> str:
     nested: set[str] = set()
 
     def tree(object: Object) -> dict[str, Any]:
-        body = _object(object, ontology)
+        body = _object(object)
         nested.add(object.name)
         child_parts = [part for part in parts.get(object.name, ()) if part not in nested]
         if child_parts:
@@ -43,7 +43,7 @@ def dump_map(map: Map, ontology: Ontology, name: str | None = None) -> str:
     objects = {object.name: tree(object) for object in map.objects.values() if object.name not in wholes}
     facts = [str(fact) for fact in map.facts() if not (fact.relation == PART_OF and wholes.get(fact.arguments[0]) == fact.arguments[1])]
     for looped in map.objects.keys() - nested:  # objects in a cycle of parts: no tree contains them
-        objects[looped] = _object(map.objects[looped], ontology)
+        objects[looped] = _object(map.objects[looped])
         facts.append(str(Fact(PART_OF, (looped, wholes[looped]))))
     return _yaml({"map": name or name_of(map, ontology) or "map", "objects": objects, **({"facts": Lines(facts)} if facts else {})})
 
@@ -55,7 +55,7 @@ def name_of(map: Map, ontology: Ontology) -> str | None:
     return map.name or next(abstract, next(iter(roots), None))
 
 
-def _object(object: Object, ontology: Ontology) -> dict[str, Any]:
+def _object(object: Object) -> dict[str, Any]:
     values = dict(object.values)
     body: dict[str, Any] = {"type": object.type}
     if all(_is_number(values.get(path)) for path in _POSITION[:2]):

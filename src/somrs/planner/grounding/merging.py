@@ -35,7 +35,7 @@ def merge_task(task: Task) -> FiniteTask:
         for number, move in enumerate(task.moves)
     ]
     excludes = _excludes(task, mutex_groups)
-    operations = _drop_static_preconditions(task, _reachable_operations(task, operations, excludes))
+    operations = _drop_static_preconditions(_reachable_operations(task, operations, excludes))
     operations = _drop_implied_preconditions(task, operations, mutex_groups, excludes)
     return prune_irrelevant(_Merging(task, mutex_groups, operations).task())
 
@@ -87,7 +87,7 @@ def _reachable_operations(task: Task, operations: list[Operation], excludes: dic
     return [operation for operation, missing in zip(operations, missing_counts, strict=True) if missing == 0]
 
 
-def _drop_static_preconditions(task: Task, operations: list[Operation]) -> list[Operation]:
+def _drop_static_preconditions(operations: list[Operation]) -> list[Operation]:
     """The operations without preconditions on variables that no operation changes."""
     changing = {variable for operation in operations for _, variable, _ in operation.effects}
     return [

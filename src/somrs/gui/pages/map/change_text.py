@@ -37,11 +37,11 @@ def describe_changes(changes: Iterable[Change], ontology: Ontology) -> list[str]
     by_object: dict[str, list[Change]] = {}
     for change in changes:
         by_object.setdefault(objects_of(change)[0], []).append(change)
-    lines = [f"{name} {', '.join(_change_phrases(name, object_changes, ontology))}" for name, object_changes in by_object.items()]
+    lines = [f"{name} {', '.join(_change_phrases(object_changes, ontology))}" for name, object_changes in by_object.items()]
     return lines if len(lines) <= MAX_OBJECTS else [*lines[:MAX_OBJECTS], f"and {len(lines) - MAX_OBJECTS} more objects"]
 
 
-def _change_phrases(name: str, changes: list[Change], ontology: Ontology) -> list[str]:
+def _change_phrases(changes: list[Change], ontology: Ontology) -> list[str]:
     phrases: list[str] = []
     values = {change.path: change.value for change in changes if isinstance(change, ValueSet)}
     for change in changes:

@@ -38,7 +38,7 @@ def move_changes(map: Map, ontology: Ontology, move: Move) -> tuple[Change, ...]
     old_heading = number(map, ontology, move.name, TURNED) or 0.0
     turn = _normalize_angle(move.turned - old_heading)
     rise = 0.0
-    changes = [*_position_changes(move.name, move.x, move.y), *_heading_changes(map, ontology, move.name, old_heading, move.turned)]
+    changes = [*_position_changes(move.name, move.x, move.y), *_heading_changes(move.name, old_heading, move.turned)]
     if move.target is not None and _is_thing(map, ontology, move.name):
         facts = [*_put_on_target(map, ontology, move.name, move.target)]
         changes += facts
@@ -56,7 +56,7 @@ def move_changes(map: Map, ontology: Ontology, move: Move) -> tuple[Change, ...]
         changes += _position_changes(rider, move.x + cos * dx - sin * dy, move.y + sin * dx + cos * dy)
         if turn:
             heading = number(map, ontology, rider, TURNED) or 0.0
-            changes += _heading_changes(map, ontology, rider, heading, heading + turn)
+            changes += _heading_changes(rider, heading, heading + turn)
         if rise and (z := number(map, ontology, rider, Z)) is not None:
             changes.append(ValueSet(rider, Z, round(z + rise, DIGITS)))
     return tuple(changes)
@@ -117,7 +117,7 @@ def _position_changes(name: str, x: float, y: float) -> list[Change]:
     return [ValueSet(name, X, round(float(x), DIGITS)), ValueSet(name, Y, round(float(y), DIGITS))]
 
 
-def _heading_changes(map: Map, ontology: Ontology, name: str, old_heading: float, new_heading: float) -> list[Change]:
+def _heading_changes(name: str, old_heading: float, new_heading: float) -> list[Change]:
     if abs(_normalize_angle(new_heading - old_heading)) < 1e-6:
         return []
     return [ValueSet(name, TURNED, round(_normalize_angle(new_heading), DIGITS + 2))]

@@ -99,7 +99,7 @@ def show_missing(section: Section, name: str, history: Callable[[], object]) -> 
         ui.button("See its history", icon="history", on_click=history).props("flat dense no-caps")
 
 
-def show_overview(view: OntologyView, open_definition: OpenDefinition) -> None:
+def show_overview(view: OntologyView) -> None:
     """The page's content while no definition is open."""
     with ui.element("div").classes("somrs-onto-head"):
         ui.icon("account_tree")

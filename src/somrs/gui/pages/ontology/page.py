@@ -166,7 +166,7 @@ class OntologyPage:
             elif name is not None:
                 self._content.show((section.key, name), lambda: self._build_missing(section, name))
             else:
-                self._content.show([*view.ontology], lambda: heading.show_overview(view, self.open_definition))
+                self._content.show([*view.ontology], lambda: heading.show_overview(view))
         self._show_unsaved()
 
     def _definition_actions(self) -> heading.DefinitionActions:
