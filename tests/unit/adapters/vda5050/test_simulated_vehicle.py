@@ -318,3 +318,24 @@ def test_a_vehicle_that_is_switched_on_says_what_it_carries(version: Version) ->
     vehicle = SimulatedVehicle(version, factsheet(), map_id="hall")
     vehicle.handle(Felt(sensed=msgspec.structs.replace(StandInBody().sense(0.0), load="Jar7")), 0.0)
     assert [load.load_id for load in vehicle.state().loads or ()] == ["Jar7"]
+
+
+@VERSIONS
+@pytest.mark.parametrize("action_type", ["pick", "drop"])
+def test_a_vehicle_says_what_it_carries_when_its_order_is_cancelled_as_its_work_is_done(version: Version, action_type: str) -> None:
+    """Seen with a drop: the load was on the platform, and in the state of the vehicle for ever."""
+    vehicle = Alone(version)
+    vehicle.body.load = None if action_type == "pick" else "Jar7"
+    vehicle.vehicle = SimulatedVehicle(version, factsheet(), map_id="hall")  # one that is switched on with this load
+    vehicle.tell(Connected())
+    vehicle.run(0.1)
+    parameters = (ActionParameter(key="stationType", value="floor"), ActionParameter(key="loadId", value="Jar7"))
+    work = Action(action_type=action_type, action_id="work", blocking_type=BlockingType.HARD, action_parameters=parameters)
+    vehicle.order(changed(order("A"), 0, actions=(work,)))
+    vehicle.run(1.0)
+    assert vehicle.status("work") is ActionStatus.RUNNING
+    vehicle.body.load = "Jar7" if action_type == "pick" else None
+    vehicle.act("cancelOrder", "cancel")
+    vehicle.run(1.0)
+    assert vehicle.status("work") is ActionStatus.FAILED
+    assert [load.load_id for load in vehicle.state.loads or ()] == (["Jar7"] if action_type == "pick" else [])

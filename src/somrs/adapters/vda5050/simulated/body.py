@@ -108,6 +108,8 @@ class StandInBody:
         self._ends_at = 0.0
         self._finished = 0
         self._failure: str | None = None
+        self.load: str | None = None
+        """What it carries."""
 
     def begin(self, number: int, command: Command) -> None:
         self._number, self._command, self._failure = number, command, None
@@ -127,6 +129,7 @@ class StandInBody:
             is_charging=isinstance(self._command, Charge),
             finished=self._finished,
             failure=self._failure,
+            load=self.load,
             map_id=self.map_id,
         )
 
@@ -134,9 +137,10 @@ class StandInBody:
         match self._command:
             case Drive(speed=speed, backward=backward):
                 self._drive(passed * min(self.speed, speed or self.speed), backward)
-            case Pick() | Drop():
-                if self.obstacle is not None or (self._now or 0.0) >= self._ends_at:
-                    self._end(self.obstacle)
+            case Pick() | Drop() as work if self.obstacle is not None or (self._now or 0.0) >= self._ends_at:
+                if self.obstacle is None:
+                    self.load = work.load if isinstance(work, Pick) else None
+                self._end(self.obstacle)
             case Charge():
                 self._finished = self._number
                 self.charge = min(100.0, self.charge + passed)

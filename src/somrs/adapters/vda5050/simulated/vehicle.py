@@ -289,8 +289,7 @@ class SimulatedVehicle:
             self._complaints.note_zones(self.zones.errors())
 
     def _end_command(self, command: Command, failure: str | None, now: float) -> None:
-        self._busy, action_id = None, self._busy_action
-        self._busy_action = None
+        action_id, self._busy, self._busy_action = self._busy_action, None, None
         match command:
             case Drive() if failure is not None:
                 self._blocked_at = now
@@ -301,10 +300,10 @@ class SimulatedVehicle:
                 if position is not None and math.dist((position.x, position.y), points[-1]) < 1e-6:
                     self.progress.traverse()
                 self._complaints.forget(Problem.BLOCKED)
-            case Pick(load=load) if failure is None:
-                self._load = load
-            case Drop() if failure is None:
-                self._load = None
+            case Pick() | Drop() if failure is None:
+                self._load = command.load if isinstance(command, Pick) else None
+            case Pick() | Drop() | Rest() if self._sensed is not None:  # what was interrupted may have been done
+                self._load = self._sensed.load
             case Charge():
                 self._busy = command
         if action_id is not None:
