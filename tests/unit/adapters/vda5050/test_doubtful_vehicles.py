@@ -48,6 +48,10 @@ class Dialogue:
     def connect(self) -> None:
         self._arrive(Topic.CONNECTION, {"connectionState": "ONLINE"})
 
+    def restart_numbers(self) -> None:
+        """The vehicle counts its messages from the beginning."""
+        self._numbers = itertools.count(1)
+
     def state(self, *, number: int | None = None, **fields: Any) -> list[Effect]:
         """The vehicle sends a state: what it said before, with these fields."""
         self.said |= fields

@@ -30,6 +30,7 @@ from somrs.adapters.vda5050.messages.orders import InstantActions
 from somrs.adapters.vda5050.messages.states import ErrorLevel, OperatingMode, VehicleError
 from somrs.adapters.vda5050.simulated.exchange import Faulted, Pressed, Repaired, Switched
 from tests.support.vda5050_pair import Pair, way
+from tests.unit.adapters.vda5050.test_doubtful_vehicles import there
 
 VERSIONS = pytest.mark.parametrize("version", [Version.V2_1, Version.V3_0])
 
@@ -220,6 +221,14 @@ def test_a_warning_is_told_and_the_vehicle_goes_on() -> None:
     pair.tell(Repaired())
     pair.run(1)
     assert pair.of(Remarked)[-1] == Remarked(text=None)
+
+
+def test_a_warning_with_another_number_each_time_is_told_once() -> None:
+    dialogue = there()
+    for level in range(40, 20, -1):
+        dialogue.state(errors=[{"errorType": "batteryLow", "errorLevel": "WARNING", "errorDescription": f"{level} %"}])
+    assert [effect for effect in dialogue.effects if isinstance(effect, Warned)] == [Warned(description="batteryLow: 40 %")]
+    assert [effect for effect in dialogue.effects if isinstance(effect, Remarked)][-1] == Remarked(text="batteryLow: 21 %")
 
 
 def test_what_a_vehicle_says_about_messages_is_not_for_those_who_wait_for_it() -> None:

@@ -18,8 +18,14 @@ from somrs.adapters.vda5050.settings import read_settings
 from somrs.adapters.vda5050.simulated.factsheet import factsheet
 from somrs.adapters.vda5050.topics import VehicleAddress
 from somrs.devices.road_robot import RobotFailed
+from somrs.ontology.map import Map
+from somrs.ontology.types import Ontology
+from somrs.protocol.messages.traffic import RoadmapPlace
+from somrs.traffic.robot_tasks import RoadmapRead
+from tests.support.lab import lab
 from tests.support.vda5050_messages import HEADER
 from tests.unit.adapters.vda5050.test_messages import MINIMAL
+from tests.unit.adapters.vda5050.test_stations import sheet_with
 
 ADDRESS = VehicleAddress(interface="uagv", major=2, manufacturer="ACME", serial_number="0001")
 
@@ -64,6 +70,32 @@ def test_a_pick_names_the_load_and_the_station() -> None:
         bench.answer("FINISHED", loads=[{"loadId": "Jar7"}])
         await picking
         assert bench.device.carries
+
+    asyncio.run(test())
+
+
+def test_stations_and_heights_are_those_of_the_map() -> None:
+    async def test() -> None:
+        bench = Bench(stationTypes={"Table2": "rack"})
+        vehicle = bench.session.control.vehicle
+        vehicle.factsheet = sheet_with("stationType", "height", maximum_loadhandling_height=0.6)
+        ontology, map = lab()
+
+        async def whole_map(*, is_current: bool = True) -> tuple[Map, Ontology]:
+            return map, ontology
+
+        bench.device.whole_map = whole_map
+        bench.device.building.update(map, ontology, RoadmapRead(1, (RoadmapPlace(name="P1", x=3.0, y=3.0),)))
+        with pytest.raises(RobotFailed, match=r"handles loads at 0 to 0.6 m over the floor, and not at 0.70 m"):
+            await bench.device.pick("Jar1", "Table1")
+        vehicle.factsheet = sheet_with("stationType", "height")
+        for support, station_type in {"Table1": "Table", "Table2": "rack"}.items():
+            work = asyncio.create_task(bench.device.drop("Jar1", support))
+            await asyncio.sleep(0)
+            parameters = bench.newest("order")["nodes"][0]["actions"][0]["actionParameters"]
+            assert {parameter["key"]: parameter["value"] for parameter in parameters} == {"stationType": station_type, "height": 0.7}
+            bench.answer("FINISHED")
+            await work
 
     asyncio.run(test())
 

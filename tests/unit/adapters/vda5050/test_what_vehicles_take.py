@@ -85,3 +85,12 @@ def test_nodes_have_the_names_of_places_that_vehicles_were_taught(version: Versi
     assert [node.node_id for node in order.nodes] == ["A", "Dock_1"]
     assert order.edges[0].edge_id == "A-Dock_1"
     assert pair.passed() == [1]
+
+
+def test_what_is_optional_in_states_is_not_taken_in_orders() -> None:
+    sheet = factsheet()
+    names = ("state.edgeStates.trajectory", "visualization.mobileRobotPosition.length", "order.nodes.nodePosition.theta", "orientation")
+    parameters = tuple(OptionalParameter(parameter=name, support="SUPPORTED") for name in names)
+    features = msgspec.structs.replace(sheet.protocol_features, optional_parameters=parameters)
+    sheet = msgspec.structs.replace(sheet, protocol_features=features)
+    assert [name for name in ("trajectory", "length", "theta", "orientation") if sheet.takes(name)] == ["theta", "orientation"]

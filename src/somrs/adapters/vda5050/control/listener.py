@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import msgspec
 
@@ -42,6 +43,9 @@ from somrs.adapters.vda5050.messages.states import (
     Visualization,
 )
 from somrs.adapters.vda5050.stations import unmet_parameters
+
+NUMBERS = re.compile(r"\d+")
+"""What differs between two states in which a vehicle says the same."""
 
 SILENCE = 30.0
 """Seconds after which a vehicle has to send a state, whatever happens (2.1, 6.10; 3.0, 6.6)."""
@@ -316,9 +320,9 @@ class Listener:
         self.refusals.review(state, now)
         self.judge()
         self._judge_delay(now)
-        earlier_words = {str(error) for error in warnings(previous)} if previous is not None else set()
+        earlier_words = {NUMBERS.sub("#", str(error)) for error in warnings(previous)} if previous is not None else set()
         for error in warnings(state):
-            if str(error) not in earlier_words:
+            if NUMBERS.sub("#", str(error)) not in earlier_words:
                 self._outbox.add(Warned(description=str(error), is_urgent=error.error_level is ErrorLevel.URGENT))
         if (words := remark(state)) != self.remark:
             self.remark = words

@@ -138,6 +138,10 @@ class Configuration(Struct, frozen=True, kw_only=True, rename="camel", omit_defa
     battery_charging: BatteryCharging | None = None
 
 
+OWN_TOPICS = frozenset({"state", "visualization", "connection", "factsheet"})
+"""What vehicles send: optional parameters of these are none of orders."""
+
+
 class Factsheet(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True):
     type_specification: TypeSpecification
     physical_parameters: PhysicalParameters
@@ -152,6 +156,7 @@ class Factsheet(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults
         return next((action for action in self.protocol_features.mobile_robot_actions if action.action_type == action_type), None)
 
     def takes(self, parameter: str) -> bool:
-        """Whether the vehicle takes an optional parameter, such as `trajectory`; others are not to be sent (3.0, 7.1.1). Vehicles differ in
-        how they write where it is."""
-        return any(supported.parameter.rpartition(".")[2] == parameter for supported in self.protocol_features.optional_parameters)
+        """Whether the vehicle takes an optional parameter of orders, such as `trajectory`; others are not to be sent (3.0, 7.1.1). Vehicles
+        differ in how they write where it is."""
+        names = [supported.parameter for supported in self.protocol_features.optional_parameters]
+        return any(name.rpartition(".")[2] == parameter and name.partition(".")[0] not in OWN_TOPICS for name in names)
