@@ -24,6 +24,7 @@ from somrs.adapters.vda5050.control.headers import HeaderLog
 from somrs.adapters.vda5050.control.vehicle import VehicleControl
 from somrs.adapters.vda5050.frames import Frame, Frames
 from somrs.adapters.vda5050.messages.decoding import Received
+from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.header import Header, Topic, Version, timestamp_of
 from somrs.adapters.vda5050.messages.orders import ActionParameter, GrantType, Order, Responses
 from somrs.adapters.vda5050.messages.states import (
@@ -254,16 +255,42 @@ def test_maps_of_vehicles_are_turned_and_moved() -> None:
     assert Frames().frame_at(0.1, "any").map_id == "any"
 
 
-@VERSIONS
-def test_a_vehicle_that_charges_by_an_instant_action_only_gets_one(version: Version) -> None:
+def sheet_with_scope(action_type: str, scope: str) -> Factsheet:
+    """A factsheet of a vehicle that has an action there only."""
     sheet = factsheet()
     features = sheet.protocol_features
     actions = tuple(
-        msgspec.structs.replace(action, action_scopes=("INSTANT",)) if action.action_type == "startCharging" else action
+        msgspec.structs.replace(action, action_scopes=(scope,)) if action.action_type == action_type else action
         for action in features.mobile_robot_actions
     )
-    sheet = msgspec.structs.replace(sheet, protocol_features=msgspec.structs.replace(features, mobile_robot_actions=actions))
-    pair = Pair(version, sheet=sheet)
+    return msgspec.structs.replace(sheet, protocol_features=msgspec.structs.replace(features, mobile_robot_actions=actions))
+
+
+@VERSIONS
+@pytest.mark.parametrize("is_full", [False, True])
+def test_a_vehicle_that_stops_charging_by_an_order_only_is_told_so_with_the_next_one(version: Version, is_full: bool) -> None:
+    pair = Pair(version, sheet=sheet_with_scope("stopCharging", "NODE"))
+    pair.do(Charge())
+    pair.run(5)
+    assert pair.vehicle.state().power_supply.charging
+    if is_full:
+        assert pair.run_until(ActionEnded) == ActionEnded(failure=None)
+    else:
+        pair.halt()
+        assert pair.of(Halted) == [Halted()]
+    pair.follow("A", "B")
+    pair.run(6)
+    assert pair.body.x == 2.0
+    assert not pair.vehicle.state().power_supply.charging
+    assert "stopCharging" not in pair.instant_actions()
+    pair.follow("B", "C", first=1)
+    pair.run(5)
+    assert [[action.action_type for action in order.actions] for order in pair.orders()] == [["startCharging"], ["stopCharging"], []]
+
+
+@VERSIONS
+def test_a_vehicle_that_charges_by_an_instant_action_only_gets_one(version: Version) -> None:
+    pair = Pair(version, sheet=sheet_with_scope("startCharging", "INSTANT"))
     pair.follow("A", "B")
     pair.do(Charge())
     pair.run(3)

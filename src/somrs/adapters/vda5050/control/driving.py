@@ -31,6 +31,8 @@ class Driving:
         self._place: Waypoint | None = None
         self._sending_time = -math.inf
         """When the last order was sent."""
+        self.stops_charging = False
+        """Whether the vehicle is to be told to stop charging with its next order, because it cannot do so by an instant action."""
 
     def follow(self, way: Way) -> None:
         self.way = way
@@ -48,7 +50,7 @@ class Driving:
         message = order.message
         if state.order_id == message.order_id:
             if state.order_update_id >= message.order_update_id and not order.is_acknowledged:
-                order.is_acknowledged = True
+                order.is_acknowledged, self.stops_charging = True, False
                 self._vehicle.refusals.clear()
             self.see_progress(order, state)
         if not order.is_acknowledged and not self._has_lost(order, state):
@@ -172,7 +174,10 @@ class Driving:
         assert state is not None, "orders are for vehicles that have said how they are"
         way = way[: vehicle.most_nodes()]
         writer = vehicle.order_writer()
-        message = writer.new_order(self._outbox.new_id(), way, (action,) if action is not None else ())
+        actions = [action] if action is not None else []
+        if self.stops_charging:
+            actions.insert(0, self._outbox.action("stopCharging", vehicle.blocking_type("stopCharging")))
+        message = writer.new_order(self._outbox.new_id(), way, tuple(actions))
         end = base_end(way)
         self.order = SentOrder(
             message=message,

@@ -48,9 +48,6 @@ from somrs.adapters.vda5050.messages.states import ActionStatus, State
 from somrs.adapters.vda5050.zoning.sets import zone_set
 from somrs.adapters.vda5050.zoning.site import SiteZone
 
-CHARGING_SHOWS = 30.0
-"""Seconds in which a vehicle says that it charges, after it has said that it has begun."""
-
 
 class VehicleControl:
     """`version`: in which the vehicle speaks, as far as it has said so. `new_id`: makes identifiers that are never used again.
@@ -231,11 +228,11 @@ class VehicleControl:
         power = state.power_supply
         charging.has_charged = charging.has_charged or power.charging
         is_full = power.state_of_charge >= charging.full
-        if power.charging and is_full and charging.stop_id is None:
+        if power.charging and is_full and charging.stop_id is None and self._stops_by_order():
+            charging.is_left = True
+        elif power.charging and is_full and charging.stop_id is None:
             self._stop_charging(charging, now)
-        action = state.action(charging.stop_id) if charging.stop_id is not None else None
-        has_stopped = not power.charging and (charging.has_charged or is_full or now >= charging.start_time + CHARGING_SHOWS)
-        if not has_stopped and (action is None or not action.action_status.is_final) and charging.sendings < UNHEEDED:
+        if not charging.is_over(state, now):
             return
         self._charging = None
         if charging.is_interrupted:
@@ -245,6 +242,11 @@ class VehicleControl:
             self._outbox.add(ActionEnded(failure=f"the vehicle {words} at {power.state_of_charge:.0f} %"))
         else:
             self._outbox.add(ActionEnded(failure=None))
+
+    def _stops_by_order(self) -> bool:
+        """Whether the vehicle stops charging by an action of an order only. The next one has it."""
+        self._driving.stops_charging = self.vehicle.scopes("stopCharging") == {"NODE"}
+        return self._driving.stops_charging
 
     def _stop_charging(self, charging: Charging, now: float) -> None:
         charging.sendings += charging.stop_id is not None and self.vehicle.is_heard(now)
@@ -259,7 +261,10 @@ class VehicleControl:
         driving.way, self._job = (), None
         if self._charging is not None:
             self._charging.is_interrupted = True
-            if self._charging.stop_id is None:
+            if self._stops_by_order():
+                self._charging = None
+                self._outbox.add(Halted())
+            elif self._charging.stop_id is None:
                 self._stop_charging(self._charging, now)
         elif self._cancellation is not None:
             self._cancellation.effects.append(Halted())
