@@ -202,7 +202,7 @@ class PreviewExecutor:
                 earliest, latest = workflow.earliest_start(run, now), self._latest_finish
                 yield from calls.open((yield from self._arrangement.invite_services(run, able, earliest, latest, now, self._reply_time)))
             if workflow.arranged:
-                if state.owner is None and self._services.redefined_types() & {run.step.service_type for run in workflow}:
+                if state.owner is None and self._services.redefined_types(workflow):
                     return (yield from self._begin_again(now))
                 return (yield from self._end(self._conclusion()))
             if len(calls) or not runs:

@@ -17,7 +17,7 @@ from somrs.ontology.types import WORKING
 from somrs.ontology.values import rest_reason, takes_work
 from somrs.ontology.work_budget import ExcessiveWork
 from somrs.planner.losses import resting_text
-from somrs.planner.model.plan import Step
+from somrs.planner.model.plan import NoPlan, Step
 from somrs.planner.model.problem import LostService
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.execution.bids import able_offers, precondition_now, relevant_situation
@@ -56,10 +56,11 @@ class AvailableServices:
         self._state.types.update(types)
         self._state.common_types = {name: common for name in types if (common := self._replica.ontology.services.get(name)) is not None}
 
-    def redefined_types(self) -> frozenset[str]:
-        """The service types that are defined anew since the services were discovered, in a way that matters to a plan."""
+    def redefined_types(self, runs: Iterable[StepRun]) -> list[str]:
+        """The service types of steps that are defined anew since the services were discovered, in a way that matters to a plan."""
         current, known = self._replica.ontology.services, self._state.common_types
-        return frozenset(name for name, type in known.items() if name in current and disagreements(type, current[name]))
+        redefined = {name for name, type in known.items() if name in current and disagreements(type, current[name])}
+        return sorted(redefined & {run.step.service_type for run in runs}) if redefined else []
 
     def for_quotes(self) -> KnownServices:
         """What a preview of a plan of the task has to know about services."""
@@ -224,6 +225,10 @@ class AvailableServices:
     def lacks(self, service_types: tuple[str, ...]) -> None:
         """Record the service types that no device offers, and that a plan needs."""
         self._state.unoffered = service_types
+
+    def why_no_plan(self, result: NoPlan) -> tuple[str, ...]:
+        """What services said when they failed, which is more to the point than what others lack; and then that."""
+        return (*(f"{service}: {reason}" for service, reason in self.broken.items() if service not in result.lost), *result.reasons)
 
     def passing_hindrances(self, now: float) -> dict[str, str]:
         """Why services and service types are not available, as far as the reason may pass: by their names."""

@@ -98,9 +98,7 @@ class GoalExecutor:
                 return (yield from self._fail((holders_text(result.holders),), now))
             case NoPlan():
                 self._services.lacks(result.unoffered)
-                broken = self._services.broken
-                tried = [f"{service}: {reason}" for service, reason in broken.items() if service not in result.lost]
-                first_reason, *further_reasons = (*tried, *result.reasons)  # what services said is more to the point than what others lack
+                first_reason, *further_reasons = self._services.why_no_plan(result)
                 reasons = (f"no plan: {first_reason}", *further_reasons)
                 if self._retry_wait.is_allowed and self._services.backing_off(now):
                     return (yield from self._wait_or_fail(reasons, now))
@@ -236,7 +234,7 @@ class GoalExecutor:
         elif workflow.is_completed:
             self._retry_wait.end(now)
             return (yield from self._finish(now))
-        elif not execution.fixed and (redefined := self._redefined_types(workflow)):
+        elif not execution.fixed and (redefined := self._services.redefined_types(workflow.unarranged)):  # what is arranged stays so
             return (yield from self._replan(now, tuple(f"{name} is defined anew" for name in redefined)))
         elif execution.conditions.pending and not execution.calls and not workflow.busy:
             yield from self._planner.request(now)
@@ -256,11 +254,6 @@ class GoalExecutor:
                 if reasons := (yield from StepExecutor(execution, self._scope).begin(run, now)):
                     return (yield from self._replan(now, reasons))
         return None
-
-    def _redefined_types(self, workflow: Workflow) -> list[str]:
-        """The service types of open steps that are defined anew. What is arranged already is carried out as arranged."""
-        redefined = self._services.redefined_types()
-        return sorted(redefined & {run.step.service_type for run in workflow.unarranged}) if redefined else []
 
     def participant_left(self, member: Member, reason: str, now: float, *, is_lapsed: bool = False) -> EffectsReturning[NextAction | None]:
         """A participant left before it began its step. `is_lapsed`: it can be asked for new terms."""
