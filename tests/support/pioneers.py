@@ -11,6 +11,7 @@ from somrs.adapters.arcos.events import (
     Action,
     ActionDone,
     ActionFailed,
+    Broken,
     Connected,
     Disconnected,
     Effect,
@@ -152,3 +153,28 @@ class Pioneer:
 
     def _end(self) -> ActionDone | ActionFailed | None:
         return next((effect for effect in self.effects if isinstance(effect, ActionDone | ActionFailed)), None)
+
+
+AHEAD = way((0.0, 0.0), (6.0, 0.0))
+
+
+def under_way(pioneer: Pioneer | None = None) -> Pioneer:
+    """A robot that drives at its full speed."""
+    pioneer = (pioneer or Pioneer()).ready()
+    pioneer.give(Follow(AHEAD))
+    assert pioneer.run(20, lambda: pioneer.body.place.x > 1.0)
+    return pioneer
+
+
+def events(pioneer: Pioneer, *kinds: type[Effect]) -> list[Effect]:
+    """Its effects of these kinds."""
+    return [effect for effect in pioneer.effects if isinstance(effect, kinds)]
+
+
+def stalled(pioneer: Pioneer) -> Broken:
+    """Have the drive of a robot that drives break. Returns how it says so."""
+    pioneer.body.is_stuck = True
+    assert pioneer.run(6, lambda: bool(events(pioneer, Broken)))
+    (broken,) = events(pioneer, Broken)
+    assert isinstance(broken, Broken)
+    return broken

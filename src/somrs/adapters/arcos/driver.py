@@ -39,11 +39,12 @@ from somrs.adapters.arcos.events import (
 )
 from somrs.adapters.arcos.gripper import holds
 from somrs.adapters.arcos.messages import Command, Flag, GripperCommand, Status
+from somrs.adapters.arcos.motors import WHY_OFF, Motors, MotorsOff
 from somrs.adapters.arcos.obstacles import SonarMap
 from somrs.adapters.arcos.odometry import Odometry, Pose, Reckoning
 from somrs.adapters.arcos.parameters import TYPES, Parameters
 from somrs.adapters.arcos.session import Session, SessionState
-from somrs.adapters.arcos.stalls import STUCK, Diagnosis, DrawingBack, Standstill
+from somrs.adapters.arcos.stalls import Diagnosis, DrawingBack, is_towards, touched
 from somrs.adapters.arcos.steering import STAND, Speeds
 
 STOPPED_AFTER = 4.0
@@ -70,7 +71,7 @@ class Battery(Struct, frozen=True, kw_only=True):
 class Driver:
     """Drives one robot. `pose`: where it is at the beginning. `parameters`: None: those of the type that the robot says it is. `speed`:
     with which it drives at most, m/s; None: as in the parameters. `earlier`: where an earlier program has left it, which holds if the
-    robot is still in the same session."""
+    robot is still in the same session. `motors_off`: why its motors are to stay off, as an earlier program knew."""
 
     def __init__(
         self,
@@ -79,8 +80,9 @@ class Driver:
         battery: Battery | None = None,
         speed: float | None = None,
         earlier: Reckoning | None = None,
+        motors_off: MotorsOff | None = None,
     ) -> None:
-        self.session = Session()
+        self.session = Session(Motors(motors_off))
         self.parameters = parameters
         self._given_parameters = parameters
         self._battery = battery or Battery()
@@ -96,7 +98,8 @@ class Driver:
         self._stuck_reports = 0
         self._was_stalled = False
         self._drawing_back: DrawingBack | None = None
-        self._standstill: Standstill | None = None
+        self._is_held = False
+        """Whether a bumper has gone on to touch something after the robot has drawn back."""
         self._broken: str | None = None
         self._felt = False
         self._holds: bool | None = None
@@ -117,6 +120,11 @@ class Driver:
     def reckoning(self) -> Reckoning | None:
         """The pose, and what was counted there; None before the first report."""
         return self._odometry.reckoning
+
+    @property
+    def motors_off(self) -> MotorsOff | None:
+        """Why its motors are to stay off until a person switches them on; None: they are not."""
+        return self.session.motors.off_reason
 
     @property
     def has_gripper(self) -> bool:
@@ -156,7 +164,7 @@ class Driver:
 
     def _act(self, action: Action) -> None:
         # A robot that is stuck can still put down what it holds. What a person has stopped does nothing.
-        is_stopped = self._broken is not None and not (self._broken == STUCK and isinstance(action, MoveGripper))
+        is_stopped = self._broken is not None and not (self._broken == WHY_OFF[MotorsOff.STUCK] and isinstance(action, MoveGripper))
         if is_stopped or self.parameters is None:
             self._effects.append(ActionFailed(description=self._broken or "it has not said yet what it is"))
             return
@@ -206,8 +214,7 @@ class Driver:
     def _confirmed(self, status: Status) -> Status:
         """A report with what the one before has said, too, of stalls, bumpers and buttons: two wrong bits can cancel out in a checksum."""
         earlier, self._report = self._report or status, status
-        flags = (status.flags & earlier.flags) | ((status.flags | earlier.flags) & Flag.MOTORS)
-        return replace(status, stall=status.stall & earlier.stall, flags=flags)
+        return replace(status, stall=status.stall & earlier.stall, flags=status.flags & earlier.flags)
 
     def _note_halt(self) -> None:
         self._is_halting = False
@@ -242,8 +249,14 @@ class Driver:
             self.session.send(number, argument)
 
     def _command(self, speeds: Speeds, status: Status) -> None:
-        """Send velocities with every report, as long as the robot is to move or moves: one that is lost does no harm then."""
-        if speeds != STAND or self._speeds != STAND or not is_standing(status):
+        """Send velocities with every report, as long as the robot is to move or moves: one that is lost does no harm then. What touches
+        its bumpers may be a person: a single report is enough to stop it."""
+        is_touching = is_towards(status.bumpers, speeds) or (bool(status.bumpers) and speeds == STAND)
+        if is_touching:
+            speeds = STAND
+        if is_touching and not is_standing(status):
+            self.session.send(Command.ESTOP)
+        elif speeds != STAND or self._speeds != STAND or not is_standing(status):
             self.session.send(Command.VEL, round(speeds.forward * 1000))
             self.session.send(Command.RVEL, round(math.degrees(speeds.turning)))
         self._speeds = speeds
@@ -254,11 +267,19 @@ class Driver:
         if self._drawing_back is not None:
             return self._next_of_drawing_back(self._drawing_back, status)
         if (problem := self._problem(status)) is not None:
-            if status.stall:
-                self._drawing_back = DrawingBack(problem, self._speeds)
+            if status.stalled_wheels:
+                self._drawing_back = DrawingBack(problem, self._speeds, status.bumpers)
             else:
                 self._give_up(problem)
             return STAND
+        speeds = self._wanted_speeds(status, pose, parameters, now)
+        if is_towards(status.bumpers, speeds):
+            self._drawing_back = DrawingBack(touched(status.bumpers), speeds, status.bumpers)
+            return STAND
+        return speeds
+
+    def _wanted_speeds(self, status: Status, pose: Pose, parameters: Parameters, now: float) -> Speeds:
+        """The velocities for what the robot works on, or for its way."""
         if self._action is not None:
             return self._next_of_action(self._action, status, pose)
         speeds, numbers = self._course.steer(pose, _motion(status, parameters), self._sonar, parameters, now)
@@ -283,20 +304,20 @@ class Driver:
                 return speeds
             case Diagnosis.STUCK:
                 self._drawing_back = None
-                self._standstill = Standstill()
+                self.session.motors.stop()
                 self._note_health(status)
             case _:
-                self._drawing_back = None
+                self._drawing_back, self._is_held = None, bool(status.bumpers)
                 self._give_up(drawing_back.problem)
         return STAND
 
     def _problem(self, status: Status) -> str | None:
         """Why the robot does not go on, if it was told to move."""
-        was_stalled, self._was_stalled = self._was_stalled, bool(status.stall)
+        was_stalled, self._was_stalled = self._was_stalled, bool(status.stalled_wheels)
         is_driving = self._speeds != STAND
         if is_driving and self._was_stalled and not was_stalled:
             if status.bumpers:
-                return f"its {' and '.join(status.bumpers)} bumpers touch something"
+                return touched(status.bumpers)
             wheels = " and ".join(status.stalled_wheels)
             return f"it pushes against something: its {wheels} motor is stalled"
         self._stuck_reports = self._stuck_reports + 1 if is_driving and is_standing(status) else 0
@@ -328,18 +349,15 @@ class Driver:
             self._effects.append(ActionFailed(description=description))
 
     def _note_health(self, status: Status) -> None:
-        reason = None
-        if self._standstill is not None and self._standstill.is_over(status, self.session.send):
-            self._standstill = None
+        reason = WHY_OFF[self.motors_off] if self.motors_off is not None else None
+        self._is_held = self._is_held and bool(status.bumpers)
         if status.flags & Flag.STOP_BUTTON:
             reason = "its stop button is pressed"
-        elif self._standstill is not None:
-            reason = STUCK
-        elif not status.flags & Flag.MOTORS and self.session.motors_were_on:
-            reason = "its motors were switched off: press its MOTORS button"
+        elif reason is None and self._is_held:
+            reason = touched(status.bumpers)
         if reason == self._broken:
             return
-        if reason is not None and self._broken in (None, STUCK):
+        if reason is not None:
             self._end(reason)
         self._broken = reason
         self._effects.append(Broken(reason))

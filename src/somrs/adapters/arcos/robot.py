@@ -70,7 +70,8 @@ class ArcosRobot(CarryingRobot):
         is_put_elsewhere = stored is None or not stored.on_map.is_near(self._start)
         pose = self._start if stored is None or is_put_elsewhere else stored.reckoning.pose
         speed = self.settings.speed or await self._speed_on_map()
-        driver = Driver(pose, self._parameters, self.settings.battery, speed, stored.reckoning if stored is not None else None)
+        earlier, motors_off = (stored.reckoning, stored.motors_off) if stored is not None else (None, None)
+        driver = Driver(pose, self._parameters, self.settings.battery, speed, earlier, motors_off)
         self._line = RobotLine(driver, self.settings.port, self.settings.baud, self._take_effect)
         self.heard(False)
         self._running = asyncio.create_task(self._line.run())
@@ -174,10 +175,10 @@ class ArcosRobot(CarryingRobot):
     def _store_reckoning(self) -> None:
         """Store where the robot is, so that a program that is started anew while it drives goes on from there. At every report: while it
         turns, a heading of half a second ago leads it a metre astray."""
-        reckoning, on_map = self._open_line().driver.reckoning, self._pose_of_map()
-        if reckoning is None or on_map is None:
+        driver, on_map = self._open_line().driver, self._pose_of_map()
+        if driver.reckoning is None or on_map is None:
             return
-        stored = Stored(reckoning=reckoning, on_map=on_map)
+        stored = Stored(reckoning=driver.reckoning, on_map=on_map, motors_off=driver.motors_off)
         if stored != self._stored:
             self._stored = stored
             store_reckoning(self._file, stored)

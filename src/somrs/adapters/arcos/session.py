@@ -20,6 +20,7 @@ from somrs.adapters.arcos.messages import (
     sync,
     sync_reply,
 )
+from somrs.adapters.arcos.motors import Motors
 from somrs.adapters.arcos.packets import PacketParser
 
 LISTENING_TIME = 0.35
@@ -63,9 +64,10 @@ _SYNC_NUMBER = {SessionState.SYNC0: 0, SessionState.SYNC1: 1, SessionState.SYNC2
 
 
 class Session:
-    """A session with a robot. `receive` and `tick` add what is to be sent to `outgoing`."""
+    """A session with a robot. `receive` and `tick` add what is to be sent to `outgoing`. `motors`: who may switch them on."""
 
-    def __init__(self) -> None:
+    def __init__(self, motors: Motors) -> None:
+        self.motors = motors
         self.state = SessionState.DISCONNECTED
         self.identity: tuple[str, ...] = ()
         """The robot's name, class and subclass, as far as it has said them."""
@@ -81,8 +83,6 @@ class Session:
         self._tries = 0
         self._send_time = 0.0
         self._gripper_requests = 0
-        self.motors_were_on = False
-        """Whether the motors were on in this session. If they are off now, a hand has switched them off, and only that switches them on."""
 
     @property
     def is_open(self) -> bool:
@@ -160,7 +160,8 @@ class Session:
 
     def _begin(self) -> None:
         """Begin a session anew."""
-        self.motors_were_on, self._gripper_requests = False, 0
+        self.motors.begin_session()
+        self._gripper_requests = 0
         self._enter(SessionState.SYNC0)
         self._say_state()
 
@@ -189,6 +190,7 @@ class Session:
         self._say_state()
 
     def _hear_status(self, status: Status) -> None:
+        self.motors.update(status)
         if self.state is SessionState.OPEN:
             self._waited = 0.0
         else:
@@ -198,8 +200,8 @@ class Session:
             self.send(Command.STOP)
             self.send(Command.BUMPSTALL, 3)
             self._request_missing(status)
-        if status.flags & Flag.MOTORS:
-            self.motors_were_on = True
+        if self.motors.are_to_go_off:
+            self.send(Command.ENABLE, 0)
         if self._repeated >= REPEAT:
             self._repeated = 0.0
             self._request_missing(status)
@@ -208,7 +210,7 @@ class Session:
 
     def _request_missing(self, status: Status) -> None:
         """Ask again for what was asked at the beginning, and has not come."""
-        if not status.flags & (Flag.MOTORS | Flag.STOP_BUTTON) and not self.motors_were_on:
+        if self.motors.are_to_go_on and not status.flags & Flag.MOTORS:
             self.send(Command.ENABLE, 1)
         if not status.flags & 0b11110:
             self.send(Command.SONAR, 1)

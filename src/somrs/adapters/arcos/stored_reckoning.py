@@ -1,4 +1,4 @@
-"""Where a robot is, in a file: its program may die while it drives."""
+"""Where a robot is, and whether its motors may be switched on, in a file: its program may die while it drives."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
+from somrs.adapters.arcos.motors import MotorsOff
 from somrs.adapters.arcos.odometry import Pose, Reckoning
 from somrs.atomic_files import write_atomically
 
@@ -15,10 +16,12 @@ log = logging.getLogger(__name__)
 
 
 class Stored(Struct, frozen=True, kw_only=True):
-    """`on_map`: the pose that the map had, as far as the program knew: if it still has that, nobody has put the robot elsewhere since."""
+    """`on_map`: the pose that the map had, as far as the program knew: if it still has that, nobody has put the robot elsewhere since.
+    `motors_off`: why its motors stay off until a person switches them on; None: they do not."""
 
     reckoning: Reckoning
     on_map: Pose
+    motors_off: MotorsOff | None = None
 
 
 def load_reckoning(path: Path) -> Stored | None:

@@ -10,7 +10,6 @@ from somrs.adapters.arcos.events import (
     Advance,
     BatteryLevel,
     Broken,
-    Effect,
     FillBattery,
     Follow,
     GaveUp,
@@ -27,21 +26,7 @@ from somrs.adapters.arcos.events import (
 from somrs.adapters.arcos.messages import GripperCommand
 from somrs.adapters.arcos.odometry import Pose
 from somrs.adapters.arcos.simulated.body import Obstacle, Place
-from tests.support.pioneers import Pioneer, perfect, way
-
-AHEAD = way((0.0, 0.0), (6.0, 0.0))
-
-
-def under_way(pioneer: Pioneer | None = None) -> Pioneer:
-    """A robot that drives at its full speed."""
-    pioneer = (pioneer or Pioneer()).ready()
-    pioneer.give(Follow(AHEAD))
-    assert pioneer.run(20, lambda: pioneer.body.place.x > 1.0)
-    return pioneer
-
-
-def events(pioneer: Pioneer, *kinds: type[Effect]) -> list[Effect]:
-    return [effect for effect in pioneer.effects if isinstance(effect, kinds)]
+from tests.support.pioneers import AHEAD, Pioneer, events, perfect, stalled, under_way, way
 
 
 def test_a_robot_whose_driver_died_stands_within_its_watchdog() -> None:
@@ -161,15 +146,6 @@ def test_a_robot_that_cannot_be_reached_has_stopped_by_itself_when_it_is_told_to
     pioneer.disconnect()
     pioneer.halt()
     assert pioneer.stands()
-
-
-def stalled(pioneer: Pioneer) -> Broken:
-    """Have the drive of a robot that drives break. Returns how it says so."""
-    pioneer.body.is_stuck = True
-    assert pioneer.run(6, lambda: bool(events(pioneer, Broken)))
-    (broken,) = events(pioneer, Broken)
-    assert isinstance(broken, Broken)
-    return broken
 
 
 def test_a_robot_whose_drive_breaks_is_broken_and_its_motors_are_switched_off() -> None:

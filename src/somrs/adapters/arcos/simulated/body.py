@@ -97,7 +97,9 @@ class PlaneBody:
         self.thing: tuple[float, float] | None = None
         self.charger: tuple[float, float] | None = None
         self.charge = 0.9
-        self.contact: str | None = None
+        self.pressed: str | None = None
+        """A bumper that is pressed, wherever the body is."""
+        self._contact: str | None = None
         self.is_blocked = False
         self.is_stuck = False
         """The wheels do not turn, whatever the motors do."""
@@ -106,6 +108,10 @@ class PlaneBody:
         self.is_slippery = False
         """What it closes its paddles around slips out."""
         self._is_charging = False
+
+    @property
+    def contact(self) -> str | None:
+        return self.pressed or self._contact
 
     @property
     def has_charger(self) -> bool:
@@ -145,9 +151,9 @@ class PlaneBody:
         is_free = forward == 0 or self._distance(x, y) >= min(self.radius, self._distance(self.place.x, self.place.y))
         self.is_blocked = self.is_stuck or not is_free
         if not is_free:
-            self.contact = "front" if forward > 0 else "rear"
+            self._contact = "front" if forward > 0 else "rear"
         elif not self.is_blocked and forward != 0:
-            self.contact = None
+            self._contact = None
         if self.is_stuck:
             return
         self.place = Place(x=x, y=y, yaw=yaw) if is_free else Place(x=self.place.x, y=self.place.y, yaw=yaw)

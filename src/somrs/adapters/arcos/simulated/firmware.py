@@ -86,6 +86,8 @@ class Firmware:
         self.is_silent = False
         """A fault: it sends nothing."""
         self.stop_button = False
+        self.heeds_bumpers = True
+        """Whether it does what BUMPSTALL says."""
         self.gripper = Gripper(body) if gripper else None
         self._name, self._subclass = name, subclass
         self._unit = 0.485 if subclass == "p3dx" else 1.0
@@ -220,7 +222,12 @@ class Firmware:
 
     def _move(self, duration: float) -> None:
         may_drive = self._motors and self._silence < self._watchdog and self._stalled <= 0
-        if self.body.contact is not None and self._bump_stall & {"front": 1, "rear": 2}[self.body.contact] and self._pushes():
+        if (
+            self.heeds_bumpers
+            and self.body.contact is not None
+            and self._bump_stall & {"front": 1, "rear": 2}[self.body.contact]
+            and self._pushes()
+        ):
             self._stalled = STALL_RECOVERY
         self._stalled = max(0.0, self._stalled - duration)
         goal = self._goal if may_drive else (0.0, 0.0)
