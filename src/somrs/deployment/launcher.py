@@ -33,6 +33,7 @@ from somrs.errors import RemoteError
 from somrs.worker import thread_count
 
 COMMON = (
+    "_strptime",  # read by `ssl` for the times of certificates
     "somrs.cli.main",
     "somrs.deployment.device_host",
     "somrs.deployment.components",

@@ -74,7 +74,7 @@ def test_a_new_file_begins_with_what_is_given_and_is_gone_on_with(keeper: Keeper
 
 @pytest.mark.parametrize("snapshot", [True, False])
 def test_every_kind_of_change_and_definition_is_kept(keeper: Keeper, snapshot: bool) -> None:
-    values: dict[str, float | str | bool] = {"PositionX": 0.1, "PositionY": 1e-9, "PositionZ": 0.0, "Label": "Krug „Ö“ \n"}
+    values: dict[str, float | str | bool] = {"PositionX": 1.1, "PositionY": 1 + 1e-9, "PositionZ": 0.0, "Label": "Krug „Ö“ \n"}
     bodies: list[Body] = [
         UpdateMap(changes=(ObjectAdded(Object(name="Jar9", type="Jar", values=values)),), situation="Jar9 isOn Table1"),
         UpdateMap(changes=(ValueSet("Robot1", "Working", False), ValueSet("Jar2", "Color", None))),
