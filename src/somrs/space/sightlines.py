@@ -54,19 +54,23 @@ class Prisms:
 
     def share_until(self, start: Place, end: Place, ignored: set[str]) -> float:
         """How much of the line from start to end is before the first prism, except those of the ignored names; 1.0 if none is on it."""
-        if not len(self._boxes):
-            return 1.0
-        enter, leave = self._spans(np.asarray(start), np.asarray(end))
+        return float(self.shares_until(start, np.asarray([end], dtype=float), ignored)[0])
+
+    def shares_until(self, start: Place, ends: Array, ignored: set[str]) -> Array:
+        """The same for lines to several ends, n × 3: a share for each."""
+        enter, leave = self._spans(np.asarray(start), ends)
         shares = np.where((enter <= leave) & (leave > 0.0), np.clip(enter, 0.0, 1.0), 1.0)
         for name in ignored:
-            shares[self._numbers.get(name, [])] = 1.0
-        return float(shares.min())
+            shares[:, self._numbers.get(name, [])] = 1.0
+        nearest: Array = shares.min(axis=1, initial=1.0)
+        return nearest
 
     def _spans(self, start: Array, end: Array) -> tuple[Array, Array]:
         """For each prism, where the line from start to end enters and leaves it, as shares of its length; if it does not meet it, it leaves
-        before it enters."""
-        (along_u, along_v), (u, v) = self._turned(*(end - start)[:2]), self._turned(*(start[:2] - self._poses[:, :2]).T)
-        enter, leave = _span(start[2] - self._poses[:, 2] - self._height / 2, np.full(len(u), end[2] - start[2]), self._height / 2)
+        before it enters. For several ends, a row for each."""
+        x, y, z = np.moveaxis(end - start, -1, 0)[..., None]
+        (along_u, along_v), (u, v) = self._turned(x, y), self._turned(*(start[:2] - self._poses[:, :2]).T)
+        enter, leave = _span(start[2] - self._poses[:, 2] - self._height / 2, z, self._height / 2)
         first_u, last_u = _span(u, along_u, self._half[:, 0])
         first_v, last_v = _span(v, along_v, self._half[:, 1])
         first_round, last_round = _round_span(u, v, along_u, along_v, self._radius)

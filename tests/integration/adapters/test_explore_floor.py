@@ -74,7 +74,8 @@ async def explored(data: Path) -> None:
         taken = Object(name="Taken", type="Jar", values={**at_table, "PositionZ": height})
         changes = (ObjectRemoved(wall), ObjectAdded(taken), FactAdded(Fact("isOn", ("Taken", table))))
         await client.update(UpdateMap(situation=mistakes, changes=changes, author="Engineer"))
-        await client.rename(RenameObject(name="Room001", to="Laboratory", author="Engineer"))
+        room = next(name for name, object in map.objects.items() if object.type == "Room")
+        await client.rename(RenameObject(name=room, to="Laboratory", author="Engineer"))
         corrected = (await explore(client))[-1]
     assert count(maps[0], "Wall") == 0
     assert len({count(map, "Wall") for map in maps}) > 2  # it grew while the robot went

@@ -92,14 +92,13 @@ class Evidence:
 
 
 def passed_cells(x: float, y: float, angles: npt.NDArray[np.float64], lengths: npt.NDArray[np.float64], resolution: float) -> Indexes:
-    """The cells that rays pass before they end, row and column, in steps of half a cell, each cell once."""
+    """The cells that rays pass before they end, row and column, in steps of half a cell."""
     if not len(angles):
         return np.zeros((0, 2), dtype=np.int64)
     steps = np.arange(0.0, float(lengths.max(initial=0.0)), resolution / 2)
     distances, directions = np.meshgrid(steps, np.arange(len(angles)), indexing="ij")
     is_before_end = distances < lengths[directions] - resolution / 2
-    cells = _cells(x, y, angles[directions[is_before_end]], distances[is_before_end], resolution)
-    return np.unique(cells, axis=0) if len(cells) else cells
+    return _cells(x, y, angles[directions[is_before_end]], distances[is_before_end], resolution)
 
 
 def _cells(x: float, y: float, angles: npt.NDArray[np.float64], distances: npt.NDArray[np.float64], resolution: float) -> Indexes:

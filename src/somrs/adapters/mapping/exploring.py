@@ -10,8 +10,8 @@ import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 
 from somrs.adapters.mapping.doors import Doors, NoDoors
-from somrs.adapters.mapping.survey import Survey, legs_of
-from somrs.adapters.mapping.ways import Frontier
+from somrs.adapters.mapping.survey import Survey
+from somrs.adapters.mapping.ways import View
 from somrs.devices.simulator.link.command_link import CommandLink
 from somrs.devices.simulator.link.commands import CommandDone, RobotState, Scan
 from somrs.devices.simulator.link.commands import Point as SeenPoint
@@ -45,41 +45,38 @@ async def explore(link: CommandLink, survey: Survey, noted: Noted, expected: Exp
 
     state = await look()
     while True:
-        while (frontier := survey.next_frontier((state.x, state.y))) is not None:
-            survey.note_looked_at(frontier)
-            state = await _go(link, frontier, state, look)
+        while (view := survey.next_view((state.x, state.y))) is not None:
+            survey.note_looked_at(view)
+            state = await _go(link, view, look)
         choice = survey.next_door((state.x, state.y), await doors.shut())
-        ahead = choice[1].way[-1] if choice is not None else None
+        ahead = choice[1].stand if choice is not None else None
         for closable in survey.closable_doors((state.x, state.y), ahead):
             if (view_beside := survey.stand_beside(closable, (state.x, state.y))) is not None:
-                state = await _go(link, view_beside, state, look)
+                state = await _go(link, view_beside, look)
             survey.note_closed(closable)
             await doors.close(closable.name)
         if choice is None:
             return state
-        door, view = choice
+        door, door_view = choice
         survey.note_tried(door)
-        state = await _go(link, view, state, look)
+        state = await _go(link, door_view, look)
         if await doors.open(door.name):
             survey.note_open(door)
             state = await look()
             if (view_through := survey.look_through(door, (state.x, state.y))) is not None:
-                state = await _go(link, view_through, state, look)
+                state = await _go(link, view_through, look)
 
 
-async def _go(link: CommandLink, view: Frontier, state: RobotState, look: Callable[[], Awaitable[RobotState]]) -> RobotState:
-    """Drive to where something is seen, and look after each leg. Returns the robot's last state."""
-    for point in legs_of(view.way):
-        is_there = await _drive(link, point)
-        state = await look()
-        if not is_there:
-            break
-    return state
+async def _go(link: CommandLink, view: View, look: Callable[[], Awaitable[RobotState]]) -> RobotState:
+    """Drive to where something is seen as far as nothing stands in the way, and look. Returns the robot's last state."""
+    if points := view.way[1:]:
+        await _drive(link, points)
+    return await look()
 
 
-async def _drive(link: CommandLink, point: Point) -> bool:
-    """Drive straight to a point. Returns whether the robot has come there. Raises RobotGaveUp if it cannot drive at all."""
-    drive = asyncio.ensure_future(link.drive_along([point]))
+async def _drive(link: CommandLink, points: Sequence[Point]) -> None:
+    """Drive through points, until something stays in the way. Raises RobotGaveUp if it cannot drive at all."""
+    drive = asyncio.ensure_future(link.drive_along(points))
     obstructed_at: float | None = None
     is_stopped = False
     try:
@@ -97,10 +94,8 @@ async def _drive(link: CommandLink, point: Point) -> bool:
     except RobotGaveUp as failure:
         if failure.reason not in SKIPPED and not is_stopped:
             raise
-        return False
     finally:
         drive.cancel()
-    return True
 
 
 async def _look(link: CommandLink, survey: Survey, noted: Noted, expected: Expected) -> RobotState:

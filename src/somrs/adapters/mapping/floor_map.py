@@ -22,6 +22,7 @@ from somrs.sites.draft import box_shape, floor_values, pose
 from somrs.sites.occupancy.building import Building
 from somrs.sites.occupancy.grid import Cell, OccupancyGrid, States
 from somrs.sites.occupancy.importing import DOOR_HEIGHT, OBSTACLE_HEIGHT, WALL_HEIGHT
+from somrs.sites.occupancy.walls import beside_walls
 from somrs.sites.plan import Box, Point, is_in_polygon
 
 SAME = 0.03
@@ -32,6 +33,8 @@ IN_LINE = 0.25
 """Walls whose middle lines are so near, and that overlap, are the same, m."""
 LOOKS = ("Color", "Shape.Form", "Shape.Width", "Shape.Depth", "Shape.Radius", "Shape.Height")
 """The attributes of furniture that a camera sees."""
+_DEEPEST_IN_WALL = 0.1
+"""So far at most is a piece of furniture moved out of walls: nobody knows exactly where both are, m."""
 _BUILT = ("Room", "Wall", "Door")
 """The kinds of parts of a storey."""
 _MOSTLY = 0.9
@@ -276,7 +279,8 @@ def shown_objects(building: Building, pieces: Sequence[Piece], robots: Sequence[
     for piece in furniture:
         looks = {path: piece.values[path] for path in LOOKS if path in piece.values}
         values = {path: round(value, 3) if isinstance(value, float) else value for path, value in looks.items()}
-        yield Shown(kind=piece.type, box=piece.box, values={**pose(piece.box, piece.z), **values})
+        box = beside_walls(piece.box, building.walls, _DEEPEST_IN_WALL) or piece.box
+        yield Shown(kind=piece.type, box=box, values={**pose(box, piece.z), **values})
     for obstacle in building.obstacles:
         is_robot = any(obstacle.gap(robot) < 0.2 for robot in robots)
         if not is_robot and not any(_overlap(obstacle, piece.box) for piece in furniture):

@@ -5,33 +5,31 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import numpy as np
 
 from somrs.adapters.mapping.doors import DrivenDoor
 from somrs.adapters.mapping.evidence import Evidence
-from somrs.adapters.mapping.ways import VIEWING_DISTANCE, Frontier, Ways, covered_cells
+from somrs.adapters.mapping.ways import Frontier, View, Ways, covered_cells
 from somrs.devices.simulator.link.commands import Scan, Sighting
 from somrs.ontology.types import Value
 from somrs.sites.occupancy.grid import Cell, OccupancyGrid
 from somrs.sites.plan import Box, Point
 
-LEG = 1.5
-"""The longest way that a robot drives without a scan, m."""
 MARGIN = 0.08
 """How far a robot keeps from what it has seen, besides its radius, m."""
-FARTHEST_VIEW = 3.0
-"""A frontier that cannot be looked at from nearby is looked at from at most so far, m."""
-SAME_FRONTIER, SAME_STAND = 0.4, 0.5
-"""A frontier that is so near to one that was looked at in vain is not looked at again from a point that is so near, m."""
+FARTHEST_VIEW = 4.0
+"""A frontier is looked at from at most so far, m."""
+SAME_FRONTIER = 0.4
+"""A frontier that is so near to one that was looked at before is the same, m."""
+_TRIES = 5
+"""A frontier that was looked at so often, each time from elsewhere, cannot be seen better."""
 SAME_PIECE = 0.4
 """Two sightings of one type that are so near are of one piece of furniture, m."""
 BERTH = 0.25
 """How far a robot keeps from another one, besides the radii of both, m."""
 LEAST_SIGHTINGS = 2
 """A piece of furniture counts when it has been seen so often."""
-_TRIES = 2
 _DOORWAY = 0.1
 """How far beside a door its leaf is seen, m."""
 _SWING_MARGIN = 0.1
@@ -136,27 +134,27 @@ class Survey:
         clearance, berth = self.radius + MARGIN, 2 * self.radius + BERTH
         return Ways(self.grid(), position, clearance, self.robots, berth, shut_doors, doorways, self.radius)
 
-    def next_frontier(self, position: Point) -> Frontier | None:
-        """Where to look next; None if there is nothing left that can be looked at. Through gaps in which the robot does not fit, it looks
-        at the end."""
+    def next_view(self, position: Point) -> View | None:
+        """From where to look next; None if there is nothing left that can be looked at."""
         ways = self._ways(position)
-        for distance in (VIEWING_DISTANCE, FARTHEST_VIEW):
-            frontiers = [frontier for frontier in ways.frontiers(distance) if not self._is_vain(frontier)]
-            if frontiers:
-                return min(frontiers, key=lambda frontier: frontier.distance - 0.5 * min(frontier.length, 3.0))
-        return None
+        frontiers = [replace(frontier, reach=FARTHEST_VIEW, tried_stands=self._tried_stands(frontier)) for frontier in ways.frontiers()]
+        return ways.best_view([frontier for frontier in frontiers if len(frontier.tried_stands) < _TRIES])
 
-    def next_door(self, position: Point, shut_doors: Sequence[DrivenDoor]) -> tuple[DrivenDoor, Frontier] | None:
+    def _tried_stands(self, frontier: Frontier) -> tuple[Point, ...]:
+        """From where the robot has looked at a frontier."""
+        return tuple(stand for middle, stand in self._looked_at if math.dist(frontier.middle, middle) <= SAME_FRONTIER)
+
+    def next_door(self, position: Point, shut_doors: Sequence[DrivenDoor]) -> tuple[DrivenDoor, View] | None:
         """Which of the doors that are shut is to be opened next, and from where it is looked at, outside the swing of its leaf; None if
         there is none whose front the robot has seen and that it has not tried."""
         ways = self._ways(position)
-        views: list[tuple[DrivenDoor, Frontier]] = []
+        views: list[tuple[DrivenDoor, View]] = []
         for door in shut_doors:
             if door.name not in self._tried_doors and (view := self._view_of(door, ways, self._swing(door.box))) is not None:
                 views.append((door, view))
         return min(views, key=lambda pair: pair[1].distance, default=None)
 
-    def look_through(self, door: DrivenDoor, position: Point) -> Frontier | None:
+    def look_through(self, door: DrivenDoor, position: Point) -> View | None:
         """From where the robot looks straight through a door that is open; None if it cannot come there."""
         return self._view_of(door, self._ways(position), 0.0)
 
@@ -168,11 +166,11 @@ class Survey:
         """How far from the middle of a door a robot stands close in front of it, m."""
         return min(box.width, box.depth) / 2 + self.radius + 2 * MARGIN
 
-    def _view_of(self, door: DrivenDoor, ways: Ways, least: float) -> Frontier | None:
+    def _view_of(self, door: DrivenDoor, ways: Ways, least: float) -> View | None:
         """From where the floor in front of a door is seen that is nearest to it, at least `least` from there, m."""
         box, front = door.box, self._front_distance(door.box)
         sides = [box.world((0.0, side * front) if box.width >= box.depth else (side * front, 0.0)) for side in (1.0, -1.0)]
-        views = [view for middle in sides if (view := ways.view_of(middle, box.width, least, least + 1.5)) is not None]
+        views = [view for middle in sides if (view := ways.view_of(middle, least, least + 1.5)) is not None]
         return min(views, key=lambda view: view.distance, default=None)
 
     def note_tried(self, door: DrivenDoor) -> None:
@@ -199,20 +197,13 @@ class Survey:
                 closable.append(door)
         return closable
 
-    def stand_beside(self, door: DrivenDoor, position: Point) -> Frontier | None:
+    def stand_beside(self, door: DrivenDoor, position: Point) -> View | None:
         """Where the robot is out of the way of a door; None if it is now, or cannot come there."""
         return self._view_of(door, self._ways(position), self._swing(door.box)) if door.box.gap(position) < self._swing(door.box) else None
 
-    def _is_vain(self, frontier: Frontier) -> bool:
-        looks = sum(
-            math.dist(frontier.middle, middle) <= SAME_FRONTIER and math.dist(frontier.way[-1], stand) <= SAME_STAND
-            for middle, stand in self._looked_at
-        )
-        return looks >= _TRIES
-
-    def note_looked_at(self, frontier: Frontier) -> None:
-        """The robot has driven to where it looks at this frontier, or could not."""
-        self._looked_at.append((frontier.middle, frontier.way[-1]))
+    def note_looked_at(self, view: View) -> None:
+        """The robot has driven to where it looks, or could not."""
+        self._looked_at += [(frontier.middle, view.stand) for frontier in view.frontiers]
 
 
 def _piece(sighting: Sighting) -> Piece:
@@ -236,14 +227,3 @@ def _extended(door: Box, length: float) -> Box:
     if door.width >= door.depth:
         return replace(door, depth=door.depth + 2 * length)
     return replace(door, width=door.width + 2 * length)
-
-
-def legs_of(way: Sequence[Point]) -> list[Point]:
-    """The ends of the legs of a way, of which none is longer than `LEG`."""
-    ends: list[Point] = []
-    for start, end in pairwise(way):
-        count = max(1, math.ceil(math.dist(start, end) / LEG))
-        ends += [
-            (start[0] + (end[0] - start[0]) * part / count, start[1] + (end[1] - start[1]) * part / count) for part in range(1, count + 1)
-        ]
-    return ends

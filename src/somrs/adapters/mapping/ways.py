@@ -22,23 +22,44 @@ from somrs.sites.plan import Box, Point
 
 SHORTEST_FRONTIER = 0.35
 """What is shorter is a gap between rays, or too narrow to look into, m."""
-VIEWING_DISTANCE = 1.0
-"""A frontier is looked at from at most so far, m."""
-_NEAR_CANDIDATES, _STRIDE = 200, 10
-"""So many of the nearest cells from which something may be seen are tried, and of those farther away one of so many."""
+LONGEST_FRONTIER = 3.0
+"""Of a frontier that is longer, no more than this is counted as seen in one look, m."""
+NEARBY, _STRIDE = 1.0, 5
+"""Stands in the cells so near to a frontier are tried, m, and of those farther away one of so many in each direction."""
+_ELSEWHERE = 0.5
+"""A frontier is looked at again from a stand that is farther from the earlier ones than this share of its distance to the frontier."""
+_EFFORT = 1.5
+"""What a look costs, as the length of a way, m."""
 _STEPS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2)))
 """Steps to half of the eight cells around one, with their lengths in cells."""
+
+Cells = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frontier:
-    """A stretch of free cells beside unknown ones: its middle, and its length in m. `way`: the points to drive through to look at it, the
-    first is where the robot is; `distance`: their length, m."""
+    """A stretch of free cells beside unknown ones: its middle, and its length in m. `reach`: from how far away it may be looked at, m;
+    `tried_stands`: from where it was looked at in vain."""
 
     middle: Point
     length: float
+    reach: float = math.inf
+    tried_stands: tuple[Point, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """Where to look from. `way`: the points to drive through, the first is where the robot is; `distance`: their length, m; `frontiers`:
+    those of which the middles are in sight from there."""
+
     way: list[Point]
     distance: float
+    frontiers: tuple[Frontier, ...] = ()
+
+    @property
+    def stand(self) -> Point:
+        """Where the robot looks."""
+        return self.way[-1]
 
 
 class Ways:
@@ -82,29 +103,61 @@ class Ways:
         nearest = int(np.hypot(rows - row, columns - column).argmin())
         return int(rows[nearest]), int(columns[nearest])
 
-    def frontiers(self, viewing_distance: float = VIEWING_DISTANCE) -> list[Frontier]:
-        """The frontiers that can be looked at from at most so far, m; the nearest first."""
+    def frontiers(self) -> list[Frontier]:
+        """The frontiers of the grid, also those to which no way leads."""
         unknown = ndimage.binary_dilation(self.grid.mask(Cell.UNKNOWN), np.ones((3, 3)))
         labels, _ = ndimage.label(self._free & unknown, structure=np.ones((3, 3)))
-        is_reachable = np.isfinite(self.lengths)
-        if not is_reachable.any():
-            return []
         found_frontiers = []
-        reach = math.ceil(viewing_distance / self.grid.resolution)
         for number, place in enumerate(ndimage.find_objects(labels), 1):
             rows, columns = np.nonzero(labels[place] == number)
             if len(rows) * self.grid.resolution < SHORTEST_FRONTIER:
                 continue
             rows, columns = rows + place[0].start, columns + place[1].start
             nearest = int(np.hypot(rows - rows.mean(), columns - columns.mean()).argmin())
-            middle = int(rows[nearest]), int(columns[nearest])
-            view = self._view_of(middle, reach, is_reachable)
-            if view is not None:
-                way = self._way_to(view)
-                found_frontiers.append(
-                    Frontier(middle=self._point(middle), length=len(rows) * self.grid.resolution, way=way, distance=path_length(way))
-                )
-        return sorted(found_frontiers, key=lambda frontier: frontier.distance)
+            middle = self._point((int(rows[nearest]), int(columns[nearest])))
+            found_frontiers.append(Frontier(middle=middle, length=len(rows) * self.grid.resolution))
+        return found_frontiers
+
+    def best_view(self, frontiers: Sequence[Frontier]) -> View | None:
+        """From where most of these frontiers is seen for the effort of coming there; None if none can be seen.
+
+        After González-Baños and Latombe, "Navigation strategies for exploring indoor environments" (2002).
+        """
+        gains, stands = np.zeros(self.grid.shape), [self._stands(frontier) for frontier in frontiers]
+        for frontier, (rows, columns) in zip(frontiers, stands, strict=True):
+            gains[rows, columns] += min(frontier.length, LONGEST_FRONTIER)
+        if not gains.any():
+            return None
+        values = gains / (self.lengths * self.grid.resolution + _EFFORT)
+        row, column = divmod(int(values.argmax()), self.grid.shape[1])
+        way = self._way_to((row, column))
+        frontiers_seen = [
+            frontier for frontier, cells in zip(frontiers, stands, strict=True) if ((cells[0] == row) & (cells[1] == column)).any()
+        ]
+        return View(way=way, distance=path_length(way), frontiers=tuple(frontiers_seen))
+
+    def _stands(self, frontier: Frontier) -> tuple[Cells, Cells]:
+        """The cells from which a frontier is seen, of those that are tried, by rows and columns."""
+        cell = self._cell_of(frontier.middle)
+        rows, columns = self._reachable_near(cell, 0.0, frontier.reach)
+        distances = np.hypot(rows - cell[0], columns - cell[1])
+        is_nearby = distances * self.grid.resolution <= NEARBY
+        is_candidate = is_nearby | ((rows % _STRIDE == 0) & (columns % _STRIDE == 0))
+        for row, column in map(self._cell_of, frontier.tried_stands):
+            is_candidate &= np.hypot(rows - row, columns - column) > _ELSEWHERE * distances
+        rows, columns = rows[is_candidate], columns[is_candidate]
+        is_in_sight = clear_lines(self._free, rows, columns, cell)
+        return rows[is_in_sight], columns[is_in_sight]
+
+    def _reachable_near(self, cell: tuple[int, int], closest: float, reach: float) -> tuple[Cells, Cells]:
+        """The cells to which a way leads at least `closest` and at most `reach` from a cell, in m: rows and columns."""
+        cells = math.ceil(reach / self.grid.resolution)
+        low_row, low_column = max(cell[0] - cells, 0), max(cell[1] - cells, 0)
+        rows, columns = np.nonzero(np.isfinite(self.lengths[low_row : cell[0] + cells + 1, low_column : cell[1] + cells + 1]))
+        rows, columns = rows + low_row, columns + low_column
+        distances = np.hypot(rows - cell[0], columns - cell[1]) * self.grid.resolution
+        is_within_reach = (distances >= closest) & (distances <= reach)
+        return rows[is_within_reach], columns[is_within_reach]
 
     def is_reachable(self, point: Point) -> bool:
         """Whether a way leads to the cell of a point."""
@@ -112,33 +165,21 @@ class Ways:
         height, width = self.lengths.shape
         return 0 <= row < height and 0 <= column < width and bool(np.isfinite(self.lengths[row, column]))
 
-    def view_of(self, point: Point, length: float, least: float, reach: float) -> Frontier | None:
-        """From where a point is seen, at least `least` and at most `reach` from it, in m; None if it is not known to be free, or no way
-        leads to where it is seen."""
+    def view_of(self, point: Point, closest: float, reach: float) -> View | None:
+        """The nearest stand to a point from which it is seen, at least `closest` and at most `reach` from it, in m; None if it is not known
+        to be free, or no way leads to where it is seen."""
         row, column = self._cell_of(point)
         height, width = self._free.shape
         if not (0 <= row < height and 0 <= column < width and self._free[row, column]):
             return None
-        cells = math.ceil(reach / self.grid.resolution), math.ceil(least / self.grid.resolution)
-        view = self._view_of((row, column), cells[0], np.isfinite(self.lengths), cells[1])
-        if view is None:
+        rows, columns = self._reachable_near((row, column), closest, reach)
+        is_in_sight = clear_lines(self._free, rows, columns, (row, column))
+        if not is_in_sight.any():
             return None
-        way = self._way_to(view)
-        return Frontier(middle=point, length=length, way=way, distance=path_length(way))
-
-    def _view_of(self, cell: tuple[int, int], reach: int, is_reachable: Mask, least: int = 0) -> tuple[int, int] | None:
-        """The reachable cell from which a cell is seen, and that is the nearest to it, though `least` cells away; None if there is none
-        within reach, in cells."""
-        low_row, low_column = max(cell[0] - reach, 0), max(cell[1] - reach, 0)
-        rows, columns = np.nonzero(is_reachable[low_row : cell[0] + reach + 1, low_column : cell[1] + reach + 1])
-        distances = np.hypot(rows + low_row - cell[0], columns + low_column - cell[1])
-        order = np.argsort(distances, kind="stable")
-        order = order[(distances[order] >= least) & (distances[order] <= reach)]
-        for index in np.concatenate([order[:_NEAR_CANDIDATES], order[_NEAR_CANDIDATES::_STRIDE]]):
-            candidate = int(rows[index]) + low_row, int(columns[index]) + low_column
-            if is_clear_line(self._free, candidate, cell):
-                return candidate
-        return None
+        rows, columns = rows[is_in_sight], columns[is_in_sight]
+        nearest = int(np.hypot(rows - row, columns - column).argmin())
+        way = self._way_to((int(rows[nearest]), int(columns[nearest])))
+        return View(way=way, distance=path_length(way))
 
     def _way_to(self, cell: tuple[int, int]) -> list[Point]:
         """The way to a reachable cell, with as few points as keep it clear."""
@@ -190,11 +231,18 @@ def shortest_ways(is_open: Mask, start: tuple[int, int]) -> tuple[npt.NDArray[np
 
 
 def is_clear_line(mask: Mask, start: tuple[int, int], end: tuple[int, int]) -> bool:
-    """Whether all cells on a line between the middles of two cells are in the mask, in steps of half a cell."""
-    count = 2 * max(abs(end[0] - start[0]), abs(end[1] - start[1])) + 1
-    rows = np.rint(np.linspace(start[0], end[0], count)).astype(int)
-    columns = np.rint(np.linspace(start[1], end[1], count)).astype(int)
-    return bool(mask[rows, columns].all())
+    """Whether all cells on a line between the middles of two cells are in the mask, in steps of at most half a cell."""
+    return bool(clear_lines(mask, np.array([start[0]]), np.array([start[1]]), end)[0])
+
+
+def clear_lines(mask: Mask, rows: Cells, columns: Cells, end: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """The same for lines from many cells to one."""
+    steps = 2 * int(max(np.abs(rows - end[0]).max(initial=0), np.abs(columns - end[1]).max(initial=0)))
+    shares = np.linspace(0.0, 1.0, steps + 1)
+    line_rows = np.rint(rows[:, None] + (end[0] - rows)[:, None] * shares).astype(np.intp)
+    line_columns = np.rint(columns[:, None] + (end[1] - columns)[:, None] * shares).astype(np.intp)
+    is_clear: npt.NDArray[np.bool_] = np.all(mask[line_rows, line_columns], axis=1)
+    return is_clear
 
 
 def path_length(points: Sequence[Point]) -> float:

@@ -14,8 +14,8 @@ import numpy as np
 from somrs.sites.occupancy.grid import Cell, OccupancyGrid
 from somrs.sites.plan import Box, Point
 
-_LONGEST = 2.5
-"""The longest part of a wall that is hidden up to its corner, m."""
+_LONGEST = 4.0
+"""The longest part of a wall that is hidden up to its corner, or where it bends, m."""
 _MEETING = 0.15
 """A wall that is so near to the end of another one meets it, m."""
 _STEEPEST = math.sin(math.radians(20))

@@ -65,14 +65,15 @@ def find_structure(grid: OccupancyGrid) -> Structure:
     fronts = list(_against_walls(lines, grid))
     lines = [line for line in lines if not any(_belongs_to(line, front, grid.resolution) for front in fronts)]
     walls = with_corners(joined([_as_thick_as_walls(line, grid) for line in lines], grid, _LONGEST_HIDDEN), grid)
-    standing = [box for obstacle in (*obstacles, *fronts) if (box := _beside_walls(obstacle, walls)) is not None]
+    standing = [box for obstacle in (*obstacles, *fronts) if (box := beside_walls(obstacle, walls, _FARTHEST_MOVE)) is not None]
     return Structure(walls=walls, obstacles=standing, direction=direction)
 
 
-def _beside_walls(obstacle: Box, walls: Sequence[Box]) -> Box | None:
-    """The obstacle, moved out of walls into which it reaches a little; None for what is in a wall, and so a part of it."""
+def beside_walls(obstacle: Box, walls: Sequence[Box], farthest: float) -> Box | None:
+    """The obstacle, moved out of walls into which it reaches a little; None if that is farther than `farthest`, m: then it is a part of the
+    wall."""
     moved = cleared(obstacle, [wall for wall in walls if wall.gap((obstacle.x, obstacle.y)) < obstacle.reach], 0.001)
-    return moved if moved is not None and math.dist((moved.x, moved.y), (obstacle.x, obstacle.y)) <= _FARTHEST_MOVE else None
+    return moved if moved is not None and math.dist((moved.x, moved.y), (obstacle.x, obstacle.y)) <= farthest else None
 
 
 def _islands(grid: OccupancyGrid, lines: Sequence[Box]) -> Iterator[Points]:

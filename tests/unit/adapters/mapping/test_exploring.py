@@ -8,7 +8,6 @@ import pytest
 from msgspec import structs
 
 from somrs.adapters.mapping import exploring
-from somrs.adapters.mapping.doors import DrivenDoor
 from somrs.adapters.mapping.exploring import explore
 from somrs.adapters.mapping.survey import Survey
 from somrs.devices.simulator.link.commands import Command, CommandDone, DriveAlong, Fault, RobotState, Stop
@@ -18,6 +17,7 @@ from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.map import Map
 from somrs.sites.occupancy.building import building_of
 from somrs.sites.plan import Box
+from tests.support.explored_floor import SimulatedDoors
 from tests.support.rooms_with_door import DOOR, two_rooms
 from tests.support.simulated_link import SimulatedLink
 from tests.support.simulator_room import ONTOLOGY, box, robot, shell
@@ -96,34 +96,14 @@ def test_it_ends_when_the_robot_breaks() -> None:
     assert failure.value.reason == "drive-dead"
 
 
-class SimulatedDoors:
-    """The doors of a simulation in the same process."""
-
-    def __init__(self, simulation: Simulation, *, works: bool = True) -> None:
-        self.simulation, self.works = simulation, works
-        self.moves: list[str] = []
-
-    async def shut(self) -> list[DrivenDoor]:
-        door = Box(4.0, 2.9, 0.1, 1.4)
-        return [] if self.simulation.observe(DOOR).open else [DrivenDoor(name=DOOR, box=door)]
-
-    async def open(self, name: str) -> bool:
-        self.moves.append("open")
-        if self.works:
-            await SimulatedLink.of_device(self.simulation, name).open_doors(name)
-        return self.works
-
-    async def close(self, name: str) -> bool:
-        self.moves.append("close")
-        await SimulatedLink.of_device(self.simulation, name).close_doors(name)
-        return True
+DOORS = {DOOR: Box(4.0, 2.9, 0.1, 1.4)}
 
 
 def test_a_shut_door_with_a_drive_is_opened_and_closed_again() -> None:
     world, survey = Simulation(two_rooms((1.5, 3.0, 0.0), Open=False), ONTOLOGY, WorldKind.KINEMATIC), Survey(0.22)
-    doors = SimulatedDoors(world)
+    doors = SimulatedDoors(world, DOORS)
     state = asyncio.run(explore(SimulatedLink(world, "Robot1"), survey, ignore, doors=doors))
-    assert doors.moves == ["open", "close"]
+    assert doors.moves == [f"open {DOOR}", f"close {DOOR}"]
     assert not world.observe(DOOR).open
     building = building_of(survey.grid(), survey.furniture())
     assert len(building.rooms) == 2
@@ -133,8 +113,8 @@ def test_a_shut_door_with_a_drive_is_opened_and_closed_again() -> None:
 
 def test_it_goes_on_when_a_door_cannot_be_opened() -> None:
     world, survey = Simulation(two_rooms((1.5, 3.0, 0.0), Open=False), ONTOLOGY, WorldKind.KINEMATIC), Survey(0.22)
-    doors = SimulatedDoors(world, works=False)
+    doors = SimulatedDoors(world, DOORS, works=False)
     state = asyncio.run(explore(SimulatedLink(world, "Robot1"), survey, ignore, doors=doors))
-    assert doors.moves == ["open"]
+    assert doors.moves == [f"open {DOOR}"]
     assert state.x < 4
     assert len(building_of(survey.grid(), survey.furniture()).walls) == 4

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -12,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from somrs.adapters.mapping.survey import LEG, legs_of
-from somrs.adapters.mapping.ways import Ways, is_clear_line, path_length, shortest_ways
+from somrs.adapters.mapping.ways import Frontier, Ways, clear_lines, is_clear_line, path_length, shortest_ways
 from somrs.sites.occupancy.grid import Cell, OccupancyGrid
 from somrs.sites.plan import Box
 
@@ -52,23 +52,40 @@ def hall(*, unknown: slice) -> OccupancyGrid:
     return OccupancyGrid(states=states, resolution=0.05, x=-1.0, y=2.0)
 
 
-def test_the_way_to_a_frontier_leads_around_what_is_in_the_way_and_keeps_clear_of_it() -> None:
+def test_the_way_to_a_view_leads_around_what_is_in_the_way_and_keeps_clear_of_it() -> None:
     grid = hall(unknown=slice(100, 120))
-    (frontier,) = Ways(grid, (0.0, 2.8), 0.3).frontiers()
+    ways = Ways(grid, (0.0, 2.8), 0.3)
+    (frontier,) = ways.frontiers()
     assert frontier.middle[0] == pytest.approx(-1.0 + 5.0, abs=0.1)
     assert frontier.length == pytest.approx(2.9, abs=0.2)
-    assert frontier.way[0] == (0.0, 2.8)
-    assert frontier.distance == pytest.approx(path_length(frontier.way))
-    assert frontier.distance > 4.0
+    view = ways.best_view([replace(frontier, reach=1.0)])
+    assert view is not None
+    assert view.frontiers == (replace(frontier, reach=1.0),)
+    assert math.dist(view.stand, frontier.middle) <= 1.0
+    assert view.way[0] == (0.0, 2.8)
+    assert view.distance == pytest.approx(path_length(view.way))
+    assert view.distance > 3.0
     free = grid.mask(Cell.FREE)
-    cells = [(int((y - 2.0) / 0.05), int((x + 1.0) / 0.05)) for x, y in frontier.way]
+    cells = [(int((y - 2.0) / 0.05), int((x + 1.0) / 0.05)) for x, y in view.way]
     for start, end in pairwise(cells[1:]):
         assert is_clear_line(free, start, end)
 
 
+def test_a_robot_looks_from_where_it_sees_more_for_the_way() -> None:
+    grid = hall(unknown=slice(0, 0))
+    ways = Ways(grid, (-0.5, 3.5), 0.3)
+    beside, ahead, behind = (Frontier(middle=middle, length=1.0, reach=1.0) for middle in ((-0.5, 2.1), (1.5, 2.5), (1.5, 4.0)))
+    nearest = ways.best_view([beside, ahead])
+    assert nearest is not None
+    assert nearest.frontiers == (beside,)
+    best = ways.best_view([replace(frontier, length=3.0) if frontier is not beside else frontier for frontier in (beside, ahead, behind)])
+    assert best is not None
+    assert [frontier.middle for frontier in best.frontiers] == [ahead.middle, behind.middle], "both from one point between them"
+
+
 def test_robots_are_given_a_wide_berth_and_what_they_cut_off_is_not_driven_to() -> None:
-    grid = hall(unknown=slice(100, 120))
-    assert Ways(grid, (0.0, 2.8), 0.3, robots=[(1.95, 4.5)], berth=0.7).frontiers() == []
+    ways = Ways(hall(unknown=slice(100, 120)), (0.0, 2.8), 0.3, robots=[(1.95, 4.5)], berth=0.7)
+    assert ways.best_view([replace(frontier, reach=1.0) for frontier in ways.frontiers()]) is None
 
 
 def test_there_is_no_frontier_where_all_is_known_or_nothing_is() -> None:
@@ -77,11 +94,17 @@ def test_there_is_no_frontier_where_all_is_known_or_nothing_is() -> None:
     assert Ways(blank, (0.5, 0.5), 0.3).frontiers() == []
 
 
-def test_no_leg_is_longer_than_a_robot_drives_without_a_scan() -> None:
-    ends = legs_of([(0.0, 0.0), (4.0, 0.0), (4.0, 1.0)])
-    assert ends[-1] == (4.0, 1.0)
-    assert (4.0, 0.0) in ends
-    assert max(math.dist(start, end) for start, end in pairwise([(0.0, 0.0), *ends])) <= LEG
+@given(
+    mask=arrays.arrays(bool, (9, 11), elements=st.sampled_from([True, True, True, False])), row=st.integers(0, 8), column=st.integers(0, 10)
+)
+def test_lines_from_many_cells_are_those_from_each(mask: np.ndarray, row: int, column: int) -> None:
+    rows, columns = (indexes.ravel() for indexes in np.indices(mask.shape))
+    is_clear = clear_lines(mask, rows, columns, (row, column)).reshape(mask.shape)
+    assert is_clear[row, column] == mask[row, column]
+    if mask.all():
+        assert is_clear.all()
+    for index in np.argwhere(is_clear):
+        assert mask[tuple(index)], "a line begins in the cell"
 
 
 def test_ways_lead_closer_to_the_ends_of_walls_in_a_doorway_and_not_through_a_shut_door() -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import random
+
+import numpy as np
 
 from somrs.devices.simulator.link.commands import Scan
 from somrs.devices.simulator.world.opaque import opaque_parts, whole_leaf
@@ -27,11 +28,11 @@ def scanned(scene: Scene, robot: str, scan: Scan) -> tuple[float | None, ...]:
     prisms = _prisms_around(scene, (x, y), scan.range)
     own_names = {robot, scene.hands.held.get(robot, robot)}
     noise, accuracy = random.Random(f"{robot} {scene.time:.2f}"), scene.world.solids[robot].accuracy
+    angles = yaw - scan.view / 2 + (np.arange(scan.rays) + 0.5) * scan.view / scan.rays
+    level = np.full(scan.rays, z + scan.height)
+    ends = np.column_stack([x + scan.range * np.cos(angles), y + scan.range * np.sin(angles), level])
     ranges: list[float | None] = []
-    for number in range(scan.rays):
-        angle = yaw - scan.view / 2 + (number + 0.5) * scan.view / scan.rays
-        end = x + scan.range * math.cos(angle), y + scan.range * math.sin(angle), z + scan.height
-        share = prisms.share_until((x, y, z + scan.height), end, own_names)
+    for share in prisms.shares_until((x, y, z + scan.height), ends, own_names).tolist():
         distance = share * scan.range + noise.gauss(0.0, accuracy)
         ranges.append(round(max(distance, 0.0) / RESOLUTION) * RESOLUTION if share < 1.0 else None)
     return tuple(ranges)
