@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -40,8 +41,8 @@ def storey(building: Map, ontology: Ontology, elevation: float, start: tuple[flo
 
     map = building.changed([ObjectRemoved(name) for name, object in building.objects.items() if not is_kept(object)])
     doors = [name for name in _driven_doors(map, ontology) if map.objects[name].type != "LiftDoor"]
-    pose = {"PositionX": start[0], "PositionY": start[1], "PositionZ": elevation, "RotationZ": 0.0, "Speed": 0.8}
-    robot = Object(name=ROBOT, type="MappingRobot", values=dict(pose))
+    pose = {"PositionX": start[0], "PositionY": start[1], "PositionZ": elevation, "RotationZ": 0.0, "Speed": 0.8, "FieldOfView": math.tau}
+    robot = Object(name=ROBOT, type="PatrolRobot", values=dict(pose))
     return map.changed([ObjectAdded(robot), *(ValueSet(name, "Open", doors_open) for name in doors)])
 
 
