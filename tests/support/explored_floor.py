@@ -27,7 +27,7 @@ from tests.support.simulated_link import SimulatedLink
 
 ROBOT = "Scout"
 """The robot that explores."""
-_BELOW, _ABOVE = 1.0, 3.5
+_DEPTH_BELOW, _HEIGHT_ABOVE = 1.0, 3.5
 """What is at most so far below and above a storey's floor belongs to it, m."""
 
 
@@ -36,8 +36,8 @@ def storey(building: Map, ontology: Ontology, elevation: float, start: tuple[flo
 
     def is_kept(object: Object) -> bool:
         height = object.values.get("PositionZ", elevation)
-        is_there = isinstance(height, int | float) and elevation - _BELOW <= height < elevation + _ABOVE
-        return is_there and not ontology.is_subtype(object.type, "MobileRobot")
+        is_on_storey = isinstance(height, int | float) and elevation - _DEPTH_BELOW <= height < elevation + _HEIGHT_ABOVE
+        return is_on_storey and not ontology.is_subtype(object.type, "MobileRobot")
 
     map = building.changed([ObjectRemoved(name) for name, object in building.objects.items() if not is_kept(object)])
     doors = [name for name in _driven_doors(map, ontology) if map.objects[name].type != "LiftDoor"]

@@ -19,9 +19,9 @@ START = (10.433, -5.575)
 @pytest.mark.parametrize("doors_open", [True, False])
 def test_the_map_of_an_office_is_the_office(doors_open: bool) -> None:
     site = import_building(OFFICE)
-    known = Map([Object(name="Ground", type="Storey", values={"Elevation": 0.0})])
+    known_map = Map([Object(name="Ground", type="Storey", values={"Elevation": 0.0})])
     office = storey(site.map, site.ontology, 0.0, START, doors_open=doors_open)
-    floor = ExploredFloor(true=office, ontology=site.ontology, made=known)
+    floor = ExploredFloor(true=office, ontology=site.ontology, made=known_map)
     floor.explore()
     comparison = floor.compare()
     assert comparison.walls >= 0.95
