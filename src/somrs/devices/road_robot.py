@@ -37,7 +37,7 @@ __all__ = ["CarryingRobot", "Motion", "RoadRobot", "RobotFailed", "Way", "Waypoi
 
 FOR_AUTHORS = FOR_ALL | {
     *("follow", "halt", "pause", "resume", "charge_at", "pick", "drop", "put_down", "interrupt", "motion"),
-    *("battery", "holding", "carries", "hindrance", "remark", "can_charge", "can_carry"),
+    *("battery", "holding", "carries", "hindrance", "remark", "deviation", "can_charge", "can_carry"),
     *("silence", "reconnect_timeout", "carrying_patience", "price", "price_per_metre", "features", "driving_time", "handling_time"),
 }
 """What authors of robots set and override."""
@@ -67,6 +67,8 @@ class RoadRobot(MobileRobot):
     """What keeps it from going on, and will pass without it, for people. Set it before `located`."""
     remark: str | None = None
     """What it says of itself that does not keep it from going on, for people. Set it before `located`."""
+    deviation: float = 1.0
+    """How far from where it has come to it may be by its pose, m. One that is farther has not come there."""
     can_charge: bool = False
     """Whether it can charge its battery."""
 
@@ -104,6 +106,8 @@ class RoadRobot(MobileRobot):
                 map, ontology = await self.whole_map(is_current=False)
                 if (stopped := is_stopped(self.name, map, ontology)) is not is_paused:
                     is_paused = stopped
+                    if not is_paused:
+                        self.road.confirm()
                     await (self.pause() if is_paused else self.resume())
             await asyncio.sleep(STOPS)
 
@@ -171,11 +175,12 @@ class RoadRobot(MobileRobot):
 
     def located(self, x: float, y: float, yaw: float, level: float | None = None) -> None:
         """The robot is at this pose, in metres and radians on the map; `level`: the height of its floor, None: as before. Call it
-        with every state of the robot, also if it stands still."""
+        with every state of the robot, also if it stands still. A pose that cannot have been reached is not believed."""
         self.road.located(x, y, yaw, level)
 
     def passed(self, number: int) -> None:
-        """The robot has come to the waypoint of this number, or driven past it."""
+        """The robot has come to the waypoint of this number, or driven past it. It has not if its pose is farther than `deviation` from
+        there and from the way that follows: then its trip fails."""
         self.road.passed(number)
 
     def gave_up(self, description: str) -> None:
@@ -186,6 +191,11 @@ class RoadRobot(MobileRobot):
     def broken(self, reason: str | None) -> None:
         """The robot cannot drive, for this reason (`its stop is pressed`), until somebody mends it; None: it can again."""
         self.road.broken(reason)
+
+    def lost(self, reason: str | None) -> None:
+        """The robot does not know where it is, for this reason (`nothing is heard of its scanner`); None: it knows again. Meanwhile, it is
+        halted, and keeps its places in traffic."""
+        self.road.lost(reason)
 
     def heard(self, is_connected: bool) -> None:
         """Whether the robot can be reached. What it does meanwhile goes on, or is taken up again, when it is there again."""

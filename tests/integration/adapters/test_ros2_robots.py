@@ -160,10 +160,10 @@ async def test_a_robot_that_loses_its_way_is_stopped_until_it_has_found_it() -> 
         connection.follow(way((0, 0), (50, 0)))
         await witness.until(lambda: witness.pose[0] > 0.5)
         await robot.tell("lost")
-        await witness.until(lambda: len(witness.faults) == 1)
+        await witness.until(lambda: len(witness.losses) == 1)
         await connection.halt()
         await robot.tell("normal")
-        await witness.until(lambda: witness.faults[1:] == [None])
+        await witness.until(lambda: witness.losses[1:] == [None])
         place = witness.pose
         await asyncio.sleep(0.3)
         assert witness.pose == place

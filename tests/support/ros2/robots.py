@@ -123,6 +123,7 @@ class Witness:
         self.passed_numbers: list[int] = []
         self.reasons: list[str] = []
         self.faults: list[str | None] = []
+        self.losses: list[str | None] = []
         self.presence: list[bool] = []
         self.x_when_present = math.nan
         self.hindrances: list[str | None] = []
@@ -143,6 +144,10 @@ class Witness:
 
     def broken(self, reason: str | None) -> None:
         self.faults.append(reason)
+        self._change.set()
+
+    def lost(self, reason: str | None) -> None:
+        self.losses.append(reason)
         self._change.set()
 
     def heard(self, is_connected: bool) -> None:

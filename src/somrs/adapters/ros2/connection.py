@@ -8,7 +8,6 @@ import functools
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 from somrs.adapters.ros2.driving import (
     CancelNavigation,
@@ -32,6 +31,8 @@ from somrs.adapters.ros2.driving import (
 )
 from somrs.adapters.ros2.frames import Pose, TransformTree, pose_of
 from somrs.adapters.ros2.lines import CancelRejected, Feedback, GoalEnded, GoalStatus, Replied, Values
+from somrs.adapters.ros2.observer import Robot
+from somrs.adapters.ros2.pose_stream import PoseStream
 from somrs.adapters.ros2.poses import goal_values, pose_values
 from somrs.adapters.ros2.readings import AttributeReading, FaultReadings
 from somrs.adapters.ros2.session import MessageObserver, Session
@@ -39,7 +40,6 @@ from somrs.adapters.ros2.settings import Binding, RobotSettings, Step, Topic, fu
 from somrs.adapters.ros2.steps import Steps
 from somrs.adapters.ros2.templates import field_value, fill_in
 from somrs.devices.road_robot import RobotFailed, Way, Waypoint
-from somrs.ontology.types import Value
 
 log = logging.getLogger(__name__)
 
@@ -52,26 +52,6 @@ COVARIANCES = 36
 LOST = "it does not know where it is; tell it, for example with 2D Pose Estimate of RViz"
 SAME_FLOOR = 0.1
 """Difference in height up to which two heights are those of the same floor, m."""
-
-
-class Robot(Protocol):
-    """Who is told what the robot says. Poses are on the map of the building."""
-
-    def located(self, x: float, y: float, yaw: float, level: float | None = None) -> None: ...
-
-    def passed(self, number: int) -> None: ...
-
-    def gave_up(self, description: str) -> None: ...
-
-    def broken(self, reason: str | None) -> None: ...
-
-    def heard(self, is_connected: bool) -> None: ...
-
-    def hindered(self, hindrance: str | None) -> None:
-        """The robot does not do what it is told, for this reason; None: it does again."""
-
-    def measured(self, attribute: str, value: Value) -> None:
-        """An attribute of the robot has this value."""
 
 
 class RobotConnection:
@@ -87,7 +67,11 @@ class RobotConnection:
         self._readings = {attribute: AttributeReading(topic) for attribute, topic in binding.attributes.items()}
         self._faults = FaultReadings(binding.faults)
         self._is_lost = False
+        self._poses = PoseStream()
+        self._fixed_frames: set[str] = set()
+        """Those of /tf_static."""
         self._reported_fault: str | None = None
+        self._reported_loss: str | None = None
         self._subscriptions: list[int] = []
         self._navigation = 0
         self._goals: dict[int, int] = {}
@@ -114,7 +98,8 @@ class RobotConnection:
             self._subscribe(binding.pose, self._take_pose, POSES)
         else:
             for topic, is_static in ((binding.transform.tf, False), (binding.transform.tf_static, True)):
-                self._subscribe(Topic(topic=topic, type=binding.transform.type, latched=is_static), self._take_transforms, 0.0)
+                observer = functools.partial(self._take_transforms, is_static)
+                self._subscribe(Topic(topic=topic, type=binding.transform.type, latched=is_static), observer, 0.0)
         if binding.covariance is not None and not binding.has_covariance:
             self._subscribe(binding.covariance, self._take_covariance, POSES)
         if binding.odometry is not None:
@@ -253,7 +238,9 @@ class RobotConnection:
         goal = fill_in(navigation.template, {"robot": self.name, **values})
 
         def observe(report: Feedback | CancelRejected | GoalEnded) -> None:
-            if isinstance(report, CancelRejected):
+            if isinstance(report, Feedback):
+                self._miss_pose()
+            elif isinstance(report, CancelRejected):
                 self._handle(CancelRefused(effect.goal))
             elif isinstance(report, GoalEnded):
                 self._goals.pop(effect.goal, None)
@@ -300,28 +287,45 @@ class RobotConnection:
 
     def _take_presence(self, present: bool) -> None:
         if present and self._driving.pose is None:
-            source = self._binding.pose.topic if self._binding.pose is not None else self._binding.transform.tf
-            name = full_name(source, self._settings.namespace)
+            name = self._pose_topic
             log.warning("%s: its navigation is there, but nothing on %s has said yet where it is on %s", self.name, name, self._level.frame)
         self._speed_limit = None  # another node may be behind it, which knows nothing
         self._robot.heard(present)
         self._handle(NavigatorPresent(present))
 
-    def _take_transforms(self, message: Values) -> None:
-        transforms = message.get("transforms")
+    def _take_transforms(self, is_static: bool, message: Values) -> None:
+        transforms, base, frame = message.get("transforms"), self._binding.transform.base, self._level.frame
+        frames = self._transforms.add(transforms) if isinstance(transforms, list) else set()
+        if is_static:
+            self._fixed_frames |= frames
+        elif (line := self._transforms.line(base, frame)) is not None:
+            self._poses.add_part(frames, set(line) - self._fixed_frames, is_driving=bool(self._goals))
+            self._tell_fault()
         now = asyncio.get_running_loop().time()
-        if isinstance(transforms, list) and self._transforms.add(transforms) and now >= self._located_at + POSES:
+        if frames and now >= self._located_at + POSES:
             self._located_at = now
-            self._locate(self._transforms.pose(self._binding.transform.base, self._level.frame))
+            self._locate(self._transforms.pose(base, frame))
 
     def _take_pose(self, message: Values) -> None:
         assert self._binding.pose is not None, "poses come by the bound topic"
         if self._binding.has_covariance:  # a pose is not to be believed before its covariance is seen
             self._take_covariance(message)
-        self._locate(pose_of(field_value(message, self._binding.pose.field)))
+        pose = pose_of(field_value(message, self._binding.pose.field))
+        if pose is not None:
+            self._poses.add(is_driving=bool(self._goals))
+            self._tell_fault()
+        self._locate(pose)
+
+    def _miss_pose(self, speed: float | None = None) -> None:
+        """Something else than a pose has come. Transforms come whether the robot moves or not; in a topic, poses may come as it moves."""
+        amount = 1.0 if self._binding.pose is None else speed
+        if self._goals and amount:
+            self._poses.wait(amount)
+            self._tell_fault()
 
     def _locate(self, pose: Pose | None) -> None:
-        if pose is not None and not self._is_lost:
+        is_entering = self._entering is not None and not self._entering.done()  # its map, or where that is, is not sure
+        if pose is not None and self._reported_loss is None and not is_entering:
             on_map = self._level.origin.apply(pose)
             self._robot.located(on_map.x, on_map.y, on_map.yaw, self._level.level)
             self._handle(PoseKnown(on_map))
@@ -332,8 +336,10 @@ class RobotConnection:
         speeds = [field_value(message, path) for path in paths]
         if all(isinstance(speed, int | float) for speed in speeds):
             self._handle(MotionKnown(any(abs(speed) > STANDS for speed in speeds)))
+            self._miss_pose(sum(abs(speed) for speed in speeds))
 
     def _take_attribute(self, attribute: str, message: Values) -> None:
+        self._miss_pose()
         if (value := self._readings[attribute].take(message)) is not None:
             self._robot.measured(attribute, value)
         self._changed.set()
@@ -352,11 +358,26 @@ class RobotConnection:
         self._tell_fault()
 
     def _tell_fault(self) -> None:
-        lost = LOST if self._is_lost else None
-        reason = "; ".join(filter(None, (self._faults.reason, lost))) or None
+        reason, loss = self._faults.reason, self._loss
+        if (reason, loss) == (self._reported_fault, self._reported_loss):
+            return
+        if reason is not None and reason != self._reported_fault:
+            log.warning("%s cannot drive: %s", self.name, reason)
+        if loss != self._reported_loss:
+            self._robot.lost(loss)
         if reason != self._reported_fault:
-            self._reported_fault = reason
-            if reason is not None:
-                log.warning("%s cannot drive: %s", self.name, reason)
             self._robot.broken(reason)
-            self._handle(Disabled(reason is not None))
+        self._reported_fault, self._reported_loss = reason, loss
+        self._handle(Disabled(reason is not None or loss is not None))
+
+    @property
+    def _loss(self) -> str | None:
+        """Why nobody knows where the robot is."""
+        if self._is_lost:
+            return LOST
+        return f"its pose on {self._pose_topic} does not come any more" if self._poses.is_missing else None
+
+    @property
+    def _pose_topic(self) -> str:
+        source = self._binding.pose.topic if self._binding.pose is not None else self._binding.transform.tf
+        return full_name(source, self._settings.namespace)

@@ -52,27 +52,33 @@ class TransformTree:
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Pose]] = {}
 
-    def add(self, transforms: Iterable[Any]) -> bool:
-        """Take the transforms of a tf2_msgs/TFMessage. Returns whether there was one."""
-        is_changed = False
+    def add(self, transforms: Iterable[Any]) -> set[str]:
+        """Take the transforms of a tf2_msgs/TFMessage. Returns the frames that they are of."""
+        frames: set[str] = set()
         for transform in transforms:
             if not isinstance(transform, Mapping) or not isinstance(transform.get("header"), Mapping):
                 continue
             parent, child, pose = transform["header"].get("frame_id"), transform.get("child_frame_id"), pose_of(transform.get("transform"))
             if isinstance(parent, str) and isinstance(child, str) and pose is not None:
                 self._parents[child.lstrip("/")] = (parent.lstrip("/"), pose)
-                is_changed = True
-        return is_changed
+                frames.add(child.lstrip("/"))
+        return frames
 
     def pose(self, frame: str, ancestor: str) -> Pose | None:
         """The pose of a frame in one of its ancestors; None if they are not connected yet."""
-        pose, visited_frames = Pose(0.0, 0.0, 0.0), {frame}
-        while frame != ancestor:
-            if frame not in self._parents:
-                return None
-            frame, step = self._parents[frame]
-            if frame in visited_frames:
-                return None
-            visited_frames.add(frame)
-            pose = step.apply(pose)
+        if (line := self.line(frame, ancestor)) is None:
+            return None
+        pose = Pose(0.0, 0.0, 0.0)
+        for link in line:
+            pose = self._parents[link][1].apply(pose)
         return pose
+
+    def line(self, frame: str, ancestor: str) -> list[str] | None:
+        """The frames from one up to its ancestor, without that; None if they are not connected yet."""
+        line: list[str] = []
+        while frame != ancestor:
+            if frame not in self._parents or frame in line:
+                return None
+            line.append(frame)
+            frame = self._parents[frame][0]
+        return line

@@ -14,6 +14,9 @@ from somrs.service_manager.sdk.values import as_term
 
 log = logging.getLogger(__name__)
 
+UNSEEN = 0.25
+"""How far a robot may drive until its localisation says so, m: AMCL's `update_min_d`."""
+
 
 class Ros2Robot(CarryingRobot):
     """A robot with ROS 2, in the traffic of its building."""
@@ -22,7 +25,7 @@ class Ros2Robot(CarryingRobot):
         super().__init__(name)
         self.can_charge, self.can_carry = binding.charge is not None, bool(binding.pick)
         self._full = binding.charge.full if binding.charge is not None else 100.0
-        self._moves = binding.moves
+        self._moves, self.deviation = binding.moves, binding.navigate.corridor + UNSEEN
         self._connection = RobotConnection(name, settings, binding, session, self)
 
     async def open(self) -> None:

@@ -32,6 +32,7 @@ class Vehicle(Protocol):
     holding: str | None
     spot: Point | None
     carries: bool | None
+    deviation: float
     data: Path
     whole_map: WholeMap
     building: Building

@@ -10,17 +10,18 @@ import itertools
 import logging
 import uuid
 from collections.abc import Callable
-from dataclasses import replace
 
-from somrs.devices.road.berth_memory import BerthMemory
 from somrs.devices.road.building import Building, RoadDriver, standing
+from somrs.devices.road.condition import Condition
 from somrs.devices.road.gripper import Gripper
 from somrs.devices.road.hardware import Vehicle
-from somrs.devices.road.vain_trips import VainTrips
-from somrs.devices.road.waypoints import Waypoint, with_slow_zones
-from somrs.devices.simulator.link.commands import Fault, RobotState
+from somrs.devices.road.robot_map import RobotMap
+from somrs.devices.road.vain_trips import Rest, VainTrips
+from somrs.devices.road.waypoints import Way
+from somrs.devices.road.whereabouts import AWAY
+from somrs.devices.simulator.link.commands import RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
-from somrs.errors import RemoteError, UsageError
+from somrs.errors import RemoteError
 from somrs.protocol.messages.traffic import Berth, Mobility
 from somrs.traffic.robot_tasks import (
     Astray,
@@ -43,8 +44,6 @@ log = logging.getLogger(__name__)
 
 REST = 0.3
 """Seconds between two states with the same pose from which on a robot stands."""
-STILL = 0.01
-"""How far a robot that stands seems to move, m."""
 
 EndCommand = Callable[[str, str], None]
 """Ends the command that is carried out, for a reason and with a description as of `RobotGaveUp`."""
@@ -79,22 +78,20 @@ class Traveller:
         self.entered = asyncio.Event()
         """Set when the robot takes part in traffic for the first time."""
         self._says_whether_heard = False
-        self._lost_at = self._still_since = 0.0
+        self._lost_at = 0.0
         self.level = 0.0
         """The height of its floor, m."""
-        self._last_point: tuple[float, float] | None = None
-        self._faults: set[Fault] = set()
-        self._trouble: str | None = None
-        """Why it cannot drive, as a sentence."""
-        self._roadmap: RoadmapRead | None = None
-        self._berths = BerthMemory()
-        self._way: tuple[Waypoint, ...] = ()
+        self._condition = Condition(robot)
+        self._whereabouts = self._condition.whereabouts
+        self._map = RobotMap(robot)
+        self._way: Way = ()
+        self._told: Way = ()
+        """The last way, also if it does not hold any more: the robot rolls on along it."""
         self._is_paused = False
-        self._held_up: str | None = None  # for what in traffic it waits, for people
         self._blocked: set[str] = set()  # the places to which the robot could not drive on
         self.vain_trips = VainTrips()
-        self._rest: asyncio.TimerHandle | None = None
-        """The timer until whose end it is not asked to make room for others."""
+        self._rest = Rest(self.tell_mobility)
+        """A robot that has given up does not make room for others, if it did so before where it stands."""
         self._is_abandoned = False
         """Whether it was told to drive by a command that has ended while it could not be reached."""
         self._stopping: asyncio.Task[None] | None = None
@@ -106,77 +103,106 @@ class Traveller:
     # What the robot says
 
     def located(self, x: float, y: float, yaw: float, level: float | None) -> None:
-        now = asyncio.get_running_loop().time()
-        if self._last_point is None or max(abs(x - self._last_point[0]), abs(y - self._last_point[1])) > STILL:
-            self._last_point, self._still_since = (x, y), now
-        if self.vain_trips.is_over((x, y)):
-            self._end_rest()
-        self.level = self.level if level is None else level
+        now, height = asyncio.get_running_loop().time(), self.level if level is None else level
+        if self._whereabouts.take((x, y), height, now, self._map.surroundings(height, is_driving=self._is_driving)):
+            if self.vain_trips.is_over((x, y)):
+                self._rest.end()
+            self.level = height
+            self._say_state((x, y, yaw))
+        if bool(self._whereabouts.problem) != self._condition.is_lost:
+            self._renew_condition()
+        elif self._was_moved(now):
+            log.warning("%s is not where traffic has it, but at (%.2f, %.2f), and enters there", self.robot.name, x, y)
+            self._way = ()
+            self.tell(Astray())
+
+    def _say_state(self, pose: tuple[float, float, float]) -> None:
         self._gripper.settle()
-        self.state = RobotState(
-            time=now,
-            x=x,
-            y=y,
-            yaw=yaw,
-            holding=self.robot.holding,
-            activity=self.activity,
-            faults=tuple(sorted(self._faults)),
-            z=self.level,
-            charge=self.robot.battery,
-            hindrance=self.robot.hindrance or self._held_up,
-            trouble=self._trouble,
-            remark=self.robot.remark,
-        )
+        self.state = self._condition.state(asyncio.get_running_loop().time(), pose, self.level, self.activity)
         if not self._says_whether_heard:
             self.connected.set()
         self._on_state(self.state)
 
+    @property
+    def _is_driving(self) -> bool:
+        return bool(self._trips) or self._released > 1 or self._is_stopping
+
+    @property
+    def _released(self) -> int:
+        """How many places it has in traffic."""
+        return sum(waypoint.released for waypoint in self._way)
+
+    def _was_moved(self, now: float) -> bool:
+        """Whether the robot stands elsewhere than at the only place that it has in traffic, where it does nothing."""
+        if self._released != 1 or self._condition.is_lost or self._mobility is Mobility.BUSY or not self.connected.is_set():
+            return False
+        return now - self._whereabouts.still_since >= REST and self._whereabouts.is_off(self._way, AWAY)
+
     def renew_state(self) -> None:
         if self.state is not None:
-            self.located(self.state.x, self.state.y, self.state.yaw, None)
+            self._say_state((self.state.x, self.state.y, self.state.yaw))
 
     def passed(self, number: int) -> None:
+        if self._condition.is_lost:
+            return  # it keeps what it has in traffic until it is known where it is
+        ahead = [waypoint for waypoint in self._told if waypoint.number >= number and waypoint.released]
+        if ahead and ahead[0].number == number and self._whereabouts.is_off(ahead, self.robot.deviation):
+            self._deny(f"{self.robot.name} says that it has come to {ahead[0].mark or ahead[0].name}, but its pose is elsewhere")
+            return
         self.stays = self.stays or any(waypoint.number == number and waypoint.name == self._workplace for waypoint in self._way)
         self.tell(PlacePassed(number, self._mobility))
+
+    def _deny(self, description: str) -> None:
+        """The robot is not where it should be: what it has in traffic is its own until it stands, and enters where it is."""
+        if not self._is_stopping:
+            log.warning("%s", description)
+            self._begin_to_halt().add_done_callback(lambda _: self.tell(Astray()))
+            self._fail_trips(description)
 
     def gave_up(self, description: str) -> None:
         """The robot stands, and cannot drive on."""
         ahead = next((waypoint for waypoint in self._way[1:] if waypoint.released), None)
         self._blocked = {ahead.name} if ahead is not None else set()
-        trips, self._trips = [*self._trips.values()], {}
-        self._begin_rest(description)
+        if self.state is not None and (duration := self.vain_trips.add((self.state.x, self.state.y), description)) is not None:
+            self._rest.begin(duration)
         self._give_up_trip()
         self.tell(Astray())
+        self._fail_trips(description)
+
+    def _fail_trips(self, description: str) -> None:
+        trips, self._trips = [*self._trips.values()], {}
         for trip in trips:
             if not trip.done():
                 trip.set_exception(RobotGaveUp("blocked", description, self.state))
 
-    def _begin_rest(self, reason: str) -> None:
-        """A robot that has given up does not make room for others, if it did so before where it stands."""
-        duration = self.vain_trips.add((self.state.x, self.state.y), reason) if self.state is not None else None
-        if duration is not None:
-            self._end_rest()
-            self._rest = asyncio.get_running_loop().call_later(duration, self._end_rest)
-            self.tell_mobility()
-
-    def _end_rest(self) -> None:
-        if self._rest is not None:
-            self._rest.cancel()
-            self._rest = None
-            self.tell_mobility()
-
     def broken(self, reason: str | None) -> None:
-        was_broken = bool(self._faults)
-        self._faults, self._trouble = set(), None
-        if reason is not None:
-            self._faults, self._trouble = {Fault.DRIVE}, f"{self.robot.name} cannot drive: {reason}"
+        self._condition.broken = reason
+        self._renew_condition()
+
+    def lost(self, reason: str | None) -> None:
+        self._whereabouts.lose(reason)
+        self._renew_condition()
+
+    def confirm(self) -> None:
+        """An operator has seen to the robot: it is where it says next."""
+        self._whereabouts.confirm()
+
+    def _renew_condition(self) -> None:
+        """Find out whether the robot can drive. One that does not know where it is stands still, and keeps what it has in traffic."""
+        condition = self._condition
+        could_drive, was_lost = condition.trouble is None, condition.is_lost
+        condition.renew()
         self.renew_state()
-        if was_broken == bool(self._faults):
-            return
-        self.tell_mobility()
-        self.tell(Astray())
-        if self._trouble is not None:
-            self._end_command("drive-dead", self._trouble)
+        has_changed = could_drive == (condition.trouble is not None)
+        if has_changed:
+            self.tell_mobility()
+        if condition.is_lost and not was_lost:
+            log.warning("%s does not know where it is: %s", self.robot.name, self._whereabouts.problem)
+            self._begin_to_halt()
+        elif not condition.is_lost and (was_lost or has_changed):
+            self.tell(Astray())
+        if has_changed and condition.trouble is not None:
+            self._end_command("drive-dead", condition.trouble)
 
     def heard(self, is_connected: bool) -> None:
         self._says_whether_heard = True
@@ -193,6 +219,10 @@ class Traveller:
             self.connected.clear()
             self._lost_at = asyncio.get_running_loop().time()
             self._end_command("link-lost", f"{self.robot.name} cannot be reached")
+
+    @property
+    def _is_stopping(self) -> bool:
+        return self._stopping is not None and not self._stopping.done()
 
     def _begin_to_halt(self) -> asyncio.Task[None]:
         """Have the robot stand still, because what it was told is not wanted any more, and give up its trip when it stands. What traffic
@@ -226,19 +256,19 @@ class Traveller:
     async def travel(self, stop: Berth | str, yaw: float | None = None, *, to_work: bool = False) -> TripOver:
         """Go to a place or a berth. Returns how that ended; when it is cancelled, the robot stands still. `to_work`: it stays there from
         when it has come there, until `end_stay`."""
-        if self._trouble is not None:
-            raise RobotGaveUp("drive-dead", self._trouble, self.state)
+        if self._condition.trouble is not None:
+            raise RobotGaveUp("drive-dead", self._condition.trouble, self.state)
         trip = f"{self.robot.name}/trip-{self._life}-{next(self._numbers)}"
         if self._stopping is not None:
             await asyncio.wait({self._stopping})
         if isinstance(stop, Berth):
-            self._berths.remember(stop, yaw)
+            self._map.berths.remember(stop, yaw)
         over: asyncio.Future[TripOver] = asyncio.get_running_loop().create_future()
         self._trips[trip] = over
         self._is_abandoned, self.stays = False, False
         self._workplace = (stop.name if isinstance(stop, Berth) else stop) if to_work else None
         try:
-            self._end_rest()
+            self._rest.end()
             self.tell_mobility()
             self.tell(TripWanted(trip, stop))
             ended = await over
@@ -251,7 +281,7 @@ class Traveller:
             if not self.connected.is_set():
                 self._is_abandoned = True  # nobody knows how far it drives: it keeps what it was granted
                 raise
-            if self._faults:
+            if self._condition.trouble is not None and not self._condition.is_lost:
                 self._give_up_trip()
             else:
                 await asyncio.shield(self._begin_to_halt())
@@ -265,7 +295,7 @@ class Traveller:
 
     @property
     def _mobility(self) -> Mobility:
-        if self._faults or self._rest is not None:
+        if self._condition.trouble is not None or self._rest.is_on:
             return Mobility.IMMOBILE
         is_busy = self.stays or self.activity in ("Grip", "Place", "PutDown", "Charge")
         return Mobility.BUSY if is_busy else Mobility.FREE
@@ -292,49 +322,53 @@ class Traveller:
                 if over is not None and not over.done():
                     over.set_result(task)
             case HeldUp(reason=reason):
-                self._held_up = reason
+                self._condition.held_up = reason
                 self.renew_state()
             case Complaint(text=text):
                 log.warning("%s does not take part in traffic: %s", self.robot.name, text)
+                self._complain(text)
             case _:
                 raise RemoteError(f"a robot cannot do {type(task).__name__}")
         return None
 
     async def _stands_still(self) -> None:
-        """Wait until the robot stands: it rolls on for some centimetres."""
-        while not self.connected.is_set() or asyncio.get_running_loop().time() - self._still_since < REST:
+        """Wait until the robot stands, and knows where: it rolls on for some centimetres."""
+        while (
+            not self.connected.is_set()
+            or self._condition.is_lost
+            or asyncio.get_running_loop().time() - self._whereabouts.still_since < REST
+        ):
             await asyncio.sleep(REST / 3)
 
     async def _locate(self, roadmap: RoadmapRead) -> Standing:
         """Where the robot stands, as soon as it does."""
         self._halts += 1  # what it was to follow is from before it was lost
         await self._stands_still()
-        building = await self._building_with(roadmap, is_current=False)
-        self._roadmap = roadmap
+        building = await self._map.building_with(roadmap, is_current=False)
+        self._map.roadmap = roadmap
         state = self.state
         assert state is not None, "it is connected when it was located"
         stop = building.stop_at(self.driver(), (state.x, state.y), self.new_name(), self._blocked)
         if stop is None:
-            raise RemoteError(f"{self.robot.name} stands at ({state.x:.2f}, {state.y:.2f}), from where it sees no place of the roadmap")
+            self._complain(f"it stands at ({state.x:.2f}, {state.y:.2f}), from where it sees no place of the roadmap")
+            raise RemoteError(f"{self.robot.name} does not take part in traffic: {self._condition.complaint}")
         if isinstance(stop, Berth):
-            self._berths.remember(stop, None)
-        self._blocked, self._way = set(), ()
+            self._map.berths.remember(stop, None)
+        self._blocked, self._way, self._told = set(), (), ()
         self.entered.set()
         return standing(stop, halts=self._halts)
 
+    def _complain(self, text: str | None) -> None:
+        if text != self._condition.complaint:
+            self._condition.complaint = text
+            self.renew_state()
+
     async def _follow(self, way: tuple[WayPlace, ...]) -> None:
-        building = await self.building(is_current=False)
-        self._berths.use([place.name for place in way])
-        waypoints: list[Waypoint] = []
-        for place in way:
-            waypoint = self._waypoint(building, place, waypoints[-1].name if waypoints else None)
-            if waypoint is None:
-                break  # of an earlier roadmap
-            waypoints.append(waypoint)
-            if waypoint.name == self._workplace:
-                break  # it stops there, whatever it was granted besides
-        self._way = with_slow_zones(waypoints, building.zones)
-        if waypoints and not self._is_paused:
+        self._complain(None)
+        await self.building(is_current=False)
+        self._map.berths.use([place.name for place in way])
+        self._way = self._told = self._map.way(way, self.level, self._workplace)
+        if self._way and not self._is_paused and not self._condition.is_lost:
             await self.robot.follow(self._way)
 
     async def pause(self) -> None:
@@ -345,53 +379,17 @@ class Traveller:
     async def resume(self) -> None:
         """Have the robot follow its way again, as it is now."""
         self._is_paused = False
-        if self._way:
+        if self._way and not self._condition.is_lost:
             await self.robot.follow(self._way)
-
-    def _waypoint(self, building: Building, place: WayPlace, start: str | None) -> Waypoint | None:
-        berth, lane = self._berths.berth(place.name), None
-        if berth is not None:
-            x, y, level = berth.x, berth.y, self.level
-        elif place.name in building.roadmap.numbers:
-            road_place, lane = building.place(place.name), building.lane(start, place.name) if start is not None else None
-            x, y, level = road_place.x, road_place.y, road_place.level
-        else:
-            return None
-        return Waypoint(
-            number=place.number,
-            name=place.name,
-            mark=building.mark_at((x, y), level),
-            x=x,
-            y=y,
-            level=level,
-            released=place.released,
-            speed_limit=lane.speed_limit if lane is not None else None,
-            travel=lane.travel if lane is not None else None,
-            yaw=self._berths.yaw(place.name),
-        )
 
     async def building(self, *, is_current: bool = True) -> Building:
         """The building as it is on the map, or as it was lately. Raises RemoteError."""
-        if self._roadmap is None:
-            raise RemoteError(f"{self.robot.name} does not take part in traffic yet")
-        return await self._building_with(self._roadmap, is_current=is_current)
-
-    async def _building_with(self, roadmap: RoadmapRead, *, is_current: bool) -> Building:
-        map, ontology = await self.robot.whole_map(is_current=is_current)
-        try:
-            self.robot.building.update(map, ontology, roadmap)
-        except UsageError as error:
-            raise RemoteError(f"{self.robot.name} cannot use the roadmap of traffic, and reads it again: {error}") from None
-        return self.robot.building
+        return await self._map.building(is_current=is_current)
 
     def driver(self, level: float | None = None) -> RoadDriver:
-        state, solid = self.state, self.robot.building.solids.get(self.robot.name)
-        if solid is None:
-            raise RemoteError(f"{self.robot.name} is not on the map, with a position and a shape")
-        assert state is not None, "the robot was located"
-        floor = self.robot.building.level_of(self.level if level is None else level)
-        solid = replace(solid, speed=self.robot.motion.speed_on(solid.speed))
-        return RoadDriver(self.robot.name, solid, (state.x, state.y, state.yaw), floor, self.robot.holding)
+        """The robot where it is, on a floor. Raises RemoteError."""
+        assert self.state is not None, "the robot was located"
+        return self._map.driver(self.state, self.level if level is None else level)
 
     def new_name(self) -> str:
         return f"{self.robot.name}/{self._life}-{next(self._numbers)}"

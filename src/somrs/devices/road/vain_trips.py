@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
+from collections.abc import Callable
 
 from somrs.space.solids import Point
 
@@ -36,3 +38,27 @@ class VainTrips:
             return False
         self._point, self._count, self.reason = None, 0, ""
         return True
+
+
+class Rest:
+    """A time in which a robot is not asked to make room. `on_change`: is called when it begins, and when it ends."""
+
+    def __init__(self, on_change: Callable[[], None]) -> None:
+        self._on_change = on_change
+        self._timer: asyncio.TimerHandle | None = None
+
+    @property
+    def is_on(self) -> bool:
+        return self._timer is not None
+
+    def begin(self, duration: float) -> None:
+        """It lasts so many seconds from now."""
+        self.end()
+        self._timer = asyncio.get_running_loop().call_later(duration, self.end)
+        self._on_change()
+
+    def end(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+            self._on_change()

@@ -325,7 +325,7 @@ async def test_a_robot_that_does_not_know_where_it_is_is_stopped_and_not_located
     assert conversation.witness.pose[:2] == (0, 0)
     conversation.be_at(3, 3, variance=None)
     conversation.be_at(2, 0)
-    (reason, mended) = conversation.witness.faults
+    (reason, mended) = conversation.witness.losses
     assert reason is not None
     assert reason.startswith("it does not know where it is")
     assert mended is None
@@ -377,3 +377,46 @@ async def test_a_step_that_is_not_cancelled_is_said_and_waited_for() -> None:
     await interrupting
     await picking
     assert conversation.witness.hindrances[-1] is None
+
+
+@in_event_loop
+async def test_a_robot_whose_pose_does_not_come_any_more_is_stopped_until_it_comes() -> None:
+    """Seen with a robot whose /tf ended in mid-drive: it was driven on, and got new goals."""
+    conversation = Conversation({"pose": None, "odometry": {}})
+    tf, odometry = conversation.subscription("/tf"), conversation.subscription("/r1/odom")
+
+    def drive(x: float, *, is_located: bool = True) -> None:
+        speed = {"linear": {"x": 0.5, "y": 0.0}, "angular": {"z": 0.0}}
+        conversation.session.handle(Message(id=odometry, value={"twist": {"twist": speed}}))
+        if is_located:
+            pose = {"translation": {"x": x, "y": 0.0}, "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+            transform = {"header": {"frame_id": "map"}, "child_frame_id": "base_link", "transform": pose}
+            conversation.session.handle(Message(id=tf, value={"transforms": [transform]}))
+
+    conversation.connection.follow(way((0, 0), (5, 0)))
+    goal = await conversation.goal()
+    for step in range(20):
+        drive(0.05 * step)
+    assert conversation.witness.losses == []
+    for _ in range(20):
+        drive(1.0, is_located=False)
+    assert conversation.witness.losses == ["its pose on /tf does not come any more"]
+    assert await conversation.request() == CancelGoal(id=goal.id)
+    conversation.end(goal, GoalStatus.CANCELED)
+    drive(2.0)
+    assert conversation.witness.losses[1:] == [None]
+
+
+@in_event_loop
+async def test_a_robot_that_stands_before_something_is_not_missed() -> None:
+    """AMCL says where a robot is when it has moved."""
+    conversation = Conversation({"odometry": {}})
+    conversation.connection.follow(way((0, 0), (5, 0)))
+    await conversation.goal()
+    speeds = [0.5] * 60 + [0.0] * 1000
+    for index, speed in enumerate(speeds):
+        twist = {"linear": {"x": speed, "y": 0.0}, "angular": {"z": 0.0}}
+        conversation.session.handle(Message(id=conversation.subscription("/r1/odom"), value={"twist": {"twist": twist}}))
+        if speed and index % 5 == 0:
+            conversation.be_at(0.05 * index, 0.0)
+    assert conversation.witness.losses == []
