@@ -49,10 +49,6 @@ ENTRY = 30.0
 """For how long a robot whose program has just started waits for its part in traffic before it gives up a command, s."""
 RETRYING = 12.0
 """For how long a robot asks again for a trip that traffic refuses, s: whoever supervises it tries some times more."""
-REST = 0.3
-"""Seconds between two states with the same pose from which on a robot stands."""
-STILL = 0.01
-"""How far a robot that stands seems to move, m."""
 REACHED = 0.15
 """A robot that is this near to where it is to work stands there, m."""
 MARK_HEIGHT = 0.1

@@ -18,7 +18,7 @@ from somrs.devices.road.hardware import Vehicle
 from somrs.devices.road.robot_map import RobotMap
 from somrs.devices.road.vain_trips import Rest, VainTrips
 from somrs.devices.road.waypoints import Way
-from somrs.devices.road.whereabouts import AWAY
+from somrs.devices.road.whereabouts import DISPLACED
 from somrs.devices.simulator.link.commands import RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.errors import RemoteError
@@ -85,7 +85,7 @@ class Traveller:
         self._whereabouts = self._condition.whereabouts
         self._map = RobotMap(robot)
         self._way: Way = ()
-        self._told: Way = ()
+        self._told_way: Way = ()
         """The last way, also if it does not hold any more: the robot rolls on along it."""
         self._is_paused = False
         self._blocked: set[str] = set()  # the places to which the robot could not drive on
@@ -136,7 +136,7 @@ class Traveller:
         """Whether the robot stands elsewhere than at the only place that it has in traffic, where it does nothing."""
         if self._released != 1 or self._condition.is_lost or self._mobility is Mobility.BUSY or not self.connected.is_set():
             return False
-        return now - self._whereabouts.still_since >= REST and self._whereabouts.is_off(self._way, AWAY)
+        return now - self._whereabouts.rest_time >= REST and self._whereabouts.is_off(self._way, DISPLACED)
 
     def renew_state(self) -> None:
         if self.state is not None:
@@ -145,7 +145,7 @@ class Traveller:
     def passed(self, number: int) -> None:
         if self._condition.is_lost:
             return  # it keeps what it has in traffic until it is known where it is
-        ahead = [waypoint for waypoint in self._told if waypoint.number >= number and waypoint.released]
+        ahead = [waypoint for waypoint in self._told_way if waypoint.number >= number and waypoint.released]
         if ahead and ahead[0].number == number and self._whereabouts.is_off(ahead, self.robot.deviation):
             self._deny(f"{self.robot.name} says that it has come to {ahead[0].mark or ahead[0].name}, but its pose is elsewhere")
             return
@@ -334,9 +334,7 @@ class Traveller:
     async def _stands_still(self) -> None:
         """Wait until the robot stands, and knows where: it rolls on for some centimetres."""
         while (
-            not self.connected.is_set()
-            or self._condition.is_lost
-            or asyncio.get_running_loop().time() - self._whereabouts.still_since < REST
+            not self.connected.is_set() or self._condition.is_lost or asyncio.get_running_loop().time() - self._whereabouts.rest_time < REST
         ):
             await asyncio.sleep(REST / 3)
 
@@ -354,7 +352,7 @@ class Traveller:
             raise RemoteError(f"{self.robot.name} does not take part in traffic: {self._condition.complaint}")
         if isinstance(stop, Berth):
             self._map.berths.remember(stop, None)
-        self._blocked, self._way, self._told = set(), (), ()
+        self._blocked, self._way, self._told_way = set(), (), ()
         self.entered.set()
         return standing(stop, halts=self._halts)
 
@@ -367,7 +365,7 @@ class Traveller:
         self._complain(None)
         await self.building(is_current=False)
         self._map.berths.use([place.name for place in way])
-        self._way = self._told = self._map.way(way, self.level, self._workplace)
+        self._way = self._told_way = self._map.way(way, self.level, self._workplace)
         if self._way and not self._is_paused and not self._condition.is_lost:
             await self.robot.follow(self._way)
 

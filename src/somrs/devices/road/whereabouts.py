@@ -21,9 +21,9 @@ FASTER = 3.0
 """A robot does not drive so many times as fast as its largest speed."""
 STEP = 0.3
 """A pose that is as near to the one before, in m, is never behind a wall: the middle of a robot does not come so near to one."""
-STILL = 0.01
+STILLNESS = 0.01
 """How far a robot that stands seems to move, m."""
-AWAY = 0.3
+DISPLACED = 0.3
 """A robot that stands farther from the place that it holds does not stand there, m: Nav2's goals end within 0.25 m."""
 
 
@@ -50,7 +50,7 @@ class Whereabouts:
         self._is_to_be_confirmed = False
         self._time = -math.inf
         self._rest_point: Point | None = None
-        self.still_since = math.inf
+        self.rest_time = math.inf
         """Since when it stands there, s; infinite until it is seen."""
 
     @property
@@ -58,39 +58,39 @@ class Whereabouts:
         """Why nobody knows where the robot is; None if it is where it was seen last."""
         return self._lost or self._doubt
 
-    def take(self, point: Point, level: float, now: float, around: Surroundings) -> bool:
+    def take(self, point: Point, level: float, now: float, surroundings: Surroundings) -> bool:
         """Whether the robot is believed when it says at a time, in seconds, that it is at a point of the floor at a height."""
         if self.point is not None and self.level is not None and abs(level - self.level) < SAME_FLOOR:
-            self._doubt = self._doubt_about(point, self.point, now, around)
+            self._doubt = self._doubt_about(point, self.point, now, surroundings)
         if self._doubt is not None:
             return False
         self.point, self.level, self._time = point, level, now
-        if self._rest_point is None or max(abs(point[0] - self._rest_point[0]), abs(point[1] - self._rest_point[1])) > STILL:
-            self._rest_point, self.still_since = point, now
+        if self._rest_point is None or max(abs(point[0] - self._rest_point[0]), abs(point[1] - self._rest_point[1])) > STILLNESS:
+            self._rest_point, self.rest_time = point, now
         return True
 
-    def _doubt_about(self, point: Point, earlier: Point, now: float, around: Surroundings) -> str | None:
-        if self._doubt is None and around.speed is None:
+    def _doubt_about(self, point: Point, earlier: Point, now: float, surroundings: Surroundings) -> str | None:
+        if self._doubt is None and surroundings.speed is None:
             return None
         distance = math.dist(point, earlier)
-        way = FASTER * (around.speed or 0.0) * (now - self._time) if self._doubt is None else 0.0
-        is_far, is_near = distance > JUMP + way, distance <= STEP
+        way = FASTER * (surroundings.speed or 0.0) * (now - self._time) if self._doubt is None else 0.0
+        is_far = distance > JUMP + way
         # In a longer time, the robot may have driven around the wall.
-        if not is_far and (is_near or way > JUMP or around.is_free(earlier, point)):
+        if not is_far and (distance <= STEP or way > JUMP or surroundings.is_free(earlier, point)):
             return None
         if self._doubt is not None and self._is_to_be_confirmed:
             return self._doubt
-        self._is_to_be_confirmed = around.is_driving
+        self._is_to_be_confirmed = surroundings.is_driving
         start, end = (f"({x:.2f}, {y:.2f})" for x, y in (earlier, point))
         if self._is_to_be_confirmed:
             return (
                 f"its pose jumped from {start} to {end}, where it cannot have come in the time. If it is there, stop and release the robot"
             )
-        return None if around.is_free(point, point) else f"its pose is {end}, where nothing can stand; it was at {start}"
+        return None if surroundings.is_free(point, point) else f"its pose is {end}, where nothing can stand; it was at {start}"
 
     def lose(self, reason: str | None) -> None:
         """The robot says that it does not know where it is, for this reason; None: it knows, and says it next."""
-        self._lost, self._rest_point, self.still_since = reason, None, math.inf
+        self._lost, self._rest_point, self.rest_time = reason, None, math.inf
 
     def confirm(self) -> None:
         """Somebody has seen to it: the robot is where it says next."""

@@ -17,8 +17,8 @@ def stream(gap: int, poses: int = LEARNT, *, is_driving: bool = True) -> PoseStr
     return poses_seen
 
 
-def messages_until_missing(poses: PoseStream, most: int = 1000) -> int | None:
-    for count in range(1, most):
+def messages_until_missing(poses: PoseStream, limit: int = 1000) -> int | None:
+    for count in range(1, limit):
         poses.wait(1.0)
         if poses.is_missing:
             return count

@@ -85,7 +85,7 @@ def test_what_the_guide_shows_is_valid() -> None:
     settings = [block["adapters"]["ros2"] for block in blocks if "adapters" in block]
     levels = [block for block in blocks if "levels" in block]
     bindings = [block for block in blocks if block.keys() & {"attributes", "pick"}]
-    assert [len(found) for found in (settings, levels, bindings)] == [2, 1, 2]
+    assert [len(found) for found in (settings, levels, bindings)] == [2, 1, 3]
     for entry in settings:
         read_settings(entry)
     RobotSettings.model_validate({"binding": "robot.yaml", **levels[0]})

@@ -28,13 +28,13 @@ def around(*, is_driving: bool = True, speed: float | None = 0.5) -> Surrounding
 def judge(*points: Point, is_driving: bool = True, pause: float = 0.1) -> tuple[list[bool], Whereabouts]:
     """What is believed of points that a robot says one after the other."""
     whereabouts = Whereabouts()
-    taken = [whereabouts.take(point, 0.0, pause * index, around(is_driving=is_driving)) for index, point in enumerate(points)]
-    return taken, whereabouts
+    beliefs = [whereabouts.take(point, 0.0, pause * index, around(is_driving=is_driving)) for index, point in enumerate(points)]
+    return beliefs, whereabouts
 
 
 def test_a_robot_that_drives_is_believed() -> None:
-    taken, whereabouts = judge(*((0.05 * index, 0.0) for index in range(50)))
-    assert all(taken)
+    beliefs, whereabouts = judge(*((0.05 * index, 0.0) for index in range(50)))
+    assert all(beliefs)
     assert whereabouts.problem is None
 
 
@@ -43,8 +43,8 @@ def test_a_localisation_may_correct_itself() -> None:
 
 
 def test_a_pose_that_cannot_have_been_reached_is_doubted_however_long_it_stays() -> None:
-    taken, whereabouts = judge((0.0, 0.0), (1.5, 1.3), *[(1.5, 1.3)] * 100)
-    assert not any(taken[1:])
+    beliefs, whereabouts = judge((0.0, 0.0), (1.5, 1.3), *[(1.5, 1.3)] * 100)
+    assert not any(beliefs[1:])
     assert "its pose jumped from (0.00, 0.00) to (1.50, 1.30)" in (whereabouts.problem or "")
 
 
@@ -58,8 +58,8 @@ def test_a_robot_that_was_not_heard_for_some_time_may_be_elsewhere() -> None:
 
 
 def test_who_is_back_where_it_was_is_believed_again() -> None:
-    taken, whereabouts = judge((0.0, 0.0), (1.5, 1.3), (0.1, 0.1))
-    assert taken == [True, False, True]
+    beliefs, whereabouts = judge((0.0, 0.0), (1.5, 1.3), (0.1, 0.1))
+    assert beliefs == [True, False, True]
     assert whereabouts.problem is None
 
 
@@ -71,8 +71,8 @@ def test_who_is_confirmed_is_believed() -> None:
 
 def test_who_stands_may_be_carried_elsewhere_but_not_into_a_wall() -> None:
     assert judge((0.0, 0.0), (5.0, 2.0), is_driving=False)[0] == [True, True]
-    taken, whereabouts = judge((0.0, 0.0), (3.0, 2.0), (2.0, 2.0), is_driving=False)
-    assert taken == [True, False, True]
+    beliefs, whereabouts = judge((0.0, 0.0), (3.0, 2.0), (2.0, 2.0), is_driving=False)
+    assert beliefs == [True, False, True]
     assert whereabouts.problem is None
 
 
