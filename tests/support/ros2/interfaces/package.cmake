@@ -1,0 +1,5 @@
+get_filename_component(package ${CMAKE_CURRENT_SOURCE_DIR} NAME)
+project(${package})
+file(GLOB interfaces RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} msg/*.msg srv/*.srv action/*.action)
+rosidl_generate_interfaces(${PROJECT_NAME} ${interfaces} DEPENDENCIES ${dependencies})
+ament_package()
