@@ -99,7 +99,7 @@ def test_a_map_is_looked_back_on_and_its_changes_undone(data: Path) -> None:
 
 
 def test_a_discovered_object_is_a_known_one(data: Path) -> None:
-    sighting = "?It: Jar isOn Platform001 AND ?It.PositionX = 6 AND ?It.PositionY = 1 AND ?It.PositionZ = 0.7"
+    sighting = "?It: Jar isOn Platform001 AND ?It.PositionX = 8.2 AND ?It.PositionY = 2.5 AND ?It.PositionZ = 0.3"
     told = run(data, "map", "update", sighting, "--author", "Camera001")
     name = told.split()[2].rstrip(",")
     assert "new on the map" in told
