@@ -189,12 +189,15 @@ async def test_what_the_navigation_says_when_it_gives_up_is_told() -> None:
 
 
 @in_event_loop
-async def test_a_goal_can_be_rejected() -> None:
-    async with RobotProcess() as robot, connected(robot, BINDING) as (connection, witness):
+async def test_a_goal_that_is_rejected_is_sent_again() -> None:
+    async with RobotProcess(speed=4.0) as robot, connected(robot, BINDING) as (connection, witness):
         await robot.tell("reject")
-        connection.follow(way((0, 0), (5, 0)))
-        await witness.until(lambda: bool(witness.reasons))
-        assert witness.reasons == ["the navigation of Robot1 rejected the goal P1"]
+        connection.follow(way((0, 0), (2, 0)))
+        await witness.until(lambda: witness.hindrances == ["the navigation of Robot1 rejects its goal P1; it is asked again"])
+        await robot.tell("normal")
+        await witness.until(lambda: witness.passed_numbers == [1])
+        assert witness.hindrances[1:] == [None]
+        assert witness.reasons == []
 
 
 @in_event_loop

@@ -13,9 +13,10 @@ from somrs.adapters.ros2.driving import (
     CancelNavigation,
     CancelRefused,
     Disabled,
-    DoesNotStop,
+    DoesNotHeed,
     Driving,
     EnterLevel,
+    GoalUnderWay,
     HaltWanted,
     HasGivenUp,
     HasHalted,
@@ -27,6 +28,8 @@ from somrs.adapters.ros2.driving import (
     NavigationEnded,
     NavigatorPresent,
     PoseKnown,
+    RetryDue,
+    RetryLater,
     WayChanged,
 )
 from somrs.adapters.ros2.frames import Pose, TransformTree, pose_of
@@ -43,6 +46,8 @@ from somrs.devices.road_robot import RobotFailed, Way, Waypoint
 
 log = logging.getLogger(__name__)
 
+RETRY = 3.0
+"""Seconds after which a goal is sent again that was rejected."""
 POSES = 0.1
 """Seconds between two poses and speeds of a robot."""
 STANDS = 0.02
@@ -81,6 +86,7 @@ class RobotConnection:
         self._is_telling = False
         self._unsent: Navigate | None = None
         """The goal that is sent when the robot has been told its speed limit."""
+        self._retry: asyncio.TimerHandle | None = None
         self._halted = asyncio.Event()
         self._changed = asyncio.Event()
         self._entering: asyncio.Task[None] | None = None
@@ -125,6 +131,8 @@ class RobotConnection:
         self._take_presence(False)
         if self._entering is not None:
             self._entering.cancel()
+        if self._retry is not None:
+            self._retry.cancel()
 
     def follow(self, way: Way) -> None:
         """Drive along the released waypoints of a way."""
@@ -205,13 +213,15 @@ class RobotConnection:
                     self._cancel(goal)
                 case EnterLevel(waypoint=waypoint):
                     self._entering = asyncio.create_task(self._enter(waypoint))
+                case RetryLater():
+                    self._retry = asyncio.get_running_loop().call_later(RETRY, self._handle, RetryDue())
                 case HasPassed(number=number):
                     self._robot.passed(number)
                 case HasGivenUp(description=description):
                     self._robot.gave_up(description)
                 case HasHalted():
                     self._halted.set()
-                case DoesNotStop(description=reason):
+                case DoesNotHeed(description=reason):
                     self._robot.hindered(reason)
 
     def _navigate(self, effect: Navigate) -> None:
@@ -240,6 +250,7 @@ class RobotConnection:
         def observe(report: Feedback | CancelRejected | GoalEnded) -> None:
             if isinstance(report, Feedback):
                 self._miss_pose()
+                self._handle(GoalUnderWay())
             elif isinstance(report, CancelRejected):
                 self._handle(CancelRefused(effect.goal))
             elif isinstance(report, GoalEnded):

@@ -20,6 +20,8 @@ from somrs.space.lines import point_distance
 
 STRAIGHT = 0.05
 """How far from a straight line the waypoints on it may be, m."""
+REJECTIONS = 10
+"""How often a goal is rejected until the trip fails: a navigation that starts rejects goals for some seconds."""
 SAME_LEVEL = 0.1
 """Difference in height up to which two waypoints are on the same floor, m."""
 
@@ -60,6 +62,14 @@ class NavigationEnded(Struct, frozen=True, tag=True):
     problem: str = ""
 
 
+class GoalUnderWay(Struct, frozen=True, tag=True):
+    """The robot says how far it has come to its goal."""
+
+
+class RetryDue(Struct, frozen=True, tag=True):
+    """A goal may be sent again that was rejected."""
+
+
 class CancelRefused(Struct, frozen=True, tag=True):
     """The robot does not cancel the goal of this number, and goes on with it."""
 
@@ -79,7 +89,19 @@ class LevelEntered(Struct, frozen=True, tag=True):
     problem: str | None = None
 
 
-Input = WayChanged | HaltWanted | PoseKnown | MotionKnown | NavigatorPresent | NavigationEnded | CancelRefused | Disabled | LevelEntered
+Input = (
+    WayChanged
+    | HaltWanted
+    | PoseKnown
+    | MotionKnown
+    | NavigatorPresent
+    | NavigationEnded
+    | GoalUnderWay
+    | RetryDue
+    | CancelRefused
+    | Disabled
+    | LevelEntered
+)
 
 
 class Navigate(Struct, frozen=True, tag=True):
@@ -101,6 +123,10 @@ class CancelNavigation(Struct, frozen=True, tag=True):
     """Cancel the goal of this number."""
 
     goal: int
+
+
+class RetryLater(Struct, frozen=True, tag=True):
+    """Wait a little. `RetryDue` is the answer."""
 
 
 class EnterLevel(Struct, frozen=True, tag=True):
@@ -125,13 +151,13 @@ class HasHalted(Struct, frozen=True, tag=True):
     """The robot stands still, as it was to."""
 
 
-class DoesNotStop(Struct, frozen=True, tag=True):
-    """The robot goes on although it is to stop, as this description says; None: no longer."""
+class DoesNotHeed(Struct, frozen=True, tag=True):
+    """The robot does not do what it is told, as this description says; None: it does again."""
 
     description: str | None
 
 
-Effect = Navigate | CancelNavigation | EnterLevel | HasPassed | HasGivenUp | HasHalted | DoesNotStop
+Effect = Navigate | CancelNavigation | RetryLater | EnterLevel | HasPassed | HasGivenUp | HasHalted | DoesNotHeed
 
 
 class Driving:
@@ -151,6 +177,10 @@ class Driving:
         """The goals that have not ended, with where they end: `_goal`, and those that it has replaced."""
         self._refused: set[int] = set()
         """Those that the robot does not cancel."""
+        self._rejections = 0
+        """How often the goal has been rejected."""
+        self._waits = False
+        """Whether it is sent again only after a pause."""
         self._start: Pose | None = None
         """Where the robot was when it got its goal."""
         self._entering: Waypoint | None = None
@@ -173,16 +203,20 @@ class Driving:
                 effects += self._passing(pose) + self._straying(pose)
             case MotionKnown(moves=moves):
                 self._moves = moves
+            case GoalUnderWay():
+                effects += self._no_longer_rejected()
+            case RetryDue():
+                self._waits = False
             case NavigatorPresent(present=present):
                 self._is_present = present
                 if present:
                     self._goal = None
                     self._open.clear()
-                    effects += self._no_longer_refused(*self._refused)
+                    effects += self._no_longer_refused(*self._refused) + self._no_longer_rejected()
             case CancelRefused(goal=goal) if goal in self._open and goal not in self._refused:
                 self._refused.add(goal)
                 place = self._open[goal].name
-                effects.append(DoesNotStop(f"{self.name} does not stop: it does not cancel its goal {place}, and is expected there"))
+                effects.append(DoesNotHeed(f"{self.name} does not stop: it does not cancel its goal {place}, and is expected there"))
             case Disabled(is_disabled=is_disabled):
                 self._is_disabled = is_disabled
                 if is_disabled:
@@ -202,7 +236,11 @@ class Driving:
     def _no_longer_refused(self, *goals: int) -> list[Effect]:
         was_refused = bool(self._refused)
         self._refused.difference_update(goals)
-        return [DoesNotStop(None)] if was_refused and not self._refused else []
+        return [DoesNotHeed(None)] if was_refused and not self._refused else []
+
+    def _no_longer_rejected(self) -> list[Effect]:
+        was_rejected, self._rejections = self._rejections > 0, 0
+        return [DoesNotHeed(None)] if was_rejected else []
 
     def _take(self, way: Way) -> None:
         if not self._is_halting and self._reason is None:
@@ -216,7 +254,7 @@ class Driving:
             return []
         if self._is_halting or self._reason is not None:
             return self._stand() if self._goal is None and not self._open and not self._moves else []
-        if len(self._way) < 2 or self._is_disabled:
+        if len(self._way) < 2 or self._is_disabled or self._waits:
             return []
         if abs(self._way[1].level - self.level) > SAME_LEVEL:
             if self._goal is not None:
@@ -228,7 +266,7 @@ class Driving:
     def _stand(self) -> list[Effect]:
         effect: Effect = HasHalted() if self._is_halting else HasGivenUp(self._reason or "")
         self._way, self._is_halting, self._reason = (), False, None
-        return [effect]
+        return [*self._no_longer_rejected(), effect]
 
     def _aim(self, ahead: Way) -> list[Effect]:
         if self._goal is not None and self._goal.waypoint.number >= ahead[-1].number:
@@ -288,15 +326,25 @@ class Driving:
             # The navigation is away. When it is back, it has no goals, and gets this one again.
             return []
         self._goal = None
+        is_wanted = not self._is_halting and self._reason is None
+        if end.status == GoalStatus.REJECTED and not end.problem and is_wanted and self._rejections < REJECTIONS:
+            return self._rejected(goal)
         if end.status == GoalStatus.SUCCEEDED:
-            effects: list[Effect] = []
+            effects = self._no_longer_rejected()
             while len(self._way) > 1 and self._way[1].number <= goal.waypoint.number:
                 effects += self._has_come_to(self._way[1])
             return effects
-        if not self._is_halting and self._reason is None:
+        if is_wanted:
             about = f": {end.problem}" if end.problem else ""
             self._reason = f"the navigation of {self.name} {end.status} the goal {goal.waypoint.name}{about}"
         return self._cancel()
+
+    def _rejected(self, goal: Navigate) -> list[Effect]:
+        """Send a goal again after a pause, of which the robot does not say what is wrong with it."""
+        self._rejections, was_waiting, self._waits = self._rejections + 1, self._waits, True
+        place = goal.waypoint.mark or goal.waypoint.name
+        remark = DoesNotHeed(f"the navigation of {self.name} rejects its goal {place}; it is asked again")
+        return [remark, *self._cancel(), *([] if was_waiting else [RetryLater()])]
 
     def _entered(self, waypoint: Waypoint, level: float, problem: str | None) -> list[Effect]:
         self._entering = None

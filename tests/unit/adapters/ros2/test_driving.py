@@ -8,12 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.adapters.ros2.driving import (
+    REJECTIONS,
     CancelNavigation,
     CancelRefused,
     Disabled,
-    DoesNotStop,
+    DoesNotHeed,
     Driving,
+    Effect,
     EnterLevel,
+    GoalUnderWay,
     HaltWanted,
     HasGivenUp,
     HasHalted,
@@ -25,6 +28,8 @@ from somrs.adapters.ros2.driving import (
     NavigationEnded,
     NavigatorPresent,
     PoseKnown,
+    RetryDue,
+    RetryLater,
     WayChanged,
 )
 from somrs.adapters.ros2.frames import Pose
@@ -104,8 +109,38 @@ def test_a_robot_halts_when_its_goals_have_ended_and_it_does_not_move() -> None:
 
 def test_a_replaced_goal_that_goes_on_is_cancelled_when_the_next_is_rejected() -> None:
     driving = _driving(WayChanged(_way((0, 0), (1, 0), released=2)), WayChanged(_way((0, 0), (1, 0), (2, 0))))
-    assert driving.handle(NavigationEnded(2, GoalStatus.REJECTED)) == [CancelNavigation(1)]
+    assert driving.handle(NavigationEnded(2, GoalStatus.REJECTED, "poze: there is no such field")) == [CancelNavigation(1)]
     assert [type(effect) for effect in driving.handle(NavigationEnded(1, GoalStatus.CANCELED))] == [HasGivenUp]
+
+
+def test_a_goal_that_is_rejected_is_sent_again_until_the_navigation_is_ready() -> None:
+    """Seen with a Nav2 that was not ready: five goals were rejected within 8 s, and the task failed."""
+    driving = _driving(WayChanged(CORNER))
+    effects = driving.handle(NavigationEnded(1, GoalStatus.REJECTED))
+    assert effects == [DoesNotHeed("the navigation of Robot1 rejects its goal P2; it is asked again"), RetryLater()]
+    assert driving.handle(WayChanged(CORNER)) == []
+    (effect,) = driving.handle(RetryDue())
+    assert isinstance(effect, Navigate)
+    assert driving.handle(GoalUnderWay()) == [DoesNotHeed(None)]
+    assert driving.handle(GoalUnderWay()) == []
+
+
+def test_a_goal_that_is_always_rejected_ends_the_way() -> None:
+    driving = _driving(WayChanged(CORNER))
+    effects: list[Effect] = []
+    for goal in range(1, REJECTIONS + 2):
+        effects += driving.handle(NavigationEnded(goal, GoalStatus.REJECTED))
+        effects += driving.handle(RetryDue())
+    assert [effect for effect in effects if isinstance(effect, HasGivenUp)] == [
+        HasGivenUp("the navigation of Robot1 rejected the goal P2"),
+    ]
+    assert effects[-2] == DoesNotHeed(None)
+
+
+def test_a_robot_whose_goal_is_rejected_can_be_halted() -> None:
+    driving = _driving(WayChanged(CORNER), NavigationEnded(1, GoalStatus.REJECTED))
+    assert driving.handle(HaltWanted()) == [DoesNotHeed(None), HasHalted()]
+    assert driving.handle(RetryDue()) == []
 
 
 def test_a_navigation_that_is_started_again_gets_its_goal_again() -> None:
@@ -136,11 +171,11 @@ def test_a_robot_that_refuses_to_cancel_is_followed_to_its_goal_and_has_not_halt
     driving = _driving(WayChanged(_way((0, 0), (1, 0), (2, 0))), MotionKnown(True))
     assert driving.handle(HaltWanted()) == [CancelNavigation(1)]
     (effect,) = driving.handle(CancelRefused(1))
-    assert isinstance(effect, DoesNotStop)
+    assert isinstance(effect, DoesNotHeed)
     assert effect.description == "Robot1 does not stop: it does not cancel its goal P2, and is expected there"
     assert driving.handle(CancelRefused(1)) == []  # asked again, it refuses again
     assert driving.handle(PoseKnown(Pose(1.2, 0.0, 0.0))) == [HasPassed(1)]
-    assert driving.handle(NavigationEnded(1, GoalStatus.SUCCEEDED)) == [DoesNotStop(None), HasPassed(2)]
+    assert driving.handle(NavigationEnded(1, GoalStatus.SUCCEEDED)) == [DoesNotHeed(None), HasPassed(2)]
     assert driving.handle(MotionKnown(False)) == [HasHalted()]
 
 
