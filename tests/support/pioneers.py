@@ -27,7 +27,7 @@ from somrs.adapters.arcos.events import (
 )
 from somrs.adapters.arcos.odometry import Pose
 from somrs.adapters.arcos.simulated.body import Obstacle, Place, PlaneBody
-from somrs.adapters.arcos.simulated.firmware import Firmware
+from somrs.adapters.arcos.simulated.firmware import Firmware, packet
 from somrs.devices.road_robot import Way, Waypoint
 
 STEP = 0.02
@@ -90,6 +90,8 @@ class Pioneer:
         self.effects: list[Effect] = []
         self.to_robot: Line = perfect
         self.from_robot: Line = perfect
+        self.obeys: Callable[[bytes], bool] = lambda data: True
+        """What of the bytes for it the controller does; what it does not, its watchdog hears nevertheless."""
         self.is_connected = False
         self.connect()
 
@@ -107,7 +109,7 @@ class Pioneer:
             if not isinstance(effect, Transmit):
                 self.effects.append(effect)
             elif self.is_connected:
-                self.firmware.receive(self.to_robot(effect.data))
+                self.firmware.receive(self.to_robot(effect.data if self.obeys(effect.data) else packet(b"\0")))
 
     def run(self, seconds: float, condition: Callable[[], bool] = lambda: False) -> bool:
         """Let time pass, until the condition holds. Returns whether it does."""

@@ -29,6 +29,7 @@ from somrs.adapters.arcos.events import (
     Heard,
     Holds,
     Input,
+    LineIsPoor,
     Located,
     MoveGripper,
     Passed,
@@ -40,9 +41,11 @@ from somrs.adapters.arcos.events import (
 from somrs.adapters.arcos.gripper import holds
 from somrs.adapters.arcos.messages import Command, Flag, GripperCommand, Status
 from somrs.adapters.arcos.motors import WHY_OFF, Motors, MotorsOff
+from somrs.adapters.arcos.obedience import Obedience
 from somrs.adapters.arcos.obstacles import SonarMap
 from somrs.adapters.arcos.odometry import Odometry, Pose, Reckoning
-from somrs.adapters.arcos.parameters import TYPES, Parameters
+from somrs.adapters.arcos.own_parameters import limits, own_parameters
+from somrs.adapters.arcos.parameters import Parameters
 from somrs.adapters.arcos.session import Session, SessionState
 from somrs.adapters.arcos.stalls import Diagnosis, DrawingBack, is_towards, touched
 from somrs.adapters.arcos.steering import STAND, Speeds
@@ -51,8 +54,6 @@ STOPPED_AFTER = 4.0
 """Seconds after the last report in which its watchdog has stopped a robot: two, and the time in which it brakes."""
 PATIENCE = 10.0
 """Seconds for which a robot waits for something in its way."""
-PLAUSIBLE_WATCHDOG = range(200, 10_001)
-"""Times of a watchdog that a robot may have, ms. Of others, it is taken to have the usual one."""
 STUCK_REPORTS = 30
 """A robot that does not move in so many reports, although it was told to, gives up."""
 LIMITS_TOLD = 3
@@ -105,7 +106,13 @@ class Driver:
         self._holds: bool | None = None
         self._voltage: float | None = None
         self._charge: int | None = None
+        self._obedience = Obedience()
+        self._failed_way: str | None = None
+        """Why the robot has left its way, until it can be reached again."""
         self._is_connected = False
+        self._problem: str | None = None
+        """Why it cannot be reached, as it was told."""
+        self._is_line_poor = False
         self._untold_limits = 0
         """How often the robot is still to be told its limits."""
         self._report_time = -STOPPED_AFTER
@@ -135,8 +142,8 @@ class Driver:
         match input:
             case Connected():
                 self.session.connect(now)
-            case Disconnected():
-                self.session.disconnect()
+            case Disconnected(problem):
+                self.session.disconnect(problem)
             case Received(data):
                 for status in self.session.receive(data, now):
                     self._update(status, now)
@@ -173,12 +180,21 @@ class Driver:
         self._action = begin(action, self.parameters)
 
     def _note_contact(self) -> None:
-        if self._is_connected != (self.session.is_known and self.parameters is not None):
-            self._is_connected = not self._is_connected
+        problem = self.session.problem
+        if self._is_connected == (self.session.is_known and self.parameters is not None) and problem == self._problem:
+            return
+        was_connected, self._problem = self._is_connected, problem
+        self._is_connected = self.session.is_known and self.parameters is not None
+        if self._is_connected != was_connected:
+            self._untold_limits = LIMITS_TOLD
             if self._is_connected and self._report is not None:
                 self._note_grip(self._report)
-            self._untold_limits = LIMITS_TOLD
-            self._effects.append(Heard(self._is_connected))
+        elif self._is_connected or problem is None:
+            return
+        self._effects.append(Heard(self._is_connected, problem if not self._is_connected else None))
+        if self._is_connected and self._failed_way is not None:
+            self._effects.append(GaveUp(self._failed_way))
+            self._failed_way = None
 
     def _update(self, status: Status, now: float) -> None:
         """Take in a report, and say what the robot is to do until the next one."""
@@ -196,12 +212,30 @@ class Driver:
         self._effects.append(Located(pose))
         self._sonar.update(status, pose, parameters, now)
         self._note_battery(status)
+        self._note_line()
         self._note_health(confirmed)
+        self._note_obedience(status, parameters, now)
         self._tell_limits(parameters)
         speeds = self._next_speeds(confirmed, pose, parameters, now)
         if self._is_halting and is_standing(status):
             self._note_halt()
         self._command(speeds, status)
+        self._obedience.tell(self._speeds, now)
+
+    def _note_obedience(self, status: Status, parameters: Parameters, now: float) -> None:
+        """A robot that does not do what it is told has left its way, and is not trusted until it has begun another session."""
+        problem = self._obedience.update(_motion(status, parameters), parameters, now)
+        if problem is None or not self.session.is_open or not status.flags & Flag.MOTORS:
+            return
+        self._failed_way = problem if not self._course.is_complete else None
+        self._end(problem)
+        self.session.mistrust(problem)
+
+    def _note_line(self) -> None:
+        quality = self.session.quality
+        if quality.is_poor != self._is_line_poor:
+            self._is_line_poor = quality.is_poor
+            self._effects.append(LineIsPoor(quality.share if quality.is_poor else None))
 
     def _note_grip(self, status: Status) -> None:
         """Say what the paddles hold, if two reports agree on it."""
@@ -221,32 +255,14 @@ class Driver:
         self._effects.append(Halted())
 
     def _own_parameters(self) -> Parameters | None:
-        """Those that were given, or of the type that the robot has said, with what it has said of itself; None if it has said nothing."""
-        configuration, identity = self.session.configuration, self.session.identity
-        subkind = configuration.subkind if configuration is not None else identity[2] if len(identity) > 2 else None
-        parameters = self._given_parameters or (TYPES.get(subkind.lower(), Parameters()) if subkind is not None else None)
-        if parameters is None:
-            return None
-        if configuration is not None and configuration.watchdog is not None and configuration.watchdog in PLAUSIBLE_WATCHDOG:
-            parameters = replace(parameters, watchdog=configuration.watchdog / 1000)
-        return replace(parameters, speed=self._speed_limit) if self._speed_limit is not None else parameters
+        return own_parameters(self._given_parameters, self.session.configuration, self.session.identity, self._speed_limit)
 
     def _tell_limits(self, parameters: Parameters) -> None:
         """Have the robot accelerate and brake as is reckoned with here, whatever it was configured for."""
-        if self._untold_limits == 0:
-            return
-        self._untold_limits -= 1
-        acceleration = round(1000 * parameters.acceleration)
-        turning_acceleration = round(math.degrees(parameters.turning_acceleration))
-        for number, argument in (
-            (Command.SETV, round(1000 * parameters.speed)),
-            (Command.SETA, acceleration),
-            (Command.SETA, -acceleration),
-            (Command.SETRV, math.ceil(math.degrees(parameters.turning))),
-            (Command.SETRA, turning_acceleration),
-            (Command.SETRA, -turning_acceleration),
-        ):
-            self.session.send(number, argument)
+        if self._untold_limits:
+            self._untold_limits -= 1
+            for number, argument in limits(parameters):
+                self.session.send(number, argument)
 
     def _command(self, speeds: Speeds, status: Status) -> None:
         """Send velocities with every report, as long as the robot is to move or moves: one that is lost does no harm then. What touches
@@ -266,7 +282,7 @@ class Driver:
             return STAND
         if self._drawing_back is not None:
             return self._next_of_drawing_back(self._drawing_back, status)
-        if (problem := self._problem(status)) is not None:
+        if (problem := self._obstruction(status)) is not None:
             if status.stalled_wheels:
                 self._drawing_back = DrawingBack(problem, self._speeds, status.bumpers)
             else:
@@ -311,7 +327,7 @@ class Driver:
                 self._give_up(drawing_back.problem)
         return STAND
 
-    def _problem(self, status: Status) -> str | None:
+    def _obstruction(self, status: Status) -> str | None:
         """Why the robot does not go on, if it was told to move."""
         was_stalled, self._was_stalled = self._was_stalled, bool(status.stalled_wheels)
         is_driving = self._speeds != STAND

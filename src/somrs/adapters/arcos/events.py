@@ -16,7 +16,9 @@ class Connected(Struct, frozen=True):
 
 
 class Disconnected(Struct, frozen=True):
-    """The line to the robot is lost."""
+    """There is no line to the robot, or not any more; why, for people."""
+
+    problem: str | None = None
 
 
 class Received(Struct, frozen=True):
@@ -82,15 +84,22 @@ class Transmit(Struct, frozen=True):
 
 
 class Heard(Struct, frozen=True):
-    """The robot can be reached, or not any more."""
+    """The robot can be reached, or not any more; why not, for people, as far as it is known."""
 
     is_connected: bool
+    problem: str | None = None
 
 
 class Located(Struct, frozen=True):
     """The robot is at this pose on the map."""
 
     pose: Pose
+
+
+class LineIsPoor(Struct, frozen=True):
+    """This share of what comes from the robot is damaged, from 0 to 1; None: hardly anything, again."""
+
+    share: float | None
 
 
 class Passed(Struct, frozen=True):
@@ -139,4 +148,4 @@ class BatteryLevel(Struct, frozen=True):
     charge: int
 
 
-Effect = Transmit | Heard | Located | Passed | GaveUp | Broken | Halted | ActionDone | ActionFailed | BatteryLevel | Holds
+Effect = Transmit | Heard | Located | Passed | GaveUp | Broken | Halted | ActionDone | ActionFailed | BatteryLevel | Holds | LineIsPoor

@@ -72,7 +72,7 @@ class RobotLine:
                 except OSError as error:
                     if str(error) != failure:
                         failure = str(error)
-                        log.warning("%s cannot be opened, and is tried again: %s", self._port, failure)
+                        self.give(Disconnected(f"{self._port} cannot be opened, and is tried again: {failure}"))
                     await asyncio.sleep(RETRY)
                     continue
                 failure = ""
@@ -83,15 +83,16 @@ class RobotLine:
 
     async def _serve(self, reader: asyncio.StreamReader) -> None:
         """Read from an open line until it is lost."""
-        writer = self._writer
+        writer, problem = self._writer, None
         assert writer is not None, "the line is open"
         try:
             self.give(Connected())
             while data := await reader.read(1024):
                 self._record.note("<", data)
                 self.give(Received(data))
+            problem = f"the other end has closed {self._port}"
         except OSError as error:
-            log.info("%s is lost: %s", self._port, error)
+            problem = f"{self._port} is lost: {error}"
         except asyncio.CancelledError:
             self.give(Quit())
             raise
@@ -100,7 +101,7 @@ class RobotLine:
             writer.close()
             with contextlib.suppress(OSError):
                 await writer.wait_closed()
-            self.give(Disconnected())
+            self.give(Disconnected(problem))
 
     async def _tick(self) -> None:
         while True:

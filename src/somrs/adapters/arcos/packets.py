@@ -26,6 +26,11 @@ def frame(body: bytes) -> bytes:
     return HEADER + bytes([len(body) + 2]) + body + checksum(body).to_bytes(2, "big")
 
 
+def packet_length(body: bytes) -> int:
+    """How many bytes the packet with a body has."""
+    return len(HEADER) + 1 + len(body) + 2
+
+
 class PacketParser:
     """Finds packets in a stream of bytes that may be torn, shifted or noisy.
 

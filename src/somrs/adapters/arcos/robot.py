@@ -24,6 +24,7 @@ from somrs.adapters.arcos.events import (
     Halted,
     Heard,
     Holds,
+    LineIsPoor,
     Located,
     MoveGripper,
     Passed,
@@ -155,8 +156,11 @@ class ArcosRobot(CarryingRobot):
                 self.gave_up(f"{self.name} does not drive on: {description}")
             case Broken(reason):
                 self.broken(reason)
-            case Heard(is_connected):
+            case Heard(is_connected, problem):
+                self._note_problem(problem)
                 self.heard(is_connected)
+            case LineIsPoor(share):
+                self._note_quality(share)
             case Holds(something):
                 self.carries = something
             case BatteryLevel(charge):
@@ -167,6 +171,17 @@ class ArcosRobot(CarryingRobot):
                 self._action.set_result(effect)
             case ActionFailed(description=description) if self._action is not None and not self._action.done():
                 self._action.set_exception(RobotFailed(f"{self.name} gave up: {description}"))
+
+    def _note_problem(self, problem: str | None) -> None:
+        """Log why the robot cannot be reached, once, with the beginning of what came."""
+        if problem is not None:
+            sample = self._open_line().driver.session.sample
+            log.warning("%s cannot be reached: %s%s", self.name, problem, f" What came begins with {sample.hex(' ')}" if sample else "")
+
+    def _note_quality(self, share: float | None) -> None:
+        """Say that much of what the robot sends is damaged, until it is not."""
+        self.remark = None if share is None else f"{100 * share:.0f} % of what it sends arrives damaged: check its line"
+        log.warning("%s: %s", self.name, self.remark or "what it sends arrives intact again")
 
     @property
     def _file(self) -> Path:

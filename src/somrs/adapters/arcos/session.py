@@ -6,8 +6,10 @@ that a robot that cannot be observed is not kept driving either.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum, auto
 
+from somrs.adapters.arcos.line_quality import LineQuality
 from somrs.adapters.arcos.messages import (
     Command,
     Configuration,
@@ -21,7 +23,7 @@ from somrs.adapters.arcos.messages import (
     sync_reply,
 )
 from somrs.adapters.arcos.motors import Motors
-from somrs.adapters.arcos.packets import PacketParser
+from somrs.adapters.arcos.packets import PacketParser, packet_length
 
 LISTENING_TIME = 0.35
 """Seconds to wait for a report of a session that goes on, before a new one is begun."""
@@ -31,6 +33,10 @@ TRIES = 4
 """How often, before the synchronization begins anew."""
 STOP_AFTER, SILENT_AFTER = 0.3, 3.0
 """Seconds without a report after which the robot is told to stop, and after which it counts as silent."""
+MISTRUST_TIME = 4.0
+"""Seconds in which a robot that hears nothing stands: the usual time of its watchdog, and the time in which it brakes."""
+SAMPLE = 24
+"""How many of the bytes that came are kept for people."""
 LONGEST_PACKET = 0.25
 """Seconds from which on a packet that is not complete is noise. What came after it is too old to be taken for news."""
 LONGEST_STEP = 0.25
@@ -51,6 +57,8 @@ class SessionState(StrEnum):
     """The robot was told to report."""
     OPEN = auto()
     """The robot reports."""
+    MISTRUSTED = auto()
+    """The robot reports, and does not do what it is told. Nothing is said to it, so that its own watchdog stops it."""
 
 
 _FOLLOWING_STATES = {
@@ -58,7 +66,7 @@ _FOLLOWING_STATES = {
     SessionState.SYNC1: SessionState.SYNC2,
     SessionState.SYNC2: SessionState.OPENING,
 }
-_REPORTING = {SessionState.LISTENING, SessionState.OPENING, SessionState.OPEN}
+_REPORTING = {SessionState.LISTENING, SessionState.OPENING, SessionState.OPEN, SessionState.MISTRUSTED}
 """A report during the synchronization is of the session that is to end."""
 _SYNC_NUMBER = {SessionState.SYNC0: 0, SessionState.SYNC1: 1, SessionState.SYNC2: 2}
 
@@ -76,6 +84,13 @@ class Session:
         self.has_gone_on = False
         """Whether the session is that of an earlier line."""
         self.outgoing = bytearray()
+        self.problem: str | None = None
+        """Why the robot cannot be reached, for people, as far as it is known."""
+        self.sample = b""
+        """The beginning of what has come since there was a line, or a session."""
+        self.quality = LineQuality()
+        self._packets = 0
+        """How many packets have come meanwhile."""
         self._parser, self._complete_time = PacketParser(), 0.0
         self._time = 0.0
         self._waited = 0.0
@@ -98,11 +113,20 @@ class Session:
         self._parser, self._complete_time = PacketParser(), now
         self._time = now
         self.outgoing.clear()
+        self.sample, self._packets = b"", 0
         self._enter(SessionState.LISTENING)
 
-    def disconnect(self) -> None:
+    def disconnect(self, problem: str | None) -> None:
+        """There is no line to the robot. `problem`: why, for people; None: as it was."""
         self.outgoing.clear()
+        self.problem = problem or self.problem
         self._enter(SessionState.DISCONNECTED)
+
+    def mistrust(self, problem: str) -> None:
+        """The robot does not do what it is told. It is told to stop once more, and a new session is begun when it stands."""
+        self.send(Command.ESTOP)
+        self.problem = problem
+        self._enter(SessionState.MISTRUSTED)
 
     def close(self) -> None:
         """Stop the robot, and end the session."""
@@ -112,6 +136,8 @@ class Session:
             self._enter(SessionState.LISTENING)
 
     def send(self, number: Command, argument: int | None = None) -> None:
+        if self.state is SessionState.MISTRUSTED:
+            return
         self.outgoing += command(number, argument)
         self._send_time = self._time
 
@@ -122,6 +148,7 @@ class Session:
             self._parser = PacketParser()
         reports = []
         bodies = self._parser.feed(data)
+        self._note(data, bodies, now)
         if bodies or not self._parser.is_waiting:
             self._complete_time = now
         for body in bodies:
@@ -130,13 +157,21 @@ class Session:
                 continue
             match report(body):
                 case Status() as status if self.state in _REPORTING:
-                    self._hear_status(status)
+                    if self.state is not SessionState.MISTRUSTED:
+                        self._hear_status(status)
                     reports.append(status)
                 case GripperReport() as gripper:
                     self.gripper = gripper
                 case Configuration() as configuration:
                     self.configuration = configuration
         return reports
+
+    def _note(self, data: bytes, bodies: Sequence[bytes], now: float) -> None:
+        """Note what has come, so that people can be told."""
+        self.sample = (self.sample + data)[:SAMPLE]
+        self._packets += len(bodies)
+        if self.state is SessionState.OPEN:
+            self.quality.count(len(data), sum(map(packet_length, bodies)), now)
 
     def tick(self, now: float) -> None:
         """Time has passed."""
@@ -152,11 +187,24 @@ class Session:
                 if self._tries < TRIES:
                     self._say_state()
                 else:
+                    self.problem = self._why_unanswered()
                     self._begin()
+            case SessionState.MISTRUSTED if self._waited >= MISTRUST_TIME:
+                self._begin()
             case SessionState.OPEN if self._waited >= SILENT_AFTER:
                 self._enter(SessionState.LISTENING)
             case SessionState.OPEN if self._waited >= STOP_AFTER and now - self._send_time >= STOP_AFTER:
                 self.send(Command.STOP)
+
+    def _why_unanswered(self) -> str:
+        """Why no session has begun, for people."""
+        if self.state is SessionState.OPENING:
+            return "it opens a session, and reports nothing then"
+        if not self.sample:
+            return "it does not answer: nothing comes. Is it switched on, and is it at this port?"
+        if not self._packets:
+            return "what comes from it are no packets of ARCOS. Does its line have this baud rate?"
+        return "it sends packets, and does not begin a session. Is another program connected to it?"
 
     def _begin(self) -> None:
         """Begin a session anew."""
@@ -195,7 +243,7 @@ class Session:
             self._waited = 0.0
         else:
             # It may drive with the velocities of a program that is gone.
-            self.has_gone_on = self.state is SessionState.LISTENING
+            self.has_gone_on, self.problem = self.state is SessionState.LISTENING, None
             self._enter(SessionState.OPEN)
             self.send(Command.STOP)
             self.send(Command.BUMPSTALL, 3)
