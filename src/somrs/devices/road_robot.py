@@ -175,7 +175,7 @@ class RoadRobot(MobileRobot):
 
     def located(self, x: float, y: float, yaw: float, level: float | None = None) -> None:
         """The robot is at this pose, in metres and radians on the map; `level`: the height of its floor, None: as before. Call it
-        with every state of the robot, also if it stands still. A pose that cannot have been reached is not believed."""
+        with every state of the robot, also if it stands still. A pose where nothing can stand is not believed."""
         self.road.located(x, y, yaw, level)
 
     def passed(self, number: int) -> None:

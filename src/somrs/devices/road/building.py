@@ -210,10 +210,10 @@ class Building:
             if solid is not None and solid.role is Role.ROBOT and name != driver.name:
                 yield solid.z, Disc(solid.x, solid.y, dimensions_of(solid).radius)
 
-    def is_free(self, start: Point, end: Point, level: float) -> bool:
-        """Whether nothing of the building is on the line between two points of a floor, as far as is known."""
+    def is_free(self, point: Point, level: float) -> bool:
+        """Whether something can stand at a point of a floor, as far as is known."""
         space = self._ways.space(self.level_of(level)) if self._ways is not None else None
-        return space is None or space.is_clear(start, end, 0.0)
+        return space is None or space.is_clear(point, point, 0.0)
 
     # Where robots stand, and things
 

@@ -49,9 +49,8 @@ class RobotMap:
 
     def surroundings(self, level: float, *, is_driving: bool) -> Surroundings:
         """What is around the robot on a floor."""
-        building, solid = self._robot.building, self._robot.building.solids.get(self._robot.name)
-        speed = max(solid.speed, self._robot.motion.speed or 0.0) if solid is not None else None
-        return Surroundings(speed, is_driving, lambda start, end: building.is_free(start, end, level))
+        building = self._robot.building
+        return Surroundings(is_driving, lambda point: building.is_free(point, level))
 
     def way(self, places: Iterable[WayPlace], level: float, workplace: str | None) -> Way:
         """The waypoints at places, as far as they are of this roadmap, and up to where the robot is to work. `level`: the height of the

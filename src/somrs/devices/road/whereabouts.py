@@ -17,10 +17,6 @@ from somrs.space.solids import Point
 
 JUMP = 1.0
 """How far a localisation corrects itself at once, at most, m."""
-FASTER = 3.0
-"""A robot does not drive so many times as fast as its largest speed."""
-STEP = 0.3
-"""A pose that is as near to the one before, in m, is never behind a wall: the middle of a robot does not come so near to one."""
 STILLNESS = 0.01
 """How far a robot that stands seems to move, m."""
 DISPLACED = 0.3
@@ -29,12 +25,10 @@ DISPLACED = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What is around a robot. `speed`: its largest, m/s; None: nobody knows. `is_driving`: it has somewhere to go. `is_free`: whether
-    nothing of the building is on the line between two points of its floor."""
+    """What is around a robot. `is_driving`: it has somewhere to go. `is_free`: whether it can stand at a point of its floor."""
 
-    speed: float | None
     is_driving: bool
-    is_free: Callable[[Point, Point], bool]
+    is_free: Callable[[Point], bool]
 
 
 class Whereabouts:
@@ -48,7 +42,6 @@ class Whereabouts:
         self._lost: str | None = None
         self._doubt: str | None = None
         self._is_to_be_confirmed = False
-        self._time = -math.inf
         self._rest_point: Point | None = None
         self.rest_time = math.inf
         """Since when it stands there, s; infinite until it is seen."""
@@ -61,32 +54,26 @@ class Whereabouts:
     def take(self, point: Point, level: float, now: float, surroundings: Surroundings) -> bool:
         """Whether the robot is believed when it says at a time, in seconds, that it is at a point of the floor at a height."""
         if self.point is not None and self.level is not None and abs(level - self.level) < SAME_FLOOR:
-            self._doubt = self._doubt_about(point, self.point, now, surroundings)
+            self._doubt = self._doubt_about(point, self.point, surroundings)
         if self._doubt is not None:
             return False
-        self.point, self.level, self._time = point, level, now
+        self.point, self.level = point, level
         if self._rest_point is None or max(abs(point[0] - self._rest_point[0]), abs(point[1] - self._rest_point[1])) > STILLNESS:
             self._rest_point, self.rest_time = point, now
         return True
 
-    def _doubt_about(self, point: Point, earlier: Point, now: float, surroundings: Surroundings) -> str | None:
-        if self._doubt is None and surroundings.speed is None:
-            return None
-        distance = math.dist(point, earlier)
-        way = FASTER * (surroundings.speed or 0.0) * (now - self._time) if self._doubt is None else 0.0
-        is_far = distance > JUMP + way
-        # In a longer time, the robot may have driven around the wall.
-        if not is_far and (distance <= STEP or way > JUMP or surroundings.is_free(earlier, point)):
+    def _doubt_about(self, point: Point, earlier: Point, surroundings: Surroundings) -> str | None:
+        """Why the robot is not believed to be at a point. How long it took does not count: reports may be late, and come all at once."""
+        if math.dist(point, earlier) <= JUMP:
             return None
         if self._doubt is not None and self._is_to_be_confirmed:
             return self._doubt
+        if surroundings.is_free(point):
+            return None
         self._is_to_be_confirmed = surroundings.is_driving
         start, end = (f"({x:.2f}, {y:.2f})" for x, y in (earlier, point))
-        if self._is_to_be_confirmed:
-            return (
-                f"its pose jumped from {start} to {end}, where it cannot have come in the time. If it is there, stop and release the robot"
-            )
-        return None if surroundings.is_free(point, point) else f"its pose is {end}, where nothing can stand; it was at {start}"
+        doubt = f"its pose is {end}, where nothing can stand; it was at {start}"
+        return f"{doubt}. If it is there, stop and release the robot" if self._is_to_be_confirmed else doubt
 
     def lose(self, reason: str | None) -> None:
         """The robot says that it does not know where it is, for this reason; None: it knows, and says it next."""
