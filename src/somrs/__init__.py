@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
+from somrs import cancellation
 from somrs.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from somrs.traffic.passage_call import PassageCall
 
 __all__ = ["Client", "Device", "DoorDevice", "LiftDevice", "PassageCall", "Refusal", "ServiceFailed", "Situation", "Task", "run", "service"]
+
+cancellation.repair()
 
 _MODULES = {
     "Client": "somrs.api.system_client",

@@ -257,7 +257,7 @@ class Bus:
         finally:
             if self._waiting.pop(task, None) is None:
                 task.uncancel()
-            # `asyncio.wait_for` of Python 3.11 loses a cancellation that comes together with a result or an error.
+            # It may have been cancelled when it was given up: the two raise one exception.
             if task.cancelling() > cancellations:
                 raise asyncio.CancelledError
         if reply is None and not self.client.is_connected:
