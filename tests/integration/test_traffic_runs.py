@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import pytest
 
 from somrs.protocol.messages.traffic import TripResult
 from somrs.traffic.dispatcher import Dispatcher
 from somrs.traffic.drives import Drives
+from somrs.traffic.exits import Lane
 from somrs.traffic.passage_call import PassageCall
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import PassageRecord
@@ -55,7 +56,7 @@ def test_robots_touch_each_other_at_berths_that_exclude_nothing(monkeypatch: pyt
 def test_it_is_noticed_if_robots_are_granted_ways_while_traffic_is_held(monkeypatch: pytest.MonkeyPatch) -> None:
     assert any(draw(seed).holds for seed in range(10))
 
-    def goal(dispatcher: Dispatcher, robot: str) -> int | None:
+    def goal(dispatcher: Dispatcher, robot: str, stuck: Mapping[str, Lane]) -> int | None:
         trip = dispatcher.state.robots[robot].trip
         return trip.destination if trip is not None else None
 

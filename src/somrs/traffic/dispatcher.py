@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import takewhile
 
 from somrs.errors import UsageError
@@ -13,7 +13,7 @@ from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.traffic import Granted, Mobility, RequestTrip, RoadmapReplaced, TripBegun, TripEnded, TripResult
 from somrs.traffic.berths import Berths
 from somrs.traffic.closures import Closures
-from somrs.traffic.exits import Exits
+from somrs.traffic.exits import Exits, Lane
 from somrs.traffic.passages import Passages
 from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.schedule import Schedule
@@ -189,7 +189,7 @@ class Dispatcher:
             distance = self._berths.graph.distance(place, record.trip.destination)
             if distance < record.trip.nearest:
                 record.trip.nearest, record.trip.progressed_at = distance, now
-        if name in leaving and self._goal(name) is None:
+        if name in leaving and self._goal(name, self._exits.stuck_lanes()) is None:
             leaving.discard(name)
         return place is not None
 
@@ -244,9 +244,9 @@ class Dispatcher:
         state.serial += 1
         planned_before, state.planned_at = state.planned_at, now
         state.is_planning, state.changed = True, False
-        may_search = now > state.searched_at + STALL
+        may_search, stuck = now > state.searched_at + STALL, self._exits.stuck_lanes()
         robots = tuple(
-            self._planned_robot(name, record, now, planned_before, may_search=may_search) for name, record in state.robots.items()
+            self._planned_robot(name, self._goal(name, stuck), now, planned_before, may_search=may_search) for name in state.robots
         )
         searches = may_search and any(self._is_stalled(name, record, now, LONGEST_TURN) for name, record in state.robots.items())
         if any(robot.stalled for robot in robots):
@@ -267,9 +267,9 @@ class Dispatcher:
         )
         yield Ask(PlanQuestion(state.serial), problem)
 
-    def _goal(self, name: str) -> int | None:
+    def _goal(self, name: str, stuck: Mapping[str, Lane]) -> int | None:
         """Where the robot is to go now, if anywhere. While traffic is held, it only leaves the zone in which its granted way ends; without
-        a trip, the place where robots are not to stop."""
+        a trip, the place where robots are not to stop. `stuck`: the lanes of robots that are stuck."""
         if self._is_confined(name):
             return None
         if self.state.hold:
@@ -277,7 +277,7 @@ class Dispatcher:
         record = self.state.robots[name]
         if record.trip is not None:
             return record.trip.destination
-        return self._exits.rest(name) if record.mobility is Mobility.FREE and not record.silent else None
+        return self._exits.rest(name, stuck) if record.mobility is Mobility.FREE and not record.silent else None
 
     def _current_trip(self, name: str) -> Trip | None:
         """The robot's trip, if it can go on with it now."""
@@ -286,14 +286,18 @@ class Dispatcher:
     @property
     def _leaving(self) -> set[str]:
         """While traffic is held, the robots that still have to leave a zone."""
-        return {name for name in self.state.robots if self._goal(name) is not None} if self.state.hold else set()
+        if not self.state.hold:
+            return set()
+        stuck = self._exits.stuck_lanes()
+        return {name for name in self.state.robots if self._goal(name, stuck) is not None}
 
-    def _planned_robot(self, name: str, record: RobotRecord, now: float, planned_before: float, *, may_search: bool) -> PlannedRobot:
+    def _planned_robot(self, name: str, goal: int | None, now: float, planned_before: float, *, may_search: bool) -> PlannedRobot:
+        record = self.state.robots[name]
         trip, is_confined = self._current_trip(name), self._is_confined(name)
         return PlannedRobot(
             name=name,
             place=self._schedule.last(name),
-            goal=self._goal(name),
+            goal=goal,
             waiting=now - trip.since if trip is not None else 0.0,
             nearest=trip.nearest if trip is not None else FAR,
             movable=not record.silent and record.mobility is Mobility.FREE and not is_confined,
@@ -323,8 +327,9 @@ class Dispatcher:
 
     def _is_exhausted(self) -> bool:
         """Whether the plan has come to its end for a robot that is not at its goal."""
+        stuck = self._exits.stuck_lanes()
         return any(
-            not planned and (goal := self._goal(name)) is not None and goal != self._schedule.last(name)
+            not planned and (goal := self._goal(name, stuck)) is not None and goal != self._schedule.last(name)
             for name, planned in self.state.planned.items()
         )
 
@@ -338,7 +343,8 @@ class Dispatcher:
         moves = any(self.state.planned.values())
         self.state.whole = value.whole and moves
         robots = self.state.robots
-        self.state.failures = 0 if moves or all(self._goal(name) is None for name in robots) else self.state.failures + 1
+        stuck = self._exits.stuck_lanes()
+        self.state.failures = 0 if moves or all(self._goal(name, stuck) is None for name in robots) else self.state.failures + 1
         if self.state.hold:
             return  # the trips go on afterwards
         for name, obstacle in value.stuck.items():

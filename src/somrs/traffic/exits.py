@@ -3,7 +3,7 @@ they have nothing to do, on from waypoints at which robots are not to stop, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from heapq import heappop, heappush
 
 from somrs.protocol.messages.traffic import Mobility
@@ -12,6 +12,8 @@ from somrs.traffic.berths import Berths
 from somrs.traffic.roadmap import GAP, least_distance, spacing_for
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import Position, TrafficState
+
+Lane = tuple[Position, Position]
 
 
 class Exits:
@@ -27,22 +29,27 @@ class Exits:
         """
         return self._nearest(robot, self._is_inside)
 
-    def rest(self, robot: str) -> int | None:
+    def rest(self, robot: str, stuck: Mapping[str, Lane]) -> int | None:
         """The nearest place on from where robots are not to stop, on the same floor, and if possible one that no other robot holds.
 
         They are not to stop at waypoints to pass, nor where they keep a robot that is stuck between two places from saying exactly where it
         is: others come nearer to it then. None if the way of the robot ends elsewhere, or if no way leads on.
+
+        `stuck`: the `stuck_lanes`.
         """
-        lanes = [*self._stuck_lanes(robot)]
+        lanes = [lane for name, lane in stuck.items() if name != robot]
         if not lanes and not self._berths.roadmap.passthrough:
             return None
         return self._nearest(robot, lambda place: self._is_passed(place) or any(self._is_beside(place, *lane) for lane in lanes))
 
-    def _stuck_lanes(self, robot: str) -> Iterator[tuple[Position, Position]]:
-        """The lanes on which other robots are that cannot move, and say so."""
-        for name, record in self._state.robots.items():
-            if record.mobility is Mobility.IMMOBILE and not record.silent and name != robot and len(held := self._schedule.held(name)) > 1:
-                yield self._berths.position(held[0]), self._berths.position(held[1])
+    def stuck_lanes(self) -> dict[str, Lane]:
+        """The lanes on which robots are that cannot move, and say so."""
+        position = self._berths.position
+        return {
+            name: (position(held[0]), position(held[1]))
+            for name, record in self._state.robots.items()
+            if record.mobility is Mobility.IMMOBILE and not record.silent and len(held := self._schedule.held(name)) > 1
+        }
 
     def _is_beside(self, number: int, start: Position, end: Position) -> bool:
         """Whether a robot at a place may be too near to one that says it stands somewhere on a lane."""
