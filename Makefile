@@ -72,7 +72,8 @@ browser: setup
 
 # Slow suites: each prints `N passed, N failed`.
 
-# The tests that take too long for `make test`: the package as it is installed elsewhere, programs of the tutorials, changes to the program that
+# The tests that take too long for `make test`: the package as it is installed elsewhere, programs of the tutorials, systems with another of the
+# same kind (of certificates, of foreign software, of what is killed), large model checks, changes to the program that
 # tests have to notice, and every page in every look.
 slow: setup ros2
 	@scripts/javascript setup

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
-import subprocess
-import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from somrs.cli.main import command
-from tests.support.hang import HANG_TIME
+from tests.support.warm import Program
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ def somrs(*arguments: str | Path, cwd: Path | None = None) -> CommandResult:
 
 def program(*arguments: str | Path, cwd: Path | None = None, **environment: str) -> CommandResult:
     """Run the command as a separate process, with these environment variables."""
-    line = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
-    env = {**os.environ, **environment}
-    ended = subprocess.run(line, capture_output=True, text=True, cwd=cwd, env=env, timeout=HANG_TIME, check=False)
-    return CommandResult(ended.returncode, ended.stdout, ended.stderr)
+    with tempfile.TemporaryDirectory() as folder:
+        output, errors = Path(folder, "output"), Path(folder, "errors")
+        code = Program([*map(str, arguments)], output, errors, cwd, **environment).wait()
+        return CommandResult(code, output.read_text(), errors.read_text())

@@ -18,7 +18,7 @@ from pathlib import Path
 import msgspec
 import setproctitle
 
-from somrs.deployment.launcher import Launcher, LauncherProcess, Start, Started, import_common, launch
+from somrs.deployment.launcher import Ended, Launcher, LauncherProcess, Start, Started, import_common, launch
 from tests.support.leftovers import WARM
 
 PROGRAMS = (
@@ -52,10 +52,10 @@ def launcher() -> Launcher:
     return Launcher(begin_launcher())
 
 
-def begin_launcher() -> LauncherProcess:
+def begin_launcher(cwd: Path | None = None) -> LauncherProcess:
     parent_end, child_end = socket.socketpair()
     with child_end:
-        socket.send_fds(_warm(), [b"?"], [child_end.fileno()])
+        socket.send_fds(_warm(), [os.fsencode(cwd or Path.cwd())], [child_end.fileno()])
     return LauncherProcess(parent_end, PID.unpack(_warm().recv(PID.size))[0], lambda: None)
 
 
@@ -71,12 +71,16 @@ def _warm() -> socket.socket:
 class Program:
     """A program that was forked from it, without an event loop."""
 
-    def __init__(self, arguments: Sequence[str], log: Path) -> None:
-        """Run `somrs` with the arguments, and write its output to the log."""
-        self._channel = begin_launcher().channel
-        request = Start(arguments=tuple(arguments), environment={**os.environ})
-        with log.open("wb") as log_file:
-            socket.send_fds(self._channel, [msgspec.json.encode(request) + b"\n"], [log_file.fileno(), log_file.fileno()])
+    def __init__(
+        self, arguments: Sequence[str], log: Path, errors: Path | None = None, cwd: Path | None = None, **environment: str
+    ) -> None:
+        """Run `somrs` with the arguments and these environment variables, and write its output to the log; `errors`: a log for its errors
+        alone."""
+        self._channel = begin_launcher(cwd).channel
+        request = Start(arguments=tuple(arguments), environment={**os.environ, **environment})
+        log.write_bytes(b"")
+        with log.open("ab") as log_file, (errors or log).open("ab") as errors_file:
+            socket.send_fds(self._channel, [msgspec.json.encode(request) + b"\n"], [log_file.fileno(), errors_file.fileno()])
         self._replies = self._channel.makefile("rb")
         self.pid = msgspec.json.decode(self._replies.readline(), type=Started).pid
 
@@ -87,10 +91,10 @@ class Program:
     def ended(self) -> bool:
         return bool(select.select([self._channel], [], [], 0)[0])
 
-    def wait(self) -> None:
-        """Wait until it has ended."""
+    def wait(self) -> int:
+        """Wait until it has ended. Return its exit code, or minus the number of the signal that ended it."""
         with self._channel, self._replies:
-            self._replies.readline()
+            return msgspec.json.decode(self._replies.readline(), type=Ended).code
 
 
 def main() -> None:
@@ -101,11 +105,12 @@ def main() -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nothing waits for a launcher
     with socket.socket(fileno=os.dup(sys.stdin.fileno())) as request_socket:
         while True:
-            _, files, _, _ = socket.recv_fds(request_socket, 1, 1)
+            folder, files, _, _ = socket.recv_fds(request_socket, 4096, 1)
             if not files:
                 return
             if (pid := os.fork()) == 0:
                 request_socket.close()
+                os.chdir(folder)
                 launch(socket.socket(fileno=files[0]))
             os.close(files[0])
             request_socket.sendall(PID.pack(pid))

@@ -93,7 +93,7 @@ def test_a_system_with_certificates_works_and_keeps_strangers_out(tmp_path: Path
     asyncio.run(run())
 
 
-@pytest.mark.parametrize("bus", [None, OWN_BUS])
+@pytest.mark.parametrize("bus", [OWN_BUS, pytest.param(None, marks=pytest.mark.slow)])
 def test_open_tasks_go_on_when_the_programs_get_certificates_and_when_they_lose_them(tmp_path: Path, bus: str | None) -> None:
     async def run() -> None:
         task, effects = "", ("Jar002 isOn Platform001", "Jar002 isOn Table001", "Jar002 isOn Platform001")

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+
 from somrs.client.client import Client
 from somrs.deployment.system import System
 from somrs.devices.simulator.world.kinds import WorldKind
@@ -59,6 +61,7 @@ def busy_machine() -> Iterator[None]:
             burner.wait()
 
 
+@pytest.mark.slow
 def test_thirty_tasks_at_once_are_all_accomplished_on_a_busy_machine(tmp_path: Path) -> None:
     files = tmp_path / "ontology.yaml", tmp_path / "map.yaml"
     files[0].write_text(ONTOLOGY)

@@ -276,6 +276,7 @@ def test_no_two_tasks_of_two_task_managers_have_one_object_and_both_end(medium: 
     assert _reservations(medium) == []
 
 
+@pytest.mark.slow
 def test_no_two_tasks_have_one_object_whoever_restarts_is_cancelled_or_tries_again() -> None:
     assert _reservations(FIFO, decisions=True) == []
 
@@ -302,5 +303,6 @@ def test_task_managers_that_claim_less_than_they_were_granted_are_noticed(monkey
     assert _reservations(FIFO, decisions=True) == [Property.MUTUAL_EXCLUSION]
 
 
+@pytest.mark.slow
 def test_the_lease_of_a_silent_task_manager_ends_without_harm() -> None:
     assert _reservations(FIFO, lapses=True) == []

@@ -193,7 +193,9 @@ def test_a_whole_host_is_lost_while_a_robot_works(tmp_path: Path) -> None:
     run(tmp_path, lambda porter: porter.works, COMPONENTS)
 
 
-@pytest.mark.parametrize("component", ["repository", "registry", "task-manager"])
+@pytest.mark.parametrize(
+    "component", ["task-manager", pytest.param("repository", marks=pytest.mark.slow), pytest.param("registry", marks=pytest.mark.slow)]
+)
 def test_a_component_is_lost_while_services_are_arranged(tmp_path: Path, component: str) -> None:
     run(tmp_path, lambda porter: porter.is_asked, [component])
 

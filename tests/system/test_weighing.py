@@ -41,6 +41,7 @@ def data(tmp_path: Path) -> Iterator[Path]:
         system.wait(HANG_TIME)
 
 
+@pytest.mark.slow
 def test_the_tutorial(data: Path) -> None:
     def run(command: str, formula: str) -> CommandResult:
         return program(command, formula, "--data", data)
