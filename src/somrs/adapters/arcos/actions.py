@@ -94,7 +94,7 @@ class _Charging:
         self._had_power = False
 
     def update(self, status: Status, pose: Pose, send: Send) -> Speeds | ActionDone | ActionFailed:
-        has_power = bool(status.flags & Flag.CHARGER_POWER or status.charge_state)
+        has_power = status.has_charger_power
         if has_power and status.charge_state == FULL:
             send(Command.CHARGE, 0)
             return ActionDone()

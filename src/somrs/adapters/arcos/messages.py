@@ -123,6 +123,10 @@ class Status(Struct, frozen=True, kw_only=True):
     charge_state: int | None = None
 
     @property
+    def has_charger_power(self) -> bool:
+        return bool(self.flags & Flag.CHARGER_POWER or self.charge_state)
+
+    @property
     def stalled_wheels(self) -> tuple[str, ...]:
         return tuple(side for side, bit in (("left", 1 << 0), ("right", 1 << 8)) if self.stall & bit)
 

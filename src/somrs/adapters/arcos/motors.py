@@ -35,11 +35,18 @@ class Motors:
         self._were_on = True
         """Whether they were on in this session: an earlier program has switched them on, if the session is from before."""
         self._were_off = False
+        self._is_charging = False
         self._flags: Flag | None = None
 
     def begin_session(self) -> None:
         """The controller has begun anew: its motors are off."""
         self._were_on, self._flags = False, None
+        self._is_charging = False
+
+    def charge(self, is_deployed: bool) -> None:
+        """The program has told the robot to deploy the charging mechanism, or to retract it. Its controller switches the motors off
+        meanwhile, and whoever switches them on retracts it ("Pioneer 3 Operations Manual", docking and charging)."""
+        self._is_charging = is_deployed
 
     def stop(self) -> None:
         """The drive is broken."""
@@ -56,6 +63,9 @@ class Motors:
             if self.off_reason is MotorsOff.BY_HAND or self._were_off:
                 self.off_reason = None
             return
+        if not flags and (self._is_charging or status.has_charger_power):
+            self._were_on = False
+            return
         self._were_off = True
         if self.off_reason is None and (self._were_on or flags & Flag.STOP_BUTTON):
             self.off_reason = MotorsOff.BY_HAND
@@ -63,7 +73,8 @@ class Motors:
     @property
     def are_to_go_on(self) -> bool:
         """Whether the program is to switch them on."""
-        return self.off_reason is None and not self._were_on and not (self._flags or Flag(0)) & Flag.STOP_BUTTON
+        may_go_on = not self._is_charging and not (self._flags or Flag(0)) & Flag.STOP_BUTTON
+        return self.off_reason is None and not self._were_on and may_go_on
 
     @property
     def are_to_go_off(self) -> bool:

@@ -138,6 +138,8 @@ class Session:
     def send(self, number: Command, argument: int | None = None) -> None:
         if self.state is SessionState.MISTRUSTED:
             return
+        if number is Command.CHARGE:
+            self.motors.charge(bool(argument))
         self.outgoing += command(number, argument)
         self._send_time = self._time
 

@@ -6,6 +6,7 @@ import math
 
 from somrs.adapters.arcos.driver import Driver
 from somrs.adapters.arcos.events import (
+    ActionDone,
     ActionFailed,
     Advance,
     BatteryLevel,
@@ -24,6 +25,7 @@ from somrs.adapters.arcos.events import (
     TurnTo,
 )
 from somrs.adapters.arcos.messages import GripperCommand
+from somrs.adapters.arcos.motors import MotorsOff
 from somrs.adapters.arcos.odometry import Pose
 from somrs.adapters.arcos.simulated.body import Obstacle, Place
 from tests.support.pioneers import AHEAD, Pioneer, events, perfect, stalled, under_way, way
@@ -330,18 +332,48 @@ def test_a_robot_without_gripper_is_known_as_one() -> None:
     assert pioneer.driver.has_gripper
 
 
-def test_a_robot_charges_until_its_battery_is_full() -> None:
+def at_charger() -> Pioneer:
+    """A robot that charges: its controller keeps the motors off meanwhile."""
     pioneer = Pioneer().ready()
-    pioneer.body.charger = (0.0, 0.0)
-    assert not isinstance(pioneer.act(FillBattery(), 30), ActionFailed)
+    pioneer.body.charger, pioneer.body.charge = (0.0, 0.0), 0.8
+    pioneer.give(FillBattery())
+    assert pioneer.run(2, lambda: not pioneer.firmware._motors)
+    return pioneer
+
+
+def test_a_robot_charges_until_its_battery_is_full_and_drives_on() -> None:
+    pioneer = at_charger()
+    assert pioneer.run(30, lambda: pioneer._end() is not None)
+    assert isinstance(pioneer._end(), ActionDone)
     assert pioneer.body.charge == 1.0
     pioneer.run(20)
     assert events(pioneer, BatteryLevel)[-1] == BatteryLevel(100)
+    assert pioneer.driver.motors_off is None
+    assert isinstance(pioneer.act(Advance(distance=0.5)), ActionDone)
 
 
 def test_a_charger_without_power_is_reported() -> None:
-    end = Pioneer().ready().act(FillBattery(), 30)
-    assert end == ActionFailed(description="the charger gives no power")
+    pioneer = Pioneer().ready()
+    assert pioneer.act(FillBattery(), 30) == ActionFailed(description="the charger gives no power")
+    assert isinstance(pioneer.act(Advance(distance=0.5)), ActionDone)
+
+
+def test_a_program_that_finds_its_robot_at_a_charger_takes_it_from_there() -> None:
+    pioneer = at_charger()
+    pioneer.driver = Driver(pioneer.driver.pose, earlier=pioneer.driver.reckoning)
+    pioneer.effects.clear()
+    pioneer.connect()
+    assert pioneer.run(20, lambda: Heard(True) in pioneer.effects)
+    pioneer.run(5)
+    assert pioneer.driver.motors_off is None
+    assert isinstance(pioneer.act(Advance(distance=0.5)), ActionDone)
+
+
+def test_a_stop_button_that_is_pressed_at_a_charger_is_heeded() -> None:
+    pioneer = at_charger()
+    pioneer.firmware.stop_button = True
+    pioneer.run(1)
+    assert pioneer.driver.motors_off is MotorsOff.BY_HAND
 
 
 def test_a_pushed_robot_knows_where_it_was_pushed_while_it_is_connected() -> None:

@@ -109,7 +109,7 @@ class Firmware:
         """TransAccel, TransDecel, RotAccel and RotDecel, mm/s² and degrees/s²."""
         self._emergency = False
         self._stalled = 0.0
-        self._charge_mechanism = False
+        self._charge_mechanism = self._charged_motors = False
         self._silence = 0.0
         self._until_sip = self._until_sonar = 0.0
         self._place = body.place
@@ -156,6 +156,8 @@ class Firmware:
                 self._close()
             case 4:  # ENABLE
                 self._motors = bool(argument) and not self.stop_button
+                if self._motors:
+                    self._move_charging_mechanism(False)
             case 5 | 23 if argument:  # SETA, SETRA
                 self.rates[(0 if number == 5 else 2) + (argument < 0)] = float(abs(argument))
             case 6:  # SETV
@@ -179,12 +181,20 @@ class Firmware:
             case 55:  # E_STOP
                 self._goal, self._emergency = (0.0, 0.0), True
             case 68:  # CHARGE
-                self._charge_mechanism = bool(argument)
-                self.body.set_charging(self._charge_mechanism)
+                self._move_charging_mechanism(bool(argument))
             case 33 if self.gripper is not None:  # GRIPPER
                 self.gripper.command(argument)
             case 37 if argument:  # GRIPREQUEST
                 self._replies += packet(bytes((0xE0, self.gripper is not None, self.gripper.state if self.gripper else 0, 10)))
+
+    def _move_charging_mechanism(self, is_deployed: bool) -> None:
+        """Motors are off while it is deployed, and then as they were before ("Pioneer 3 Operations Manual", automated recharging)."""
+        if is_deployed and not self._charge_mechanism:
+            self._charged_motors, self._motors = self._motors, False
+        elif self._charge_mechanism and not is_deployed:
+            self._motors = self._motors or self._charged_motors
+        self._charge_mechanism = is_deployed
+        self.body.set_charging(is_deployed)
 
     def _close(self) -> None:
         self._is_open, self._synchronized, self._motors, self._goal = False, 0, False, (0.0, 0.0)
