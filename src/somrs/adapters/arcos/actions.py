@@ -17,7 +17,7 @@ from somrs.adapters.arcos.events import (
     TurnTo,
 )
 from somrs.adapters.arcos.gripper import GripperFailed, GripperMove, holds, is_occupied
-from somrs.adapters.arcos.messages import Command, Flag, Status
+from somrs.adapters.arcos.messages import Command, Status
 from somrs.adapters.arcos.odometry import Pose, wrap
 from somrs.adapters.arcos.parameters import Parameters
 from somrs.adapters.arcos.steering import STAND, Speeds, speed_for, turn_speeds
