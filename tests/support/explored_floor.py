@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from somrs.adapters.mapping.doors import DrivenDoor
@@ -19,7 +19,7 @@ from somrs.ontology.map import Map
 from somrs.ontology.objects import Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.sites.occupancy.building import building_of
-from somrs.sites.plan import Box
+from somrs.sites.plan import Box, Point
 from somrs.space.findings import Finding, find_mistakes
 from somrs.space.solids import Solid, solid_of
 from tests.support.map_comparison import Comparison, compare
@@ -112,7 +112,7 @@ class ExploredFloor:
 
     def follow(self) -> Map:
         """Bring the map up to date with the survey."""
-        building = building_of(self.survey.grid(), self.survey.furniture())
+        building = building_of(self.survey.grid(), self.survey.furniture(), self.floor_map.known_doors)
         self.made = self.made.changed(self.floor_map.follow(building, self.survey.pieces, self.survey.robots))
         return self.made
 
@@ -133,9 +133,11 @@ class ExploredFloor:
         objects = [Object(name=f"Thing{n}", type=thing.type, values=dict(places[n])) for n, thing in enumerate(things.values())]
         return self.made.changed([ObjectAdded(object) for object in objects])
 
-    def compare(self) -> Comparison:
-        """The map against the floor."""
-        comparison = compare(self.with_things, self.true, self.ontology)
+    def compare(self, rooms: Sequence[Point] | None = None) -> Comparison:
+        """The map against the floor, as far as the robot can come there. `rooms`: a point in each room, None: in each of the true map."""
+        values = self.true.objects[ROBOT].values
+        x, y = (value if isinstance(value := values[path], int | float) else 0.0 for path in ("PositionX", "PositionY"))
+        comparison = compare(self.with_things, self.true, self.ontology, (x, y), rooms)
         print(f"{len(self.views)} looks in {self.simulation.time:.0f} s; {comparison}; {len(self.mistakes)} mistakes")
         return comparison
 

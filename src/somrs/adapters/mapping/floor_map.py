@@ -125,6 +125,13 @@ class FloorMap:
         ]
 
     @property
+    def known_doors(self) -> list[Box]:
+        """Where the doors are that others have put on the map."""
+        return [
+            entry.shown.box for entry in self._entries.values() if entry.shown.kind == "Door" and entry.is_foreign and not entry.is_earlier
+        ]
+
+    @property
     def room_count(self) -> int:
         """How many rooms of the storey are known."""
         return sum(entry.shown.kind == "Room" for entry in self._entries.values())

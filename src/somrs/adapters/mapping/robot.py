@@ -210,7 +210,7 @@ class _Findings:
     async def publish(self, *, is_last: bool = False) -> None:
         """Bring the map up to date with the survey. `is_last`: all that can be seen was seen."""
         seen_at, grid = time.time(), self._survey.grid()
-        building = await asyncio.to_thread(building_of, grid, self._survey.furniture())
+        building = await asyncio.to_thread(building_of, grid, self._survey.furniture(), self._floor_map.known_doors)
         parts, missed = self._floor_map.observed(grid)
         if is_last:
             self._floor_map.adopt_earlier(grid)

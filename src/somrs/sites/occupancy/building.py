@@ -13,12 +13,15 @@ import numpy as np
 from scipy import ndimage
 
 from somrs.sites.occupancy.grid import Cell, Mask, OccupancyGrid, Points
+from somrs.sites.occupancy.openings import find_openings, rooms_beside, without_wide
 from somrs.sites.occupancy.rooms import NARROWEST_DOOR, WIDEST_DOOR, Doorway, Labels, Rooms, find_rooms, outline_of
 from somrs.sites.occupancy.walls import WALL_THICKNESS, Structure, find_structure
 from somrs.sites.plan import Box, Point
 
 _IN_LINE = 0.3
 """The greatest distance of the middle of a doorway from the middle of the wall in which it is, m."""
+_BESIDE_DOOR = 0.5
+"""An opening that is so near to a known door is its own, m."""
 _NARROWEST = 0.4
 """Free floor that is narrower is no part of a room, m."""
 _LARGEST_SPOT = 1.0
@@ -54,17 +57,21 @@ class Building:
     doors: list[Door]
 
 
-def building_of(grid: OccupancyGrid, furniture: Sequence[Box] = ()) -> Building:
-    """The building that the grid shows. `furniture`: what is known to stand there, and is no part of the building."""
+def building_of(grid: OccupancyGrid, furniture: Sequence[Box] = (), doors: Sequence[Box] = ()) -> Building:
+    """The building that the grid shows. `furniture`: what is known to stand there, and is no part of the building; `doors`: those that are
+    known, as wide as they may be."""
     furniture = [_moved(box, grid.to_local([(box.x, box.y)]), -grid.yaw) for box in furniture]
+    doors = [_moved(box, grid.to_local([(box.x, box.y)]), -grid.yaw) for box in doors]
     grid = _without(furniture, grid)
     structure = find_structure(grid)
     cells = room_cells(grid, structure, furniture)
-    rooms = find_rooms(cells, grid.resolution)
-    doorways = [(doorway, _door_box(doorway, structure, grid)) for doorway in rooms.doorways]
-    doorways = [(doorway, box) for doorway, box in doorways if box.width >= NARROWEST_DOOR]
-    boxes = [box for _, box in doorways]
-    labels = _cut_at_doors(cells, rooms, boxes, grid)
+    openings = [box for box in find_openings(structure.walls, grid) if all(door.gap((box.x, box.y)) > _BESIDE_DOOR for door in doors)]
+    rooms = find_rooms(_parted(cells, [*doors, *openings], grid), grid.resolution)
+    rooms, openings = without_wide(rooms, openings, grid)
+    doorways = [(doorway.rooms, _door_box(doorway, structure, grid)) for doorway in rooms.doorways]
+    doorways += [(pair, box) for box in (*doors, *openings) if (pair := rooms_beside(box, rooms, grid)) is not None]
+    doorways = [(pair, box) for pair, box in doorways if box.width >= NARROWEST_DOOR]
+    labels = _cut_at_doors(cells, rooms, [*doors, *(box for _, box in doorways)], grid)
     counts = {number: int(np.count_nonzero(labels == number)) for number in rooms.numbers}
     order = sorted(counts, key=lambda number: (-counts[number], number))
     return Building(
@@ -74,17 +81,21 @@ def building_of(grid: OccupancyGrid, furniture: Sequence[Box] = ()) -> Building:
             Room(outline=_floor_outline(labels == number, grid), middle=_middle(labels == number, grid), cells=counts[number])
             for number in order
         ],
-        doors=[
-            Door(box=_on_map(box, grid), rooms=(order.index(doorway.rooms[0]), order.index(doorway.rooms[1]))) for doorway, box in doorways
-        ],
+        doors=[Door(box=_on_map(box, grid), rooms=(order.index(first), order.index(second))) for (first, second), box in doorways],
     )
+
+
+def _parted(cells: Mask, partitions: Sequence[Box], grid: OccupancyGrid) -> Mask:
+    """The cells without those in these rectangles."""
+    cells = cells.copy()
+    for partition in partitions:
+        cells &= ~cells_of(partition, grid, 0.75 * grid.resolution)
+    return cells
 
 
 def _cut_at_doors(cells: Mask, rooms: Rooms, doors: Sequence[Box], grid: OccupancyGrid) -> Labels:
     """The numbers of the rooms of cells: a room ends at the line of its wall, and not where its doorway is narrowest."""
-    for door in doors:
-        cells = cells & ~cells_of(door, grid, 0.75 * grid.resolution)
-    parts, count = ndimage.label(cells)
+    parts, count = ndimage.label(_parted(cells, doors, grid))
     number_of_part = np.zeros(count + 1, dtype=np.int32)
     for part, place in enumerate(ndimage.find_objects(parts), 1):
         number_of_part[part] = int(np.bincount(rooms.labels[place][parts[place] == part]).argmax())

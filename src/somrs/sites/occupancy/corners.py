@@ -41,8 +41,8 @@ def _bends(walls: Sequence[Box], grid: OccupancyGrid) -> Iterator[Box]:
             partner = walls[second]
             if math.dist((wall.x, wall.y), (partner.x, partner.y)) > wall.reach + partner.reach + _LONGEST:
                 continue
-            bend = _bend(wall, partner)
-            if not 2 * grid.resolution < bend.width <= _LONGEST or not (_goes_on(wall, bend) and _goes_on(partner, bend)):
+            bend = gap_between(wall, partner)
+            if not 2 * grid.resolution < bend.width <= _LONGEST or not (goes_on(wall, bend) and goes_on(partner, bend)):
                 continue
             beside = [box for number, box in enumerate(walls) if number not in (first, second)]
             if any(box.gap(end) <= _MEETING for box in beside for end in _ends(bend)):
@@ -54,16 +54,16 @@ def _bends(walls: Sequence[Box], grid: OccupancyGrid) -> Iterator[Box]:
                 yield bend
 
 
-def _bend(wall: Box, partner: Box) -> Box:
-    """The wall between the ends of two that are nearest to each other."""
+def gap_between(wall: Box, partner: Box) -> Box:
+    """The rectangle between the ends of two walls that are nearest to each other, as thick as the thinner one."""
     start, end = min(product(_ends(wall), _ends(partner)), key=lambda pair: math.dist(*pair))
     yaw = math.atan2(end[1] - start[1], end[0] - start[0])
     return Box((start[0] + end[0]) / 2, (start[1] + end[1]) / 2, math.dist(start, end), min(wall.depth, partner.depth), yaw)
 
 
-def _goes_on(wall: Box, bend: Box) -> bool:
-    """Whether a wall is beyond the end of another one, and goes on in nearly the same direction."""
-    return abs(math.sin(wall.yaw - bend.yaw)) < _STEEPEST and abs(wall.local((bend.x, bend.y))[0]) > wall.width / 2
+def goes_on(wall: Box, gap: Box) -> bool:
+    """Whether a gap is beyond the end of a wall, in nearly the same direction."""
+    return abs(math.sin(wall.yaw - gap.yaw)) < _STEEPEST and abs(wall.local((gap.x, gap.y))[0]) > wall.width / 2
 
 
 def _ends(wall: Box) -> tuple[Point, Point]:

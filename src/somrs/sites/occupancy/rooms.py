@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -44,14 +44,29 @@ class Doorway:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rooms:
-    """`labels`: the number of the room of each free cell, from 1; 0: none. `doorways`: where they touch."""
+    """`labels`: the number of the room of each free cell, from 1; 0: none. `doorways`: where they touch. `half_widths`: the distance from
+    walls in the middle of each room, m."""
 
     labels: Labels
     doorways: list[Doorway]
+    half_widths: dict[int, float]
 
     @property
     def numbers(self) -> list[int]:
         return [int(number) for number in np.unique(self.labels) if number]
+
+    def united(self, first: int, second: int) -> Rooms:
+        """The rooms, with the second of these as a part of the first."""
+        labels = np.where(self.labels == second, np.int32(first), self.labels)
+        half_widths = {number: width for number, width in self.half_widths.items() if number != second}
+        half_widths[first] = max(self.half_widths[first], self.half_widths[second])
+        doorways = [replace(doorway, rooms=_renumbered(doorway.rooms, second, first)) for doorway in self.doorways]
+        return Rooms(labels=labels, doorways=[door for door in doorways if door.rooms[0] != door.rooms[1]], half_widths=half_widths)
+
+
+def _renumbered(rooms: tuple[int, int], old: int, new: int) -> tuple[int, int]:
+    first, second = (new if number == old else number for number in rooms)
+    return first, second
 
 
 def find_rooms(free: Mask, resolution: float) -> Rooms:
@@ -60,7 +75,10 @@ def find_rooms(free: Mask, resolution: float) -> Rooms:
     distances = ndimage.distance_transform_edt(padded) * resolution
     labels = segmented(distances, resolution)
     labels = _without_small(labels, round(SMALLEST_ROOM / resolution**2))[1:-1, 1:-1]
-    return Rooms(labels=labels, doorways=list(_doorways(labels, distances[1:-1, 1:-1], resolution)))
+    distances = distances[1:-1, 1:-1]
+    numbers = [int(number) for number in np.unique(labels) if number]
+    half_widths = {number: float(width) for number, width in zip(numbers, ndimage.maximum(distances, labels, numbers), strict=True)}
+    return Rooms(labels=labels, doorways=list(_doorways(labels, distances, resolution)), half_widths=half_widths)
 
 
 def segmented(distances: Floats, step: float) -> Labels:
@@ -92,7 +110,12 @@ def segmented(distances: Floats, step: float) -> Labels:
 
 def is_door(half_width: float, first_peak: float, second_peak: float) -> bool:
     """Whether a narrow place is a door: the distances from walls there and in the middles of the rooms on its sides, m."""
-    return half_width <= WIDEST_DOOR / 2 and half_width <= _NARROWING * min(first_peak, second_peak)
+    return half_width <= WIDEST_DOOR / 2 and is_narrow(half_width, first_peak, second_peak)
+
+
+def is_narrow(half_width: float, first_peak: float, second_peak: float) -> bool:
+    """Whether a place is narrow beside the rooms on its sides, by the distances from walls there and in their middles, m."""
+    return half_width <= _NARROWING * min(first_peak, second_peak)
 
 
 def _flooded(labels: Labels, mask: Mask) -> Labels:

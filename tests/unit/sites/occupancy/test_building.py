@@ -38,6 +38,30 @@ def test_walls_rooms_and_doors_of_a_floor_plan_are_found(plan: FloorPlan, yaw: f
         assert abs(math.remainder(nearest.yaw - door.yaw, math.pi)) <= math.radians(5)
 
 
+@pytest.mark.parametrize(("width", "rooms"), [(3.0, 2), (3.9, 2), (4.6, 1)])
+def test_an_opening_between_the_ends_of_two_walls_parts_rooms_also_if_it_is_wide(width: float, rooms: int) -> None:
+    plan = rooms_in_rows([8.0, 9.0], [7.0], 0.1, [(width, 0.4)])
+    building = building_of(grid_of(plan, yaw=0.2))
+    assert len(building.rooms) == rooms
+    for door in building.doors:
+        assert door.box.width == pytest.approx(width, abs=0.2)
+        assert math.dist((door.box.x, door.box.y), (plan.doors[0].x, plan.doors[0].y)) <= 0.1
+    assert len(building.doors) == rooms - 1
+
+
+def test_an_opening_that_is_as_wide_as_the_rooms_beside_it_parts_none() -> None:
+    plan = rooms_in_rows([4.0, 4.0], [4.6], 0.1, [(3.2, 0.5)])
+    assert len(building_of(grid_of(plan)).rooms) == 1
+
+
+def test_a_known_door_parts_rooms_however_wide_it_is() -> None:
+    plan = rooms_in_rows([8.0, 9.0], [7.0], 0.1, [(5.0, 0.4)])
+    (door,) = plan.doors
+    building = building_of(grid_of(plan, yaw=0.2), doors=plan.doors)
+    assert len(building.rooms) == 2
+    assert [(round(door.box.x, 3), round(door.box.y, 3), door.box.width) for door in building.doors] == [(door.x, door.y, door.width)]
+
+
 @settings(deadline=None, max_examples=6)
 @given(plan=PLANS, shade=st.sampled_from([0.06, 1.0]))
 def test_the_same_walls_are_found_of_filled_and_of_hollow_ones(plan: FloorPlan, shade: float) -> None:
