@@ -326,8 +326,9 @@ def test_the_map_of_the_past_is_the_same_however_it_is_found(tmp_path: Path) -> 
 
 def test_many_events_come_from_as_many_pages_as_it_takes(tmp_path: Path) -> None:
     async def use(api: LiveApi) -> None:
-        for number in range(450):
-            await api.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 1 + number / 1000),), author=f"Robot{number % 3}"))
+        changes = [UpdateMap(changes=(ValueSet("Jar001", "Weight", 1 + number / 1000),), author="Ada") for number in range(450)]
+        for begin in range(0, len(changes), 50):
+            await asyncio.gather(*map(api.map.change, changes[begin : begin + 50]))
         events = await api.map.events(limit=400)
         assert [event.version for event in events.events] == list(range(450, 50, -1))
         assert events.more

@@ -15,12 +15,13 @@ from somrs.access.auditor import Auditor
 from somrs.access.passwords import hashed_password
 from somrs.access.rights import PersonRole
 from somrs.access.store import AccessStore, local_token
+from somrs.storage import denial_counts
 from somrs.storage.audit_log import FILE, Actor, AuditEntry, AuditLog
-from somrs.storage.denial_counts import MOST_DENIALS
 from tests.integration.test_access import bearer, guarded
 from tests.integration.test_sign_in import PASSWORD, browser
 
 LOOPBACK = "127.0.0.1"
+MOST_DENIALS = 50
 
 
 def acts(data: Path) -> list[tuple[str, str, Actor | None]]:
@@ -163,7 +164,8 @@ def test_a_task_and_a_stop_are_recorded(tmp_path: Path) -> None:
     asyncio.run(run())
 
 
-def test_who_tries_in_vain_does_not_fill_the_disk(tmp_path: Path) -> None:
+def test_who_tries_in_vain_does_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(denial_counts, "MOST_DENIALS", MOST_DENIALS)
     auditor = Auditor(tmp_path)
     for _ in range(1500):
         auditor.denied("tasks.submit", Actor(name="Eve", address="10.0.0.1"), "no right")
