@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ValueSet
@@ -12,7 +14,7 @@ from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import MapChanged, UpdateMap
 from somrs.protocol.messages.submission import CancelTask, Policy
-from somrs.protocol.messages.task_views import TaskView
+from somrs.protocol.messages.task_views import Phase, TaskView
 from somrs.runtime.virtual_network import LATENCY
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, ServiceFailed, WorkDone
@@ -449,16 +451,49 @@ def test_the_task_manager_may_be_killed_at_any_time() -> None:
         assert len(executes) == 3, "Robot1, whoever looked, Robot2: nothing was done twice"
 
 
-def test_what_a_robot_lays_down_that_comes_back_when_all_is_over_comes_to_the_map() -> None:
-    def carries(order: Order) -> Work:
-        yield 10.0, Advance(fraction=0.4, situation="Jar002 isHeldBy Robot1")
-        yield 500.0, WorkDone(situation=transfer_effect(order))
+def carries(order: Order) -> Work:
+    yield 10.0, Advance(fraction=0.4, situation="Jar002 isHeldBy Robot1")
+    yield 50.0, WorkDone(situation=transfer_effect(order))
 
-    robot = Robot("Robot1", 10, 60, works=carries, lays_down="Jar002 isOn Floor001")
+
+def dies_with_the_jar(robot: Robot, *, waits: bool) -> tuple[VirtualSystem, str]:
+    """A system whose only robot dies with the jar of the task, and the task."""
     system = VirtualSystem(robot)
-    task = system.submit(GOAL, waits=False)
+    task = system.submit(GOAL, waits=waits)
     assert system.world.run(60, lambda: system.map.has_fact("isHeldBy", ("Jar002", "Robot1")))
     system.world.kill("devices/Robot1")
+    return system, task
+
+
+@pytest.mark.parametrize("situation", ["Jar002 isHeldBy Robot1", "Jar002 isOn Floor001", None])
+def test_a_task_goes_on_when_the_robot_is_back_that_it_had_given_up(situation: str | None) -> None:
+    """It is not given up for what the map says until the robot has said how its work ended. What it still holds, it gives back first."""
+    robot = Robot("Robot1", 10, 60, works=carries, lays_down=situation, undoes=restore_object)
+    system, task = dies_with_the_jar(robot, waits=True)
+    system.world.run(100)
+    assert system.view(task).phase is Phase.WAITING
+    system.restart(robot)
+    (view,) = system.finish(task, seconds=300)
+    assert view.outcome is Outcome.ACCOMPLISHED
+    robot_messages = [kind for kind, _ in system.protocol_messages(task)]
+    assert ("Compensated" in robot_messages) is (situation != "Jar002 isOn Floor001")
+
+
+def test_of_a_robot_that_is_back_without_its_contracts_nothing_is_awaited() -> None:
+    robot = Robot("Robot1", 10, 60, works=carries, undoes=restore_object)
+    system, task = dies_with_the_jar(robot, waits=True)
+    system.world.remove("devices/Robot1")
+    system.world.run(4000)
+    assert system.view(task).phase is Phase.WAITING
+    system.join(robot)
+    (view,) = system.finish(task, seconds=120)
+    assert view.outcome is Outcome.FAILED
+    assert "could not be undone, and it left Jar002 isHeldBy Robot1" in view.explanation
+
+
+def test_what_a_robot_lays_down_that_comes_back_when_all_is_over_comes_to_the_map() -> None:
+    robot = Robot("Robot1", 10, 60, works=carries, lays_down="Jar002 isOn Floor001")
+    system, task = dies_with_the_jar(robot, waits=False)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.FAILED
     system.restart(robot)

@@ -14,7 +14,7 @@ from somrs.task_manager.arrangement.call_for_proposals import OpenCalls
 from somrs.task_manager.arrangement.conditions import StatedConditions
 from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest
 from somrs.task_manager.context import PlanToQuote
-from somrs.task_manager.execution.participants import Members
+from somrs.task_manager.execution.member import Members
 from somrs.task_manager.execution.workflow import Workflow
 from somrs.task_manager.known_services import KnownServices
 from somrs.task_manager.reservations import TaskReservation

@@ -21,8 +21,8 @@ from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.context import Commitments, Interval
 from somrs.task_manager.execution.bids import choose_bid, fit_bid, make_bid
-from somrs.task_manager.execution.member import Member
-from somrs.task_manager.execution.participants import Members, Participants
+from somrs.task_manager.execution.member import Member, Members
+from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.timers import BidsDue
 

@@ -1,10 +1,13 @@
-"""A participant of a transaction, as the coordinator sees it."""
+"""The participants of a transaction, as the coordinator sees them."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 from msgspec import Struct, field
 
 from somrs.protocol.frp.coordinator_session import CoordinatorSession
+from somrs.protocol.frp.states import CONTRACTED, HOLDING_STATES, WORKING
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import State
@@ -67,3 +70,55 @@ class Member(Struct, kw_only=True, eq=False):
         """Whether it tried to compensate and failed, so that the situation may have changed."""
         stranded = self.session.received_messages.get("Stranded")
         return stranded is not None and isinstance(stranded.body, frp.Stranded) and stranded.body.tried
+
+
+class Members(Struct, kw_only=True):
+    """The participants of a transaction, by id. `invited_count`: all that were invited; `change_count`: all changes of contracts."""
+
+    by_id: dict[str, Member] = field(default_factory=dict)
+    former: dict[str, Member] = field(default_factory=dict)
+    """Those of an ended task that held the steps of its last plan."""
+    invited_count: int = field(default=0, name="asked")
+    change_count: int = field(default=0, name="changes")
+
+    def __iter__(self) -> Iterator[Member]:
+        return iter([*self.by_id.values()])
+
+    def find_member(self, id: str | None) -> Member | None:
+        return self.by_id.get(id or "")
+
+    def is_interrupted(self, id: str | None) -> bool:
+        """Whether the participant has reported that it was interrupted, so that it can be told to undo its work."""
+        member = self.find_member(id)
+        return member is not None and member.state in (State.FAILED, State.STOPPED)
+
+    def is_awaited(self, id: str | None) -> bool:
+        """Whether the participant has not reported how its work ended. It may have been given up."""
+        member = self.find_member(id)
+        return member is not None and member.state in CONTRACTED
+
+    def find_known_member(self, id: str | None) -> Member | None:
+        """The participant with this id, or the former participant of an ended task."""
+        return self.find_member(id) or self.former.get(id or "")
+
+    def forget_uncommitted(self, first_number: int) -> None:
+        """Drop the participants from this number on that left without a contract."""
+        self.by_id = {
+            id: member
+            for id, member in self.by_id.items()
+            if member.number < first_number or member.state is not State.ENDED or "Accept" in member.session.sent_messages
+        }
+
+    @property
+    def working(self) -> list[Member]:
+        """The participants whose devices may be moving."""
+        return [member for member in self if member.state in WORKING or member.halting]
+
+    def held(self, step: str) -> bool:
+        """Whether a participant holds the step. This includes one that was given up, has returned, and is being stopped."""
+        return any(member.step == step and member.state in HOLDING_STATES for member in self)
+
+    def at_work(self, id: str) -> bool:
+        """Whether the participant's device carries out its order, or its report is not on the map yet."""
+        member = self.by_id.get(id)
+        return member is not None and (member.state in WORKING or member.halting or member.reporting)

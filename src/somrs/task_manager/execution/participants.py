@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable
 
-from msgspec import Struct, field, structs
+from msgspec import structs
 
 from somrs.kernel.component import Effects, EffectsReturning, Send, SetTimer
 from somrs.ontology.modes import stands_still
 from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.frp.session import CoordinatorBody, ReceiveResult, participant_id
-from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDING_STATES, REPORTED_STATES, UNREACHED_STATES, WORKING, Kind
+from somrs.protocol.frp.states import COORDINATOR_SENDS, REPORTED_STATES, UNREACHED_STATES, WORKING, Kind
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
@@ -18,7 +18,7 @@ from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.device_queue import AtWork
-from somrs.task_manager.execution.member import INTERRUPTED, Member
+from somrs.task_manager.execution.member import Member, Members
 from somrs.task_manager.execution.senders import answer_stranger, follow_address
 from somrs.task_manager.execution.translation import Translation
 from somrs.task_manager.timers import OverdueDue, SilenceDue
@@ -34,53 +34,6 @@ LATENESS = 10.0
 
 LEAST_TIME = 60.0
 """Minimum seconds before a service is stopped, however short its promised duration is."""
-
-
-class Members(Struct, kw_only=True):
-    """The participants of a transaction, by id. `invited_count`: all that were invited; `change_count`: all changes of contracts."""
-
-    by_id: dict[str, Member] = field(default_factory=dict)
-    former: dict[str, Member] = field(default_factory=dict)
-    """Those of an ended task that held the steps of its last plan."""
-    invited_count: int = field(default=0, name="asked")
-    change_count: int = field(default=0, name="changes")
-
-    def __iter__(self) -> Iterator[Member]:
-        return iter([*self.by_id.values()])
-
-    def find_member(self, id: str | None) -> Member | None:
-        return self.by_id.get(id or "")
-
-    def is_interrupted(self, id: str | None) -> bool:
-        """Whether the participant takes part, and was interrupted at work that it can undo."""
-        member = self.find_member(id)
-        return member is not None and member.state in INTERRUPTED and member.lost_version is None
-
-    def find_known_member(self, id: str | None) -> Member | None:
-        """The participant with this id, or the former participant of an ended task."""
-        return self.find_member(id) or self.former.get(id or "")
-
-    def forget_uncommitted(self, first_number: int) -> None:
-        """Drop the participants from this number on that left without a contract."""
-        self.by_id = {
-            id: member
-            for id, member in self.by_id.items()
-            if member.number < first_number or member.state is not State.ENDED or "Accept" in member.session.sent_messages
-        }
-
-    @property
-    def working(self) -> list[Member]:
-        """The participants whose devices may be moving."""
-        return [member for member in self if member.state in WORKING or member.halting]
-
-    def held(self, step: str) -> bool:
-        """Whether a participant holds the step. This includes one that was given up, has returned, and is being stopped."""
-        return any(member.step == step and member.state in HOLDING_STATES for member in self)
-
-    def at_work(self, id: str) -> bool:
-        """Whether the participant's device carries out its order, or its report is not on the map yet."""
-        member = self.by_id.get(id)
-        return member is not None and (member.state in WORKING or member.halting or member.reporting)
 
 
 EventLogger = Callable[[Event, float], None]
@@ -345,13 +298,17 @@ class Participants:
                 yield from self._watch(member, now)
 
     def services_joined(self, services: Iterable[str], now: float) -> Effects:
-        """Follow devices to other addresses. Those at work are asked how far they are: what they reported from there was refused."""
+        """Follow devices to other addresses. Those at work are asked how far they are: what they reported from there was refused. Those
+        that were given up are asked, too: one that has lost its contract says so, and no report of it is awaited any more."""
         joined = {*services}
         for member in self._members:
-            if member.offer.service in joined and follow_address(member, self._context.directory):
+            if member.offer.service not in joined:
+                continue
+            is_elsewhere = follow_address(member, self._context.directory)
+            if is_elsewhere:
                 self._mark_changed(member)
-                if member.state in WORKING:
-                    yield from self._send(member, frp.Query(), now, self._silence_time)
+            if member.state is State.UNREACHABLE or (is_elsewhere and member.state in WORKING):
+                yield from self._send(member, frp.Query(), now, self._silence_time)
 
     def hindered(self, member: Member, now: float) -> Effects:
         """Give the work of a participant that cannot go on now its whole time again."""

@@ -14,8 +14,7 @@ from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.provider_choice import assign_provider
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.task_manager.context import Interval
-from somrs.task_manager.execution.member import Member
-from somrs.task_manager.execution.participants import Members
+from somrs.task_manager.execution.member import Member, Members
 
 
 class Progress(StrEnum):

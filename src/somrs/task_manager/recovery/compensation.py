@@ -23,7 +23,8 @@ from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.waits import Holder
 from somrs.task_manager.context import TaskManagerContext, known_to_hold
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
-from somrs.task_manager.execution.participants import Members, Participants
+from somrs.task_manager.execution.member import Members
+from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.recovery.handlers import fitting_handlers
 from somrs.task_manager.requests import ReservationAnswer
 from somrs.task_manager.reservations import ReservationRequester

@@ -25,7 +25,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.task_manager.arrangement.available_services import AvailableServices
 from somrs.task_manager.context import TaskManagerContext, known_to_hold
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
-from somrs.task_manager.execution.participants import Members
+from somrs.task_manager.execution.member import Members
 from somrs.task_manager.execution.reports import Report, ReportResult, Reports, UnobservedSubject
 from somrs.task_manager.execution.workflow import StepRun
 from somrs.task_manager.requests import DiscoveredOffers, ForLook

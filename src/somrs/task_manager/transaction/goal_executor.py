@@ -161,8 +161,8 @@ class GoalExecutor:
     def _wait_or_fail(
         self, reasons: tuple[str, ...], now: float, hindrances: Mapping[str, str] = MappingProxyType({})
     ) -> EffectsReturning[NextAction | None]:
-        """Give up for these reasons; or wait, and try again later, if some of them pass: the `hindrances`, and those of services."""
-        passing = {**hindrances, **self._services.passing_hindrances(now)} if self._retry_wait.is_allowed else {}
+        """Give up for these reasons; or wait, and try again later, if some of them pass: the `hindrances`, and those known of the task."""
+        passing = {**hindrances, **self._retry_wait.passing_hindrances(now)} if self._retry_wait.is_allowed else {}
         if not passing:
             return (yield from self._fail(reasons, now))
         yield from self.arranger.withdraw("the task has to wait", now)

@@ -29,8 +29,13 @@ class RetryWait:
         return self._execution.kind is GoalKind.TASK and self._scope.state.task.waits
 
     def passing_hindrances(self, now: float) -> dict[str, str]:
-        """The hindrances for which the goal may wait, by subject."""
-        return self._scope.services.passing_hindrances(now) if self.is_allowed else {}
+        """The hindrances for which the goal may wait, by subject: services that may be available later, and work of which nobody has said
+        how it ended. Its service was given up, and may be back: what it left, and what it can undo, may lead on."""
+        if not self.is_allowed:
+            return {}
+        state, services = self._scope.state, self._scope.services.passing_hindrances(now)
+        awaited = (work.service for work in state.log.interrupted() if state.members.is_awaited(work.participant))
+        return {**dict.fromkeys(awaited, "has not said yet how its work ended"), **services}
 
     def begin(self, hindrances: Mapping[str, str], now: float) -> Effects:
         """Wait until the next attempt. The caller has withdrawn all calls and dismissed all participants that have not begun."""

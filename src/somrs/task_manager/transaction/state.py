@@ -22,7 +22,7 @@ from somrs.task_manager.arrangement.call_for_proposals import OpenCalls
 from somrs.task_manager.arrangement.conditions import StatedConditions
 from somrs.task_manager.arrangement.plan_request import PlanRequest
 from somrs.task_manager.execution.execution_log import ExecutionLog
-from somrs.task_manager.execution.participants import Members
+from somrs.task_manager.execution.member import Members
 from somrs.task_manager.execution.reports import Reports
 from somrs.task_manager.execution.workflow import StepRun, Workflow
 from somrs.task_manager.known_services import KnownServices

@@ -22,8 +22,8 @@ from somrs.task_manager.context import Quotes, TaskManagerContext
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from somrs.task_manager.discovery import Discovery
 from somrs.task_manager.execution.bids import Bid
-from somrs.task_manager.execution.member import Member
-from somrs.task_manager.execution.participants import Members, Participants
+from somrs.task_manager.execution.member import Member, Members
+from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.execution.senders import answer_stranger
 from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import Requests
