@@ -115,6 +115,8 @@ class Gripper:
             return
         if held is not None and (carries or (carries is None and self._robot.holding == held.thing)):
             self.hold(held.thing, held.origin)
+        elif held is not None and held.target is not None and carries is False and not is_lost:
+            self.leave()  # it was let go of at the target, before that ended
         else:
             self.release(self.place if not is_lost else None)
 

@@ -117,6 +117,7 @@ class RoadLink(CommandLink):
         await self._end_current("stopped", f"{self.robot.name} received another command")
         if isinstance(command, Stop):
             self.traveller.end_stay()
+            self.traveller.renew_state()  # what its gripper holds may only just be known
             return self._done(*await self._known_places())
         self.traveller.activity, self._handling.is_lost = type(command).__name__, False
         self._current = task = asyncio.create_task(self._carry_out(command))

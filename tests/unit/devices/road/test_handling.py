@@ -11,9 +11,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from somrs.devices.simulator.drivers.manipulator import Spot
 from somrs.devices.simulator.link.commands import ObjectState
 from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.service_manager.sdk.device import Task
 from somrs.service_manager.sdk.map_reader import MapReader
+from somrs.service_manager.sdk.orders import Order
 from tests.support.road_lab import LabRobot, RoadLab, in_lab, in_virtual_time
 
 
@@ -183,6 +186,7 @@ async def test_a_command_waits_until_a_robot_whose_program_was_started_anew_take
     while (restarted := lab.robots["Robot1"]) is robot or not restarted.link.connected:
         await asyncio.sleep(0.01)
     restarted.link.gripper.load([])
+    assert (await restarted.link.stop()).state.holding == "Jar1", "who stops its work learns that it is to be put down"
     assert not restarted.road.entered.is_set()
     await restarted.link.approach("Table1")
     await restarted.link.place("Table1")
@@ -218,6 +222,35 @@ async def test_a_robot_that_was_gone_while_it_picked_goes_on_when_it_is_back(lab
     with pytest.raises(RobotGaveUp, match="cannot be reached"):
         await picking
     assert robot.lost_link_patience == robot.carrying_patience
+
+
+@pytest.mark.parametrize("share", [0.25, 0.75])
+@in_lab
+async def test_what_is_stopped_while_it_is_put_down_is_in_the_gripper_or_there(lab: RoadLab, robot: LabRobot, share: float) -> None:
+    await carrying(lab, robot)
+    putting_down = asyncio.create_task(robot.link.put_down_object())
+    await asyncio.sleep(share * robot.body.handling)
+    await robot.link.stop()
+    with pytest.raises(RobotGaveUp):
+        await putting_down
+    assert await put_down_place(robot) == "Floor1" == lab.places["Jar1"]
+
+
+@in_lab
+async def test_a_service_waits_until_the_idle_robot_has_put_down_what_it_held(lab: RoadLab, robot: LabRobot) -> None:
+    """Seen with a vehicle: it was told to undo its work in the middle of that, and nobody knew any more where the jar was."""
+
+    robot.map = MapReader(lab.answer)
+    robot.observer = lambda situation, observation: lab.report(str(situation))
+    await robot.open()
+    await carrying(lab, robot)
+    while robot.body.held_thing is not None:
+        await asyncio.sleep(0.1)
+    assert robot.holding == "Jar1", "it is about to say that it has put it down"
+    order = Order(participant="Robot1.TransferObject", method="transfer", inputs={}, effect="Jar1 isOn Platform1")
+    await robot._carry_out_transfer(Task(robot.name, order, lab.answer, lambda advance: None), "Jar1", Spot(support="Platform1"))
+    assert lab.places["Jar1"] == "Platform1"
+    await robot.close()
 
 
 def test_a_robot_that_is_back_says_where_the_thing_is_that_the_map_has_forgotten(tmp_path: Path) -> None:

@@ -118,6 +118,8 @@ class Manipulator(OpeningRobot):
         """What the arm has measured of the things that it lifted last, kg."""
         self._kept: tuple[str, Pose, float] | None = None
         """What the idle robot could not put down, where, and when."""
+        self._freeing = asyncio.Lock()
+        """Held while the idle robot puts down what it holds. Services wait for that: nobody would know where the thing is otherwise."""
         await super().open()
         self._weighs = await self.map.service_type("WeighObject") is not None
 
@@ -224,14 +226,17 @@ class Manipulator(OpeningRobot):
 
     async def _free_gripper(self, object: str, pose: Pose) -> None:
         """Put down what the idle robot holds, such as after a gripper that was stuck: no plan takes a thing out of a hand."""
-        try:
-            result = await self.retry_when_link_lost(lambda: self._run_and_record(self._link.put_down_object()))
-        except RobotGaveUp as failure:
-            self._kept = object, pose, asyncio.get_running_loop().time()  # there is no room
-            if failure.state is not None:
-                self.observed(await self._situation(failure.state, object, failure.object_states))
-        else:
-            self.observed(await self._situation(result.state, object, result.object_states))
+        async with self._freeing:
+            if self._working:
+                return
+            try:
+                result = await self.retry_when_link_lost(lambda: self._run_and_record(self._link.put_down_object()))
+            except RobotGaveUp as failure:
+                self._kept = object, pose, asyncio.get_running_loop().time()  # there is no room
+                if failure.state is not None:
+                    self.observed(await self._situation(failure.state, object, failure.object_states))
+            else:
+                self.observed(await self._situation(result.state, object, result.object_states))
 
     async def _stop_and_lay_down(self) -> CommandDone:
         result = await self._link.stop()
@@ -274,7 +279,8 @@ class Manipulator(OpeningRobot):
     async def _carry_out_transfer(self, task: Task, object: str, target: Spot) -> CommandDone:
         """Grip the thing, unless the robot holds it already, and put it on the target."""
         assert target.name is not None, "the callers name a support or a container"
-        state = (await self._link.status()).state
+        async with self._freeing:
+            state = (await self._link.status()).state
         if state.holding != object:
             self._on_way_to = object
             await self._driving(task, self._run_and_record(self._link.approach(object)), 0.05, 0.35, f"on the way to {object}")
