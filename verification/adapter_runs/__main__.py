@@ -1,7 +1,7 @@
-"""Kills adapters, the other ends of their wires, and brokers, one or two at a time, while robots fetch, pick, carry, drop, charge and pass
-doors, and starts them again.
+"""Kills adapters, the other ends of their wires, and brokers, one or two at a time, while robots fetch, pick, carry, drop, charge, pass
+doors and ride in a lift, and starts them again.
 
-    python -m verification.adapter_runs [--runs 84] [--first 0] [--out out/adapter-runs]
+    python -m verification.adapter_runs [--runs 86] [--first 0] [--out out/adapter-runs]
 
 No robot may drive on beyond what traffic granted while nobody is there who knows; the task has to be accomplished, or to say why not; the
 map has to agree with the world in the end; and all robots have to work again. A run with a seed is drawn in the same way each time. The

@@ -17,10 +17,11 @@ class Phase(StrEnum):
     DROPPING = "dropping it"
     CHARGING = "charging"
     PASSING = "passing a door"
+    RIDING = "riding in a lift"
 
 
 class Case(NamedTuple):
-    """`kind`: the protocol of the robots, or of the door. `victims`: the labels of the programs that are killed."""
+    """`kind`: the protocol of the robots, or of the door or the lift. `victims`: the labels of the programs that are killed."""
 
     kind: str
     phase: Phase
@@ -47,8 +48,11 @@ KINDS = (
     _cases_of("things", ("things", "things-simulated", "broker"), (("things", "broker"),), (Phase.PASSING,)),
 )
 
-CASES = tuple(case for cases in zip_longest(*KINDS) for case in cases if case is not None)
-"""All cases, by turns of each protocol. The run with a seed plays that of this number, counted on from the beginning after the last."""
+RIDES = _cases_of("lift", ("things", "things-simulated", "broker"), (("things", "broker"), ("things", "things-simulated")), (Phase.RIDING,))
+
+CASES = (*(case for cases in zip_longest(*KINDS) for case in cases if case is not None), *RIDES)
+"""All cases, by turns of each protocol, and then those of a lift. The run with a seed plays that of this number, counted on from the
+beginning after the last."""
 
 SHORT, LONG = (0.2, 4.0), (35.0, 50.0)
 """For how long a program stays away, in seconds: until it is started again, or longer than leases in traffic last."""

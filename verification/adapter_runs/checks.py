@@ -34,17 +34,20 @@ async def _differences(client: Client, operator: OperatorLink, things: tuple[str
         if places != [seen.support]:
             holder = f"in the gripper of {seen.held_by}" if seen.held_by else f"on {seen.support}"
             problems.append(f"{thing} is {holder}, and the map has it at {', '.join(places) or 'no place'}")
-        elif (error := _error(map.objects[thing].values, seen.x, seen.y)) > MOST_ERROR:
+        elif (error := _error(map.objects[thing].values, (seen.x, seen.y, seen.z))) > MOST_ERROR:
             problems.append(f"{thing} is {error:.2f} m from where the map has it")
     for robot in ROBOTS:
         values, state = map.objects[robot].values, states[robot]
         if values.get("Working") is False:
             problems.append(f"the map has it that {robot} does not work")
-        if (error := _error(values, state.x, state.y)) > MOST_ERROR:
+        if (error := _error(values, (state.x, state.y, state.z or 0.0))) > MOST_ERROR:
             problems.append(f"{robot} is {error:.2f} m from where the map has it")
+    for name, object in map.objects.items():
+        if object.type in ("Lift", "AutomaticDoor") and object.values.get("Working") is False:
+            problems.append(f"the map has it that {name} does not work")
     return problems
 
 
-def _error(values: object, x: float, y: float) -> float:
+def _error(values: object, point: tuple[float, float, float]) -> float:
     assert isinstance(values, dict)
-    return math.dist((values["PositionX"], values["PositionY"]), (x, y))
+    return math.dist((values["PositionX"], values["PositionY"], values.get("PositionZ", 0.0)), point)

@@ -71,7 +71,7 @@ class Run:
         )
         for victim in case.victims:
             await system.programs[victim].process.wait()
-        if not case.victims[0].endswith("-simulated") and case.phase is not Phase.PASSING:
+        if not case.victims[0].endswith("-simulated") and case.phase not in (Phase.PASSING, Phase.RIDING):
             if (problem := await watch.stand()) is not None:
                 self.problems.append(problem)
             self.problems += await watch.beside(granted)
@@ -82,11 +82,24 @@ class Run:
     async def _check(self, client: Client, operator: OperatorLink) -> None:
         """What has to hold after the task."""
         self.problems += await until_agreed(client, operator, ("Jar1", "Jar2"))
+        if self.draw.case.phase is Phase.RIDING:
+            await self._call_lift(client)
         try:
             async with asyncio.timeout(MOST_TIME / 4):
                 await _joined(client)
         except TimeoutError:
             self.problems.append("not all robots offer their services again")
+
+    async def _call_lift(self, client: Client) -> None:
+        """No robot has the lift any more, and it does what it is told."""
+        try:
+            async with asyncio.timeout(MOST_TIME / 4):
+                view = await _end(client, await client.submit(Submit(effect="Lift1 standsAt Storey1")))
+        except TimeoutError:
+            self.problems.append("the lift cannot be called")
+        else:
+            if view.outcome is not Outcome.ACCOMPLISHED:
+                self.problems.append(f"the lift cannot be called: {view.explanation}")
 
 
 def _start_order(victim: str) -> int:

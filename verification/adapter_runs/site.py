@@ -45,6 +45,28 @@ DOOR = """
   North1: {type: Wall, at: [4, 4.85, 0], Shape: {Form: Box, Width: 0.1, Depth: 2.5, Height: 2.5}}
 """
 
+UPPER = 4.0
+"""The height of the upper floor of the building with a lift, m."""
+
+LIFT = """
+          Gate1: {type: LiftDoor, at: [8.05, 3, 0], Shape: {Form: Box, Width: 0.1, Depth: 1.2, Height: 2.1}}
+      Storey2:
+        type: Storey
+        Elevation: 4
+        parts:
+          Floor2: {type: Floor, at: [4, 3, 3.9], Shape: {Form: Box, Width: 8.2, Depth: 6.2, Height: 0.1}}
+          Gate2: {type: LiftDoor, at: [8.05, 3, 4], Shape: {Form: Box, Width: 0.1, Depth: 1.2, Height: 2.1}}
+      Lift1: {type: Lift, at: [9.1, 3, 0], Speed: 0.5, Shape: {Form: Box, Width: 1.8, Depth: 1.8, Height: 2.3}}
+"""
+
+LIFT_FACTS = """
+  - Lift1 stopsAt Storey1
+  - Lift1 stopsAt Storey2
+  - Gate1 leadsInto Lift1
+  - Gate2 leadsInto Lift1
+"""
+
+LIFT_MAPPING = 'things: {Lift1: {type: Lift, session: {connection: broker, topic: lifts/1, levels: {Storey1: "1", Storey2: "2"}}}}\n'
 MAPPING = "things: {Door1: {type: AutomaticDoor, session: {connection: broker, topic: doors/1}}}\n"
 
 
@@ -58,6 +80,9 @@ def write_site(case: Case, folder: Path) -> Path:
     if case.phase is Phase.PASSING:
         text = MAP.replace("  Table1:", f"{DOOR}  Table1:")
         (folder / "things.yaml").write_text(MAPPING)
+    elif case.phase is Phase.RIDING:
+        text = MAP.replace("\n  Table1:", f"{LIFT}  Table1:").replace("[6.5, 4.6, 0]", f"[6.5, 4.6, {UPPER:g}]") + LIFT_FACTS.lstrip("\n")
+        (folder / "things.yaml").write_text(LIFT_MAPPING)
     settings = adapters_of(case.kind)
     assert settings is not None, "it has been tried out whether the protocol runs here"
     file = folder / "site.yaml"
@@ -79,6 +104,9 @@ def adapters_of(kind: str) -> dict[str, Any] | None:
             return {"ros2": ros} if python is not None else None
         case ["things"]:
             return {"things": {"broker": "own", "mappings": ["things.yaml"], "simulated": {"Door1": {}}}}
+        case ["lift"]:
+            levels = {"1": 0.0, "2": UPPER}
+            return {"things": {"broker": "own", "mappings": ["things.yaml"], "simulated": {"Lift1": levels}}}
     return {}
 
 

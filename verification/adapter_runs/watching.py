@@ -12,7 +12,7 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.link.roads import RoadPoint
 from somrs.space.lines import point_distance
 from verification.adapter_runs.cases import Phase
-from verification.adapter_runs.site import ROBOTS
+from verification.adapter_runs.site import ROBOTS, UPPER
 
 LOOK = 0.05
 """Seconds between two looks at the world."""
@@ -26,6 +26,8 @@ WITHIN_REACH = 0.95
 """So near to a thing or a support, a robot has begun to work with it, in metres, whatever its arm is like."""
 DOOR = (4.0, 3.0)
 """Where the door is."""
+LANDING = 0.1
+"""A robot that is higher than this over a floor, and so far below the next one, rides in the lift, in metres."""
 
 States = Mapping[str, RobotState]
 
@@ -55,6 +57,7 @@ class Watch:
                     Phase.DROPPING: state.activity == "Place" or (state.holding is not None and to_platform < WITHIN_REACH),
                     Phase.CHARGING: state.activity == "Charge",
                     Phase.PASSING: state.holding is not None and math.dist((state.x, state.y), DOOR) < 1.5,
+                    Phase.RIDING: state.holding is not None and LANDING < (state.z or 0.0) < UPPER - LANDING,
                 }
                 if is_there[phase]:
                     self.robot = name

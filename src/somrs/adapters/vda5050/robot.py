@@ -42,6 +42,7 @@ from somrs.ontology.types import Value
 from somrs.service_manager.sdk.device import Task
 from somrs.service_manager.sdk.orders import Refusal
 from somrs.space.shafts import SAME_FLOOR
+from somrs.space.solids import Point
 
 FASTEST = 50.0
 """No vehicle has this speed, m/s."""
@@ -136,12 +137,18 @@ class Vda5050Vehicle(CarryingRobot, replaces=("legs",)):
     async def put_down(self, thing: str) -> tuple[float, float, float, str]:
         if (station_type := self._stations.word("", ())) != FLOOR:
             raise RobotFailed(f"{self.name} drops loads at stations of the type {station_type} only")
-        ahead, aside = self._load_offset()
+        x, y = self._load_point()
+        if (support := self.building.support_at((x, y), self.road.level)) is not None:
+            raise RobotFailed(f"{self.name} carries {thing} before {support}, and would not know whether it ends up on it or beside it")
         await self.drop(thing, "")
-        pose = self.session.control.vehicle.pose
+        return x, y, self.road.level, ""
+
+    def _load_point(self) -> Point:
+        """Where the vehicle carries its load, on the map."""
+        pose, (ahead, aside) = self.session.control.vehicle.pose, self._load_offset()
         assert pose is not None, "a vehicle in traffic has said where it is"
         cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-        return pose.x + cos * ahead - sin * aside, pose.y + sin * ahead + cos * aside, self.road.level, ""
+        return pose.x + cos * ahead - sin * aside, pose.y + sin * ahead + cos * aside
 
     def _load_offset(self) -> tuple[float, float]:
         """How far before its middle, and to the left of it, the vehicle carries its load, m: as its state says, or at its middle."""

@@ -129,6 +129,12 @@ def test_a_load_that_is_put_down_is_where_the_vehicle_carried_it() -> None:
         x, y, *rest = await putting
         assert [x, y] == pytest.approx([1.9, 1.5])
         assert rest == [0.0, ""]
+        ontology, map = lab()
+        bench.device.building.update(map, ontology, RoadmapRead(1, (RoadmapPlace(name="P1", x=3.0, y=3.0),)))
+        table = map.objects["Table1"].values
+        bench.say(mobileRobotPosition=position | {"x": table["PositionX"], "y": table["PositionY"]}, loads=[load])
+        with pytest.raises(RobotFailed, match="Robot1 carries Jar7 before Table1"):
+            await bench.device.put_down("Jar7")
 
     asyncio.run(test())
 
