@@ -29,10 +29,12 @@ from somrs.space.storeys import span_of
 
 
 class StoppedDevices(msgspec.Struct, frozen=True, kw_only=True):
-    """Which devices an operator has stopped. `all`: whether there are devices, and all are stopped."""
+    """Which devices an operator has stopped. `all`: whether there are devices, and all are stopped. `released`: those that were stopped,
+    and go on by this."""
 
     stopped: tuple[str, ...]
     all: bool
+    released: tuple[str, ...] = ()
 
 
 class ObjectMode(msgspec.Struct, frozen=True, kw_only=True):
@@ -115,11 +117,12 @@ class ControlService:
 
     async def _set(self, names: list[str], attribute: str, value: bool, author: str) -> StoppedDevices:
         """Set the attribute of all devices at once."""
+        released = tuple(name for name in names if attribute == PAUSED and not value and self._is_stopped(name))
         await self._change(names, attribute, value, author)
         stopped = {name for name in self._devices(PAUSED) if self._is_stopped(name)}
         if attribute == PAUSED:  # the map of this program may not have it yet
             stopped = stopped | {*names} if value else stopped - {*names}
-        return StoppedDevices(stopped=tuple(sorted(stopped)), all=bool(stopped) and stopped >= {*self._devices(PAUSED)})
+        return StoppedDevices(stopped=tuple(sorted(stopped)), all=bool(stopped) and stopped >= {*self._devices(PAUSED)}, released=released)
 
     async def _change(self, names: list[str], attribute: str, value: Value, author: str) -> None:
         """Set the attribute of the objects at once, without regard to what others change meanwhile."""

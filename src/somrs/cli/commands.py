@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from somrs.deployment.system import System
 
+NO_SERVICES = "No service is on offer yet: devices join when they are reached. `somrs fleet` says how each is."
 DEMO_SITE = Path(str(resources.files("somrs.demo") / "data" / "scenario-1.yaml"))
 """The site of `somrs up` when the user gives none."""
 
@@ -136,7 +137,7 @@ async def run_system(site: Sequence[Path], data: Path, make_system: Callable[[Se
                 offers = await client.services()
         stopped = asyncio.create_task(stop_signal())
         await asyncio.sleep(0)  # until the signals are handled: a script may send one as soon as it reads that the system runs
-        console.print(terminal.services(offers))
+        console.print(terminal.services(offers) if offers else NO_SERVICES)
         console.print(
             f"Running. In another terminal: somrs do FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C stops it."
         )

@@ -55,7 +55,10 @@ def stop(device: AnyDevice = None, storey: StoreyOption = None, author: Author =
 @control_app.command()
 def release(device: AnyDevice = None, storey: StoreyOption = None, author: Author = DEFAULT_AUTHOR, data: Data = DEFAULT_FOLDER) -> None:
     """Let stopped devices go on."""
-    _print_stopped(awaited(with_api(data, lambda api: api.control.release(device=device, storey=storey, by=author))).stopped)
+    answer = awaited(with_api(data, lambda api: api.control.release(device=device, storey=storey, by=author)))
+    print(f"released: {', '.join(answer.released)}" if answer.released else "nothing to release: no such device was stopped")
+    if answer.stopped:
+        _print_stopped(answer.stopped)
 
 
 @control_app.command(name="out-of-service")

@@ -213,7 +213,7 @@ class _Explainer:
         in_vain = sorted({device for device, use in self.problem.fruitless if use in uses and names(literal)[0] in use})
         if in_vain:
             about = [loss for loss in self.problem.rejected if loss.service_type.name in offered and names(literal)[0] in loss.reason]
-            return f"; {' and '.join(in_vain)} tried in vain to find it out{rejection_text(about)}"
+            return f"; {' and '.join(in_vain)} could not find it out{rejection_text(about)}"
         return f", and {' and '.join(offered)} cannot find it out now"
 
     def _unknown_objects(self, literal: Literal) -> bool:
