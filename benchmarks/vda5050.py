@@ -84,6 +84,8 @@ class Fleet:
         self.vehicles.append(Vehicle(device))
         device.session.give(BuildingChanged(zones=ZONES))
 
+    def report_problem(self, name: str, problem: str | None) -> None: ...
+
     async def remove(self, name: str) -> None: ...
 
     async def storeys(self) -> dict[str, float]:

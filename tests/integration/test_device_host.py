@@ -16,6 +16,7 @@ from somrs.deployment import device_host
 from somrs.deployment.device import device_journal
 from somrs.deployment.device_host import HostedDevice, Listeners, make_device, name_device, parse_device
 from somrs.errors import DeviceError
+from somrs.ontology.types import PROBLEM, Value
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.runtime.host import Host
@@ -68,7 +69,8 @@ class Fleet:
         repository = core.add("/repository", lambda address: Repository(address, contents()))
         registry = core.add("/registry", lambda address: Registry(address, repository=repository.address))
         assert isinstance(registry.component, Registry)
-        self.registry = registry.component
+        assert isinstance(repository.component, Repository)
+        self.registry, self.repository = registry.component, repository.component
         addresses = Addresses(repository=repository.address, registry=registry.address, task_manager=f"{core.url}/none")
         listeners = Listeners("127.0.0.1")
         for name, class_name in classes.items():
@@ -88,6 +90,10 @@ class Fleet:
         """The addresses in the Registry, by the devices' names."""
         return {name: offer.address for name, provider in self.registry.state.providers.items() for offer in provider.offers.values()}
 
+    def problem(self, name: str) -> Value | None:
+        """What the map has as the problem of a device."""
+        return self.repository.contents.map.objects[name].values.get(PROBLEM)
+
     def on_offer(self) -> set[str]:
         return set(self.registry.state.providers)
 
@@ -100,15 +106,16 @@ async def wait_until(condition: Callable[[], bool]) -> None:
 
 def test_a_device_that_does_not_start_is_tried_again_while_the_others_work(tmp_path: Path) -> None:
     async def scenario() -> None:
-        async with Fleet(tmp_path).running(Robot1="Carrier", Robot2="LateCarrier", Robot3="FaultyCarrier") as fleet:
+        async with Fleet(tmp_path).running(Robot1="LateCarrier", Robot2="Carrier", Robot3="FaultyCarrier") as fleet:
             with pytest.raises(DeviceError, match="nothing answers at its port"):
-                await fleet.devices["Robot2"].first_start
+                await fleet.devices["Robot1"].first_start
             with pytest.raises(DeviceError, match="ZeroDivisionError"):
                 await fleet.devices["Robot3"].first_start
-            await fleet.devices["Robot1"].first_start
-            assert fleet.on_offer() == {"Robot1"}
+            await fleet.devices["Robot2"].first_start
+            assert fleet.on_offer() == {"Robot2"}
+            await wait_until(lambda: fleet.problem("Robot1") == "does not start: nothing answers at its port")
             (tmp_path / "on").touch()
-            await wait_until(lambda: fleet.on_offer() == {"Robot1", "Robot2"})
+            await wait_until(lambda: fleet.on_offer() == {"Robot1", "Robot2"} and not fleet.problem("Robot1"))
 
     asyncio.run(scenario())
 

@@ -150,7 +150,7 @@ class Body:
         return None
 
 
-class LabRobot(CarryingRobot, replaces=("_notice_state", "data", "whole_map")):
+class LabRobot(CarryingRobot, replaces=("_notice_state", "data", "whole_map", "problem_observer")):
     """The program of a robot. `stopping`: the seconds that it takes to stand still. `reach`: how far along the x axis it puts things
     down, in metres; `floor`: whether it can. `senses`: whether it has a sensor in its gripper. `ends_at`: of what it picks or drops, the
     share after which the program of its gripper has ended; None: it does not end."""
@@ -164,6 +164,9 @@ class LabRobot(CarryingRobot, replaces=("_notice_state", "data", "whole_map")):
         self.data, self.lab, self.body = lab.folder, lab, body
         self.whole_map = lab.whole_map
         self.ways_told: list[Way] = []
+        self.problems: list[str | None] = []
+        """What people were told."""
+        self.problem_observer = self.problems.append
         self.is_unreachable = False
         self._drive_task: asyncio.Task[None] | None = None
         self._reported_number = 0

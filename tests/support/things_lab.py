@@ -37,6 +37,9 @@ class RunningFleet:
             runner = self._runners[device.name] = DeviceRunner(device, self._system.addresses, self._system.data)
             await runner.start()
 
+    def report_problem(self, name: str, problem: str | None) -> None:
+        """Tell nobody."""
+
     async def remove(self, name: str) -> None:
         async with self._turn:
             await self._runners.pop(name).stop()

@@ -23,6 +23,7 @@ class NotedFleet:
         self.devices: dict[str, Vda5050Vehicle] = {}
         self.heights: dict[str, float] = {}
         """Of the storeys, m."""
+        self.problems: dict[str, str | None] = {}
         self.effects: dict[str, list[Effect]] = {}
 
     def add(self, device: Device) -> None:
@@ -30,6 +31,9 @@ class NotedFleet:
         self.devices[device.name] = device
         self.effects[device.name] = []
         device.session.on_effect = self.effects[device.name].append
+
+    def report_problem(self, name: str, problem: str | None) -> None:
+        self.problems[name] = problem
 
     async def remove(self, name: str) -> None:
         del self.devices[name]

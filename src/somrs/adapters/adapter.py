@@ -15,6 +15,9 @@ class Fleet(Protocol):
     def add(self, device: Device) -> None:
         """Let a device join. One of this name takes the place of an earlier one."""
 
+    def report_problem(self, name: str, problem: str | None) -> None:
+        """Say why an object that the adapter serves has no device yet, as of `Device.report_problem`. When it has one, that says it."""
+
     async def remove(self, name: str) -> None:
         """Let a device leave the system."""
 

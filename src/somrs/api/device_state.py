@@ -18,7 +18,7 @@ class DeviceState(StrEnum):
     BOOKED = "booked"
     """It has a contract for a step that has not begun."""
     NOT_WORKING = "not-working"
-    """It has a fault, whether or not it has work."""
+    """It has a fault, cannot be reached, or does not start, whether or not it has work."""
     STOPPED = "stopped"
     """An operator has stopped it."""
     OUT_OF_SERVICE = "out-of-service"
@@ -56,6 +56,11 @@ def is_working(on_map: bool, faults: Collection[Fault] | None) -> bool:
     The simulator takes precedence, since the map may be older than the fault or its repair.
     """
     return not faults if faults is not None else on_map
+
+
+def fault_text(faults: Collection[Fault] | None) -> str:
+    """What is wrong with a simulated device, after its name: `has a fault: drive broken`; empty if nothing is."""
+    return f"has a fault: {', '.join(FAULT_LABELS[fault] for fault in faults)}" if faults else ""
 
 
 def state_of(

@@ -11,9 +11,10 @@ from enum import StrEnum
 import msgspec
 
 from somrs.access.rights import Right
+from somrs.api.assignments import BUSY, Assignment, by_device
 from somrs.api.context import Context
-from somrs.api.device_state import DeviceState, is_working, state_of
-from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally, device_of
+from somrs.api.device_state import DeviceState, fault_text, is_working, state_of
+from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally
 from somrs.api.service_presence import ServicePresence
 from somrs.api.simulator_gateway import NO_TRAFFIC, SimulatedDeviceView, break_or_mend, put_robot, simulated_devices
 from somrs.api.traffic_reader import last_place, reader_of
@@ -28,12 +29,11 @@ from somrs.kernel.offers import Offers
 from somrs.ontology.modes import DOOR, LIFT, MOBILE_ROBOT
 from somrs.ontology.objects import Change, Fact, FactRemoved, ValueSet
 from somrs.ontology.services import ServiceKind
-from somrs.ontology.types import IN_SERVICE, PAUSED, PAUSED_FOR, WORKING, Value
+from somrs.ontology.types import IN_SERVICE, PAUSED, PAUSED_FOR, PROBLEM, WORKING, Value
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.directory import Discover, NeighbourView, Offer, PresenceChange
-from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.protocol.messages.task_views import StepView, TaskView, WorkView
+from somrs.protocol.messages.task_views import TaskView, WorkView
 
 _STOREY = "Storey"
 _HELD_BY, _STANDS_AT = "isHeldBy", "standsAt"
@@ -43,8 +43,6 @@ DEPARTED_TIME = 600.0
 
 TICK = 1.0
 """Seconds between two checks of the fleet while a client follows it."""
-
-BUSY = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
 
 
 class WithheldOffer(msgspec.Struct, frozen=True, kw_only=True):
@@ -87,20 +85,6 @@ class ServiceView(msgspec.Struct, frozen=True, kw_only=True):
     tally: Tally = Tally()
 
 
-class Assignment(msgspec.Struct, frozen=True, kw_only=True):
-    """A step of a task that a device executes or, in the state `Committed`, has a contract for. `fraction`: its progress, 0 to 1, if the
-    service reports it."""
-
-    task: str
-    effect: str
-    step: str
-    service: str
-    service_type: str
-    inputs: dict[str, str]
-    state: State
-    fraction: float | None = None
-
-
 class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     """A device. `lineage`: its type and that type's ancestors. `utilisation` (JSON: `load`): the share of the last `Devices.window` seconds
     in which it was at work, from 0 to 1. `since`: when it joined, if the log has that; `departed_at` (JSON: `left`) and `reason`: when and
@@ -115,7 +99,9 @@ class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     state: DeviceState
     label: str | None = None
     working: bool = True
-    """Whether it is free of known faults."""
+    """Whether it is free of known faults, and can be reached."""
+    problem: str = ""
+    """Why it is not, after its name: `cannot drive: its stop is pressed`; empty without a reason."""
     paused: bool = False
     """Whether an operator has stopped it."""
     paused_for: str | None = None
@@ -184,7 +170,7 @@ class FleetService:
             self._presence.read(self._context.client, services.version),
             self._reliability.learn(self._task_history),
         )
-        assignments = _by_device(tasks)
+        assignments = by_device(tasks)
         utilisations = self._reliability.utilisations(_works(tasks), now)
         names = {*self._on_map(), *offers.providers}
         names.update(change.device for change in self._presence.log if not change.joined and change.at > now - DEPARTED_TIME)
@@ -255,7 +241,8 @@ class FleetService:
         if not offered and departure is not None:
             offered = [self._former_service(service) for service in departure.services]
         paused_for = _text(value_of(name, PAUSED_FOR, map, ontology))
-        working = is_working(value_of(name, WORKING, map, ontology) is not False, state.faults if state is not None else None)
+        faults, problem = state.faults if state is not None else None, _text(value_of(name, PROBLEM, map, ontology)) or ""
+        working = is_working(value_of(name, WORKING, map, ontology) is not False, faults) and not problem
         return DeviceView(
             name=name,
             type=type_name,
@@ -263,6 +250,7 @@ class FleetService:
             presence=Presence.OFFERS if offers else Presence.SILENT if object is not None else Presence.DEPARTED,
             label=_text(value_of(name, "Label", map, ontology)),
             working=working,
+            problem=problem or fault_text(faults),
             state=state_of(
                 on_map=object is not None,
                 offers=bool(offers),
@@ -286,7 +274,7 @@ class FleetService:
             departed_at=departure.at if departure is not None and not offers else None,
             reason=departure.reason if departure is not None and not offers else "",
             registry=offers[0].registry if offers else departure.registry if departure is not None else "",
-            waiting=waiting_text(traffic.robots.get(name), traffic),
+            waiting=waiting_text(traffic.robots.get(name), traffic) if not problem else "",
             simulated=state,
         )
 
@@ -354,41 +342,6 @@ class FleetService:
 
 def _works(tasks: Iterable[TaskView]) -> Iterator[WorkView]:
     return (work for task in tasks for work in task.work)
-
-
-def _by_device(tasks: Iterable[TaskView]) -> Mapping[str, tuple[Assignment, ...]]:
-    """The assignments of each device, those under way first."""
-    device_assignments: dict[str, list[Assignment]] = {}
-    for task in tasks:
-        for assignment in _find_assignments(task):
-            device_assignments.setdefault(device_of(assignment.service), []).append(assignment)
-    return {
-        device: tuple(sorted(assignments, key=lambda assignment: assignment.state not in BUSY))
-        for device, assignments in device_assignments.items()
-    }
-
-
-def _find_assignments(task: TaskView) -> Iterator[Assignment]:
-    steps = [step for step in task.steps if step.service is not None and step.state in (*BUSY, State.COMMITTED)]
-    planned = {step.step for step in steps}
-    for step in steps:
-        yield _make_assignment(task, step, step.fraction)
-    for work in task.work:
-        if work.state in BUSY and work.step not in planned:  # it observes, compensates, or follows a handler
-            yield _make_assignment(task, work)
-
-
-def _make_assignment(task: TaskView, step: StepView | WorkView, fraction: float | None = None) -> Assignment:
-    return Assignment(
-        task=task.task,
-        effect=task.effect,
-        step=step.step,
-        service=step.service or "",
-        service_type=step.service_type,
-        inputs=step.inputs,
-        state=step.state,
-        fraction=fraction,
-    )
 
 
 def _number(value: Value | None) -> float | None:

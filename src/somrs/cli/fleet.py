@@ -8,8 +8,9 @@ from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
-from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
-from somrs.api.fleet import BUSY, Devices, DeviceView
+from somrs.api.assignments import BUSY
+from somrs.api.device_state import LABELS, DeviceState
+from somrs.api.fleet import Devices, DeviceView
 from somrs.api.service import open_api_service
 from somrs.client import terminal
 from somrs.client.addresses import Addresses
@@ -77,8 +78,8 @@ def _state(device: DeviceView) -> Text:
     state.append(f"\nutilisation {100 * device.utilisation:.0f} %", style="dim")
     if device.charge is not None:
         state.append(f"\nbattery {device.charge:.0f} %", style="dim")
-    for fault in device.simulated.faults if device.simulated is not None else ():
-        state.append(f"\n! {FAULT_LABELS[fault]}", style="red")
+    if device.problem:
+        state.append(f"\n! {device.problem}", style="red")
     return state
 
 
@@ -94,6 +95,8 @@ def _describe_activity(device: DeviceView) -> str:
             f"{assignment.service_type} ({', '.join(assignment.inputs.values())}), {progress}\n"
             f"for {assignment.effect} ({short_id(assignment.task)})"
         )
+        if assignment.note and not device.waiting:
+            lines.append(assignment.note)
     held = device.simulated.holding if device.simulated is not None else None
     for name in dict.fromkeys([*((held,) if held else ()), *device.holding]):
         lines.append(f"{'carries' if 'Lift' in device.lineage else 'holds'} {name}")

@@ -10,6 +10,7 @@ import asyncio
 import importlib
 import logging
 from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,11 +18,14 @@ import msgspec
 from msgspec import Struct, structs
 
 from somrs.client.addresses import Addresses
+from somrs.deployment.device import request
 from somrs.deployment.device_host import HostedDevice, Listeners, name_device
+from somrs.deployment.device_problem import ProblemReporter
 from somrs.deployment.program_certificates import certificate_of_devices, give_devices_a_certificate
 from somrs.deployment.programs import run_program, until_stopped
 from somrs.entish.parse import nearest
 from somrs.errors import InputError, RemoteError, UsageError
+from somrs.protocol.messages.bodies import Body
 from somrs.runtime.trust_client import following
 from somrs.service_manager.sdk.device import Device
 from somrs.space.storeys import storey_heights
@@ -172,6 +176,8 @@ class HostedFleet:
         self._listeners = Listeners(address, addresses.bus)
         self._running: dict[str, asyncio.Task[None]] = {}
         self._own_listeners: dict[str, Listeners] = {}
+        self._problems: dict[str, ProblemReporter] = {}
+        """Of those that have no device yet."""
 
     def add(self, device: Device) -> None:
         earlier = self._running.get(device.name)
@@ -181,10 +187,21 @@ class HostedFleet:
         self._running[device.name] = asyncio.create_task(self._run(hosted, earlier))
 
     async def _run(self, hosted: HostedDevice, earlier: asyncio.Task[None] | None) -> None:
+        if (reporter := self._problems.pop(hosted.name, None)) is not None:
+            await reporter.close()
         if earlier is not None:
             earlier.cancel()
             await asyncio.wait({earlier})
         await hosted.run()
+
+    def report_problem(self, name: str, problem: str | None) -> None:
+        if name not in self._problems:
+            self._problems[name] = ProblemReporter(name, partial(self._ask, name))
+        self._problems[name].take(problem)
+
+    async def _ask(self, name: str, body: Body) -> Body:
+        host = await self._listeners_for(name).find(0, name)
+        return await request(host, body, self._addresses.repository)
 
     def _listeners_for(self, name: str) -> Listeners:
         """The ports at which a device listens: those of all, or its own, where it proves who it is with a certificate of its own."""
@@ -210,6 +227,7 @@ class HostedFleet:
         return await storeys_at(self._addresses)
 
     async def close(self) -> None:
+        await asyncio.gather(*(reporter.close() for reporter in self._problems.values()))
         tasks = [*self._running.values()]
         for task in tasks:
             task.cancel()

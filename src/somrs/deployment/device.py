@@ -21,6 +21,7 @@ from urllib.parse import urlsplit
 from msgspec import structs
 
 from somrs.client.addresses import Addresses
+from somrs.deployment.device_problem import ProblemReporter
 from somrs.deployment.device_tasks import DeviceTasks
 from somrs.deployment.passage import add_passage
 from somrs.deployment.program_certificates import give_devices_a_certificate
@@ -29,7 +30,7 @@ from somrs.deployment.road_robot import add_road_robot
 from somrs.deployment.shared_map import MAPS, SharedMap
 from somrs.devices.passage import PassageDevice
 from somrs.devices.road.member import RoadMember
-from somrs.errors import DeviceError, InputError, RemoteError
+from somrs.errors import DeviceError, InputError, RemoteError, SomrsError
 from somrs.kernel.component import Notified
 from somrs.ports import is_reserved
 from somrs.protocol.messages.bodies import Body
@@ -128,6 +129,7 @@ class DeviceRunner:
         self._node: Node | None = None
         self._passage: Node | None = None
         """Its part in traffic, if it is a lift, a door, or a robot."""
+        self._problem = ProblemReporter(device.name, self._ask)
         self._early: list[Observed] = []
         """What the device observed before it joined."""
         self._path = f"/devices/{device.name}"
@@ -143,10 +145,21 @@ class DeviceRunner:
         """
         self.device.profile()  # reports an invalid class before anything is connected
         self._runtime = runtime = await self._listen()
+        try:
+            address = await self._join(runtime)
+        except Exception as error:  # an author's mistake may be anything
+            description = str(error) if isinstance(error, SomrsError) else f"{type(error).__name__}: {error}"
+            self._problem.take(f"does not start: {description}")
+            raise
+        self._problem.confirm()
+        return address
+
+    async def _join(self, runtime: Host) -> str:
         await self._check_alone(runtime)
         self.device.map = MapReader(self._ask)
         self.device.tasks = TaskSubmitter(DeviceTasks(self.device.name, self._addresses, runtime.request, PATIENCE).ask)
         self.device.observer = self._observed
+        self.device.problem_observer = self._problem.take
         self.device.publisher = self._services_changed
         if isinstance(self.device, RoadMember):
             self.device.whole_map = self._map_copy(runtime).whole
@@ -218,6 +231,7 @@ class DeviceRunner:
         """Leave the system: withdraw the offers, stop running services, and notify their coordinators."""
         if self._passage is not None and self._runtime is not None:
             await self._runtime.remove(self._passage)
+        await self._problem.close()
         if self._node is not None:
             if not self._node.broken.is_set():
                 await self._leave(self._node)

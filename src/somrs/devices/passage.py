@@ -63,8 +63,9 @@ class PassageDevice(Device):
         """No robot needs the passage any more: it may shut, and others may use it."""
         raise NotImplementedError
 
-    def status(self, *, level: float | None = None, working: bool = True, shared: bool = False) -> None:
-        """Say how the passage is now; the map learns whether it works."""
+    def status(self, *, level: float | None = None, working: bool = True, shared: bool = False, problem: str | None = None) -> None:
+        """Say how the passage is now; the map learns whether it works. `problem`: why it does not, as of `report_problem`."""
+        self.report_problem(None if working else problem or "does not work")
         earlier, self.current_status = self.current_status, PassageStatus(level=level, working=working, shared=shared)
         if earlier is None or earlier.working != working:
             self.observed(f"{self.name}.Working = {str(working).upper()}")
@@ -112,8 +113,8 @@ class LiftDevice(PassageDevice):
         self._reporting = asyncio.Lock()
         self._reports: set[asyncio.Task[None]] = set()
 
-    def status(self, *, level: float | None = None, working: bool = True, shared: bool = False) -> None:
-        super().status(level=level, working=working, shared=shared)
+    def status(self, *, level: float | None = None, working: bool = True, shared: bool = False, problem: str | None = None) -> None:
+        super().status(level=level, working=working, shared=shared, problem=problem)
         if not working or self._reported_level is None:
             report = asyncio.get_running_loop().create_task(self._report_whereabouts())
             self._reports.add(report)

@@ -197,9 +197,10 @@ class RoadRobot(MobileRobot):
         halted, and keeps its places in traffic."""
         self.road.lost(reason)
 
-    def heard(self, is_connected: bool) -> None:
-        """Whether the robot can be reached. What it does meanwhile goes on, or is taken up again, when it is there again."""
-        self.road.heard(is_connected)
+    def heard(self, is_connected: bool, reason: str | None = None) -> None:
+        """Whether the robot can be reached, and why not, for people, as far as it is known. What it does meanwhile goes on, or is taken up
+        again, when it is there again."""
+        self.road.heard(is_connected, reason)
 
 
 class CarryingRobot(RoadRobot, Manipulator):
@@ -218,9 +219,9 @@ class CarryingRobot(RoadRobot, Manipulator):
         may_carry = self.holding is not None or self._road_link.gripper.is_working
         return self.carrying_patience if may_carry else self.reconnect_timeout
 
-    def heard(self, is_connected: bool) -> None:
+    def heard(self, is_connected: bool, reason: str | None = None) -> None:
         self._place_is_due = self._place_is_due or is_connected
-        super().heard(is_connected)
+        super().heard(is_connected, reason)
 
     async def _notice_idle(self, state: RobotState, pose: Pose) -> None:
         await super()._notice_idle(state, pose)

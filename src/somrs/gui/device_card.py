@@ -8,8 +8,9 @@ from urllib.parse import urlencode
 from nicegui import ui
 
 from somrs.access.rights import Right
+from somrs.api.assignments import BUSY, Assignment
 from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
-from somrs.api.fleet import BUSY, Assignment, DeviceView, Presence, ServiceView
+from somrs.api.fleet import DeviceView, Presence, ServiceView
 from somrs.devices.simulator.link.commands import Fault
 from somrs.gui.account_menu import only_with
 from somrs.gui.components.rebuilt import RebuiltElement
@@ -93,6 +94,7 @@ class DeviceCard:
                 self._state = Badge(state(device))
                 self._order_menu = RebuiltElement()
                 self._menu = RebuiltElement()
+            self._problem = ui.label().classes("somrs-device-note somrs-bad").props('role="status"')
             self._note = ui.label().classes("somrs-device-note")
             self._faults = RebuiltElement().classes("somrs-device-faults")
             self._activities = RebuiltElement().classes("somrs-device-doing")
@@ -112,6 +114,9 @@ class DeviceCard:
         )
         self._state.show_sign(state(device))
         self.element.classes(**{"add" if device.presence is Presence.DEPARTED else "remove": "somrs-device-gone"})
+        has_badges = device.simulated is not None and bool(device.simulated.faults)
+        self._problem.set_text(problem_sentence(device) if not has_badges else "")
+        self._problem.visible = bool(self._problem.text)
         self._note.set_text(_note(device))
         self._note.visible = bool(self._note.text)
         if device.presence is Presence.DEPARTED:
@@ -127,8 +132,9 @@ class DeviceCard:
         self._faults.visible = bool(faults)
         self._faults.show(faults, lambda: self._build_faults(faults))
         self._activities.visible = bool(device.assignments)
+        notes = () if device.waiting else tuple(activity.note for activity in device.assignments)
         activities = [(activity.task, activity.step, activity.state, activity.service) for activity in device.assignments]
-        self._activities.show(activities, self._build_activities)
+        self._activities.show((activities, notes), self._build_activities)
         self._services.show(device.services, self._build_services)
         fraction = next((activity.fraction for activity in device.assignments if activity.state in BUSY), None)
         self._work.element.visible = fraction is not None
@@ -183,6 +189,8 @@ class DeviceCard:
                 with ui.link(target=f"/tasks/{activity.task}").classes("somrs-device-task"):
                     ui.label(activity_text(activity))
                     ui.label(f"for {activity.effect}").classes("somrs-formula somrs-soft")
+                    if activity.note and not self.device.waiting:
+                        ui.label(activity.note).classes("somrs-soft")
 
     def _build_services(self) -> None:
         for service in self.device.services:
@@ -218,6 +226,11 @@ def _position_text(device: DeviceView) -> str:
     else:
         return ""
     return f"at {x:.1f}, {y:.1f} m".replace(" ", _NO_BREAK)
+
+
+def problem_sentence(device: DeviceView) -> str:
+    """Why the device does not work; empty if it does, or if nobody has said why."""
+    return f"It {device.problem}{'' if device.problem.endswith(('.', '?', '!')) else '.'}" if device.problem else ""
 
 
 def _note(device: DeviceView) -> str:

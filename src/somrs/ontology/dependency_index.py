@@ -21,7 +21,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
             "OperationRange", "FieldOfView", "Accuracy", "Payload", "Speed", "Price", "Charge", "Supporting",
             "ExternalId", "DoorKind", "SwingAngle", "NavigationGraph", "Bidirectional", "SpeedLimit", "Travel", "Mutex", "LaneWidth",
             "HoldingPoint", "ParkingSpot", "PassthroughPoint", "CleaningZone", "DockName", "Latitude", "Longitude",
-            "Offers", "StepTime", "AnswerTime", "Unknown", "Working", "Paused", "PausedFor", "InService", "Mode",
+            "Offers", "StepTime", "AnswerTime", "Unknown", "Working", "Problem", "Paused", "PausedFor", "InService", "Mode",
         )
     ),
     Section.RELATIONS: frozenset(

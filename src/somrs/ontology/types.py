@@ -23,6 +23,9 @@ UNKNOWN = "Unknown"
 WORKING = "Working"
 """The attribute that is FALSE for a device that is out of order (upper ontology)."""
 
+PROBLEM = "Problem"
+"""The attribute that says why a device does not work, or cannot be reached (upper ontology)."""
+
 PAUSED = "Paused"
 PAUSED_FOR = "PausedFor"
 """The attribute that is TRUE for a device that must not move, because an operator has stopped it (upper ontology)."""

@@ -152,6 +152,7 @@ def test_a_program_that_is_started_anew_knows_what_its_robot_holds(tmp_path: Pat
 def test_a_robot_without_gripper_says_so(tmp_path: Path) -> None:
     async def test() -> None:
         async with robot(tmp_path, gripper=False) as (device, _, _):
+            assert set(device.services()) == {"move_to"}, "nobody makes a contract with it to carry something"
             with pytest.raises(RobotFailed, match="no gripper"):
                 await device.pick("Jar1", "Table1")
 

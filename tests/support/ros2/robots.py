@@ -125,6 +125,7 @@ class Witness:
         self.faults: list[str | None] = []
         self.losses: list[str | None] = []
         self.presence: list[bool] = []
+        self.absence: str | None = None
         self.x_when_present = math.nan
         self.hindrances: list[str | None] = []
         self.values: dict[str, list[Value]] = {}
@@ -150,8 +151,10 @@ class Witness:
         self.losses.append(reason)
         self._change.set()
 
-    def heard(self, is_connected: bool) -> None:
-        self.presence.append(is_connected)
+    def heard(self, is_connected: bool, reason: str | None = None) -> None:
+        if [is_connected] != self.presence[-1:]:
+            self.presence.append(is_connected)
+        self.absence = reason
         self.x_when_present = self.pose[0]
         self._change.set()
 

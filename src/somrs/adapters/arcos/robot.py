@@ -158,7 +158,9 @@ class ArcosRobot(CarryingRobot):
                 self.broken(reason)
             case Heard(is_connected, problem):
                 self._note_problem(problem)
-                self.heard(is_connected)
+                if is_connected:
+                    self._note_gripper()
+                self.heard(is_connected, problem)
             case LineIsPoor(share):
                 self._note_quality(share)
             case Holds(something):
@@ -177,6 +179,13 @@ class ArcosRobot(CarryingRobot):
         if problem is not None:
             sample = self._open_line().driver.session.sample
             log.warning("%s cannot be reached: %s%s", self.name, problem, f" What came begins with {sample.hex(' ')}" if sample else "")
+
+    def _note_gripper(self) -> None:
+        """Offer to carry things if the robot has said that it has a gripper."""
+        has_gripper = self._open_line().driver.has_gripper
+        if has_gripper is not self.can_carry:
+            self.can_carry = has_gripper
+            self.services_changed()
 
     def _note_quality(self, share: float | None) -> None:
         """Say that much of what the robot sends is damaged, until it is not."""

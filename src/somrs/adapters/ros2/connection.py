@@ -37,6 +37,7 @@ from somrs.adapters.ros2.lines import CancelRejected, Feedback, GoalEnded, GoalS
 from somrs.adapters.ros2.observer import Robot
 from somrs.adapters.ros2.pose_stream import PoseStream
 from somrs.adapters.ros2.poses import goal_values, pose_values
+from somrs.adapters.ros2.reachability import Reachability
 from somrs.adapters.ros2.readings import AttributeReading, FaultReadings
 from somrs.adapters.ros2.session import MessageObserver, Session
 from somrs.adapters.ros2.settings import Binding, RobotSettings, Step, Topic, full_name
@@ -72,6 +73,8 @@ class RobotConnection:
         self._readings = {attribute: AttributeReading(topic) for attribute, topic in binding.attributes.items()}
         self._faults = FaultReadings(binding.faults)
         self._is_lost = False
+        action, poses = full_name(binding.navigate.action, settings.namespace), f"{self._pose_topic} (frame {self._level.frame})"
+        self._reachability = Reachability(name, action, poses, session, robot)
         self._poses = PoseStream()
         self._fixed_frames: set[str] = set()
         """Those of /tf_static."""
@@ -297,11 +300,8 @@ class RobotConnection:
         self._subscriptions.append(self._session.subscribe(name, bound.type, observer, latched=bound.latched, interval=interval))
 
     def _take_presence(self, present: bool) -> None:
-        if present and self._driving.pose is None:
-            name = self._pose_topic
-            log.warning("%s: its navigation is there, but nothing on %s has said yet where it is on %s", self.name, name, self._level.frame)
         self._speed_limit = None  # another node may be behind it, which knows nothing
-        self._robot.heard(present)
+        self._reachability.note_presence(is_present=present)
         self._handle(NavigatorPresent(present))
 
     def _take_transforms(self, is_static: bool, message: Values) -> None:
@@ -340,6 +340,7 @@ class RobotConnection:
             on_map = self._level.origin.apply(pose)
             self._robot.located(on_map.x, on_map.y, on_map.yaw, self._level.level)
             self._handle(PoseKnown(on_map))
+            self._reachability.note_pose()
 
     def _take_odometry(self, message: Values) -> None:
         assert self._binding.odometry is not None, "odometry comes by the bound topic"

@@ -51,7 +51,7 @@ class BridgeProcess:
                 attempt = 0 if await self.run_once() else attempt + 1
             except OSError as error:
                 attempt += 1
-                log.error("the bridge to ROS 2 cannot be started with %s: %s", self._settings.python, error)
+                self._note_end(f"the bridge to ROS 2 cannot be started with {self._settings.python}: {error}")
             await asyncio.sleep(PAUSES[min(attempt, len(PAUSES)) - 1 if attempt else 0])
 
     async def run_once(self) -> bool:
@@ -67,19 +67,23 @@ class BridgeProcess:
         assert process.stdin is not None, "it is a pipe"
         assert process.stdout is not None, "it is a pipe"
         self._input = process.stdin
-        was_ready = False
+        was_ready, problem = False, "the bridge to ROS 2 has ended"
         try:
             async for line in process.stdout:
                 was_ready = self._take(line) or was_ready
             code = await process.wait()
-            log.error("the bridge to ROS 2 has ended with %s: is %s the Python of your ROS?", code, self._settings.python)
+            problem = f"the bridge to ROS 2 has ended with {code}: is {self._settings.python} the Python of your ROS?"
         finally:
             self._input = None
-            self.session.disconnected()
+            self._note_end(problem)
             process.stdin.close()
             with contextlib.suppress(asyncio.CancelledError):
                 await process.wait()
         return was_ready
+
+    def _note_end(self, problem: str) -> None:
+        log.error("%s", problem)
+        self.session.disconnected(problem)
 
     def _take(self, line: bytes) -> bool:
         """Handle a line. Returns whether it says that the bridge is ready."""

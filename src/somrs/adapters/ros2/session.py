@@ -53,6 +53,10 @@ class Session:
         self._send, self._on_trouble = send, on_trouble
         self._numbers = itertools.count(1)
         self.is_connected = False
+        self.problem = "the bridge to ROS 2 does not run yet"
+        """Why there is no bridge, for people, while there is none."""
+        self.bridge_observers: list[Callable[[], None]] = []
+        """Are called whenever the bridge has begun or ended."""
         self._subscriptions: dict[int, tuple[Subscribe, MessageObserver]] = {}
         self._actions: dict[int, tuple[OpenAction, PresenceObserver]] = {}
         self._present: set[int] = set()
@@ -121,6 +125,7 @@ class Session:
                     self._send(subscribe)
                 for open_action, _ in self._actions.values():
                     self._send(open_action)
+                self._tell_of_bridge()
                 for examination, _ in self._examinations.values():
                     self._send(examination)
             case Message(id=id, value=value) if id in self._subscriptions:
@@ -150,9 +155,9 @@ class Session:
             case _:
                 pass
 
-    def disconnected(self) -> None:
-        """The bridge has ended, or could not be started."""
-        self.is_connected = False
+    def disconnected(self, problem: str) -> None:
+        """The bridge has ended, or could not be started; why, for people."""
+        self.is_connected, self.problem = False, problem
         goals, self._goals = self._goals, {}
         for id, goal_observer in goals.items():
             goal_observer(GoalEnded(id=id, status=GoalStatus.LOST))
@@ -162,6 +167,11 @@ class Session:
         present, self._present = self._present, set()
         for id in present & self._actions.keys():
             self._actions[id][1](False)
+        self._tell_of_bridge()
+
+    def _tell_of_bridge(self) -> None:
+        for observer in self.bridge_observers:
+            observer()
 
     def _ask(self, request: CallService | Publish, observer: ReplyObserver) -> None:
         if self.is_connected:

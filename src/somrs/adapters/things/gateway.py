@@ -13,7 +13,7 @@ from somrs.adapters.things.thing_objects import whereabouts
 from somrs.entish.formula import Formula, conjunction
 from somrs.errors import RemoteError
 from somrs.ontology.objects import Object, ObjectAdded
-from somrs.ontology.types import Definition, Value
+from somrs.ontology.types import PROBLEM, Definition, Value
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.device import Device, Result, Task, service
@@ -33,9 +33,9 @@ def _is_its_thing(device: GatewayDevice, task: Task) -> None:
     """Check that the order is about a thing of which it is known how it is now. Raises Refusal."""
     name = str(task.inputs["Object"])
     if name not in device.hub.states:
-        raise Refusal(f"{device.name} does not connect {name}")
+        raise Refusal(f"no mapping of things has {name}, so that {device.name} hears nothing of it")
     if (silence := device.hub.silence(name)) is not None:
-        raise Refusal(silence, not_now=True)
+        raise Refusal(f"{name} {silence}", not_now=True)
 
 
 class GatewayDevice(Device):
@@ -69,7 +69,7 @@ class GatewayDevice(Device):
         """Report what the thing has said, as of when it said it: its messages are its state."""
         name = str(task.inputs["Object"])
         if (silence := self.hub.silence(name)) is not None:
-            raise ServiceFailed(silence)
+            raise ServiceFailed(f"{name} {silence}")
         state = self.hub.states[name]
         for heard_at in sorted({*state.heard_at.values()}):
             paths = [path for path, at_time in state.heard_at.items() if at_time == heard_at]
@@ -118,7 +118,10 @@ class GatewayDevice(Device):
         if state is None or self._absent_until.get(name, now) > now:
             return False
         try:
-            is_on_map = await self.map.object(name) is not None or (not state.thing.is_device and await self._put_on_map(state.thing))
+            object = await self.map.object(name)
+            is_on_map = object is not None or (not state.thing.is_device and await self._put_on_map(state.thing))
+            if object is not None and (problem := object.values.get(PROBLEM)):  # an earlier run of this program has left it
+                self.hub.note_problem(name, str(problem))
         except RemoteError as error:
             self._note_refusal(name, error)
             is_on_map = False

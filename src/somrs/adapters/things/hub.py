@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping
 
@@ -14,11 +15,14 @@ from somrs.adapters.things.model import Command, Connection, Source, Thing
 from somrs.adapters.things.mqtt import MqttConnector
 from somrs.adapters.things.sampling import Sampler
 from somrs.adapters.things.state import News, Payload, Router, SourceKey, ThingState, source_key
-from somrs.ontology.types import WORKING, Ontology, Value
+from somrs.ontology.types import PROBLEM, WORKING, Ontology, Value
 
 log = logging.getLogger(__name__)
 
 Observer = Callable[[], None]
+ABSENCE = 5.0
+"""Seconds after which people are told that nothing is heard of a thing."""
+
 MessageObserver = Callable[[SourceKey, Payload], None]
 
 
@@ -67,6 +71,7 @@ class Hub:
         """Let a thing take part: its messages are received from now on. It takes the place of one of this name."""
         self.remove(thing.name)
         state = self.states[thing.name] = ThingState(thing, ontology)
+        self.note_problem(thing.name, "")
         self.ontologies[thing.name] = ontology
         self._router.add(state)
         for source in sources_of(thing):
@@ -94,6 +99,7 @@ class Hub:
                 self._take(news)
                 names[news.state.thing.name] = None
             for name in names:
+                self._judge(self.states[name])
                 self._tell(name)
             while self._router.complaints:
                 log.warning("%s", self._router.complaints.pop())
@@ -119,6 +125,7 @@ class Hub:
         self.sampler.drop(name)
         if (state := self.states.get(name)) is None:
             return
+        self.note_problem(name, "")
         if state.is_online is not None:
             self._sample(state.thing, WORKING, state.is_online)
         if state.thing.door is None:
@@ -133,29 +140,52 @@ class Hub:
         (lost if is_reached else gained).discard(connection)
         for observer in self.reach_observers:
             observer(connection, is_reached)
-        if self._connections[connection].kind == "mqtt":
-            return  # that the broker is away says nothing of the things
+        says_whether_they_work = self._connections[connection].kind != "mqtt"  # that the broker is away says nothing of the things
         for state in self.states.values():
             thing = state.thing
-            if thing.availability is None and state.is_online != is_reached and connections_of(thing) == {connection}:
+            is_only_connection = thing.availability is None and connections_of(thing) == {connection}
+            if says_whether_they_work and is_only_connection and state.is_online != is_reached:
                 state.is_online = is_reached
                 self._sample(thing, WORKING, is_reached)
                 self._tell(thing.name)
+            if connection in connections_of(thing) | orders_of(thing):
+                self._judge(state)
 
     def silence(self, name: str) -> str | None:
-        """Why it is not known how a thing is now, although it may have said something; None: it is known."""
+        """Why it is not known how a thing is now, after its name, although it may have said something; None: it is known."""
         state = self.states.get(name)
         if state is None:
-            return f"{name} has gone"
-        if state.is_online is False:
-            return f"{name} does not work"
+            return "has gone"
         if lost := sorted(connections_of(state.thing) & self.lost_connections):
-            return f"the connection {lost[0]} of {name} is not there"
+            return f"cannot be reached: its connection {lost[0]} is not there"
+        if state.is_online is False:
+            source = state.thing.availability.source if state.thing.availability is not None else None
+            return f"does not work: it says so at {source}" if source is not None else "does not work"
         if not state.values:
-            return f"{name} has not said anything yet"
+            return "has not said anything yet"
         if state.values.keys() <= state.misread:
-            return f"what {name} says of {', '.join(sorted(state.misread))} is not understood"
+            return f"says of {', '.join(sorted(state.misread))} what is not understood"
         return None
+
+    def _judge(self, state: ThingState) -> None:
+        """Have the map told why a thing cannot be used. Doors and lifts tell it themselves. What may be over in a moment is told after a
+        while."""
+        thing = state.thing
+        if not thing.has_problem or thing.door is not None or thing.session is not None:
+            return
+        problem = self.silence(thing.name) if thing.signals else None
+        if problem is None and (lost := sorted(orders_of(thing) & self.lost_connections)):
+            problem = f"cannot be reached: its connection {lost[0]} is not there"
+        delay = ABSENCE if state.is_online is not False else 0.0
+        key, now = (thing.name, PROBLEM), asyncio.get_running_loop().time()
+        self.sampler.offer(key, problem or "", now + delay if problem is not None else now)
+        self.sampled.set()
+
+    def note_problem(self, name: str, problem: str) -> None:
+        """The map has this problem of a thing, or none: it is told of another one."""
+        self.sampler.note((name, PROBLEM), problem, -math.inf)
+        if (state := self.states.get(name)) is not None:
+            self._judge(state)
 
     def observe_messages(self, key: SourceKey, observer: MessageObserver) -> None:
         """Pass the messages of a source on."""
@@ -190,3 +220,8 @@ def sources_of(thing: Thing) -> Iterable[Source]:
 def connections_of(thing: Thing) -> set[str]:
     """The connections over which a thing speaks."""
     return {source.connection for source in sources_of(thing)}
+
+
+def orders_of(thing: Thing) -> set[str]:
+    """The connections over which a thing gets what its services send."""
+    return {command.connection for service in thing.services for command in service.commands}

@@ -133,7 +133,7 @@ class Thing(Struct, frozen=True, kw_only=True):
     """A thing. `values` and `situation` put it on the map, if it is not there.
 
     `area`: what it is a part of, by name or label, if nothing else says where it is; empty: the whole map. `definitions`: those that it
-    needs of the common ontology. `has_working`: its type has the attribute Working.
+    needs of the common ontology. `has_working`, `has_problem`: its type has the attributes Working and Problem.
     """
 
     name: str
@@ -148,6 +148,7 @@ class Thing(Struct, frozen=True, kw_only=True):
     session: Session | None = None
     is_lift: bool = False
     has_working: bool = True
+    has_problem: bool = True
     definitions: tuple[Definition, ...] = ()
     unsupported: tuple[str, ...] = ()
     """What a description of it has, and what becomes nothing."""

@@ -16,7 +16,7 @@ from somrs.adapters.things.model import Command, Door, Session, Source, Thing
 from somrs.adapters.things.mqtt import MqttConnector
 from somrs.adapters.things.session import REPEAT, PassageSession
 from somrs.adapters.things.session_messages import SessionRequest
-from somrs.adapters.things.state import Payload, SourceKey
+from somrs.adapters.things.state import Payload, SourceKey, ThingState
 from somrs.adapters.things.thing_objects import whereabouts
 from somrs.devices.passage import DoorDevice, LiftDevice, PassageDevice
 from somrs.traffic.passage_call import PassageCall
@@ -93,8 +93,11 @@ class MappedDoor(DoorDevice):
         state = self._hub.states.get(self.name)
         is_reachable = self._connections.isdisjoint(self._hub.lost_connections)
         is_working = is_reachable and state is not None and state.is_online is not False and "Open" in state.values
+        problem = self._hub.silence(self.name)
         if self.current_status is None or self.current_status.working != is_working:
-            self.status(working=is_working)
+            self.status(working=is_working, problem=problem)
+        elif not is_working:
+            self.report_problem(problem)
 
     def _reached(self, connection: str, is_reached: bool) -> None:
         if connection in self._connections:
@@ -162,9 +165,20 @@ class SessionLink:
         state = self._hub.states.get(self._device.name)
         self.session.is_reachable = state is not None and state.is_online is not False and not self._is_lost
         status = self.session.status()
+        problem = self._problem(state) if not status.working else None
         if status != self._device.current_status:
-            self._device.status(level=status.level, working=status.working, shared=status.shared)
+            self._device.status(level=status.level, working=status.working, shared=status.shared, problem=problem)
+        elif problem is not None:
+            self._device.report_problem(problem)
         self._news.set()
+
+    def _problem(self, state: ThingState | None) -> str:
+        """Why the passage does not work, if it does not."""
+        if self._is_lost:
+            return f"cannot be reached: its connection {self._settings.connection} is not there"
+        if state is None or state.is_online is False:
+            return self._hub.silence(self._device.name) or "does not work"
+        return f"is in the mode {self.session.state.mode}" if self.session.state is not None else "has not said anything yet"
 
     def _reached(self, connection: str, is_reached: bool) -> None:
         if connection == self._settings.connection:

@@ -28,7 +28,7 @@ from somrs.entish.parse import nearest, parse
 from somrs.errors import FormulaError, InputError
 from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, ServiceType
-from somrs.ontology.types import WORKING, AttributeType, Kind, Ontology
+from somrs.ontology.types import PROBLEM, WORKING, AttributeType, Kind, Ontology
 from somrs.ontology.units import convert_unit
 from somrs.service_manager.sdk.values import money, seconds
 
@@ -79,6 +79,7 @@ class Resolver:
             session=self._session(entry) if entry.session is not None else None,
             is_lift=self.ontology.is_subtype(entry.type, "Lift"),
             has_working=WORKING in self._attributes,
+            has_problem=PROBLEM in self._attributes,
             definitions=definitions_for(entry.type, (service.type for service in services), self.ontology),
         )
         if not self.problems:

@@ -64,6 +64,8 @@ class Sampler:
     def note(self, key: Key, value: Value, now: float) -> None:
         """The map knows the value."""
         sample = self._samples.setdefault(key, Sample())
+        if (pending := self._pending.get(key)) is not None and pending.value == value:
+            del self._pending[key]
         sample.reported, sample.reported_at = value, now
 
     def next_due(self) -> float | None:

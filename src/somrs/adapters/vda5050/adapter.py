@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import logging
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
@@ -40,6 +41,10 @@ FACTSHEET_TICKS = 10
 """Looks after which a vehicle that has sent a state and no factsheet is taken for one that only drives."""
 
 
+ABSENT_TICKS = 6
+"""Looks after which people are told why a vehicle that the settings name is not there."""
+
+
 class Vda5050Adapter:
     """Fleet control of all vehicles at a broker."""
 
@@ -56,6 +61,9 @@ class Vda5050Adapter:
         self._owners: dict[str, tuple[str, str]] = {}
         """Manufacturer and serial number of the vehicles that have devices, by name."""
         self._connection: Connection | None = None
+        self._has_broker = False
+        self._absences: dict[str, str] = {}
+        """What was said of the vehicles that the settings name, and that are not there."""
 
     @property
     def names(self) -> Collection[str]:
@@ -97,11 +105,30 @@ class Vda5050Adapter:
             group.create_task(self._tick(fleet))
 
     async def _tick(self, fleet: Fleet) -> None:
-        while True:
+        for tick in itertools.count():
             await asyncio.sleep(TICK)
+            if tick >= ABSENT_TICKS:
+                self._report_absences(fleet)
             for session in [*self.sessions.values()]:
                 session.give(Tick())
                 self._add_when_known(fleet, session)
+
+    def _report_absences(self, fleet: Fleet) -> None:
+        """Say why vehicles that the settings name have no devices yet."""
+        for name in self._settings.vehicles.keys() - self._owners.keys():
+            absence = self._absence(name)
+            if absence != self._absences.get(name):
+                self._absences[name] = absence
+                fleet.report_problem(name, absence)
+
+    def _absence(self, name: str) -> str:
+        sessions = [session for session in self.sessions.values() if self._settings.name(session.address) == name]
+        if not self._has_broker:
+            return "cannot be reached: its broker is not there"
+        vehicle = next((session.control.vehicle for session in sessions if session.control.vehicle.was_heard), None)
+        if vehicle is None:
+            return f"cannot be reached: its broker is there, and nothing has come of {sessions[0].address if sessions else name}"
+        return f"cannot drive: {vehicle.hindrance}" if vehicle.hindrance is not None else "has not said yet where it is, and what it can do"
 
     def _receive(self, text: str, payload: bytes) -> None:
         addressed = read_topic(text)
@@ -124,6 +151,7 @@ class Vda5050Adapter:
 
     def _notice_broker(self, is_connected: bool) -> None:
         """Without the broker, no vehicle can be reached. With it, each says that it is there; those that the settings name are asked."""
+        self._has_broker = is_connected
         if is_connected:
             for address in self._settings.addresses:
                 self._session(address)

@@ -33,6 +33,7 @@ class Vehicle(Protocol):
     spot: Point | None
     carries: bool | None
     deviation: float
+    reconnect_timeout: float
     data: Path
     whole_map: WholeMap
     building: Building
@@ -40,6 +41,8 @@ class Vehicle(Protocol):
 
     @property
     def motion(self) -> Motion: ...
+
+    def report_problem(self, problem: str | None) -> None: ...
 
     async def follow(self, way: Way) -> None: ...
 

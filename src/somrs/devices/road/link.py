@@ -82,7 +82,7 @@ class RoadLink(CommandLink):
     # The link
 
     async def __aenter__(self) -> Self:
-        await self.traveller.connected.wait()
+        await self.traveller.wait_for_robot()
         return self
 
     async def __aexit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -97,7 +97,7 @@ class RoadLink(CommandLink):
         return self.traveller.connected.is_set()
 
     async def wait_reconnected(self, timeout: float) -> bool:
-        return await self.traveller.wait_reconnected(timeout)
+        return await self.traveller.reach.wait_reconnected(timeout)
 
     async def legs(self, *stops: PathStop, situation: str | None = None) -> Legs:
         return self._legs(await self.traveller.building(), stops, situation)

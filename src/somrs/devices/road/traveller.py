@@ -15,6 +15,7 @@ from somrs.devices.road.building import Building, RoadDriver, standing
 from somrs.devices.road.condition import Condition
 from somrs.devices.road.gripper import Gripper
 from somrs.devices.road.hardware import Vehicle
+from somrs.devices.road.reach import UNHEARD
 from somrs.devices.road.robot_map import RobotMap
 from somrs.devices.road.vain_trips import Rest, VainTrips
 from somrs.devices.road.waypoints import Way
@@ -74,15 +75,13 @@ class Traveller:
         """Whether it is where it is to work: nobody asks it to make room."""
         self._workplace: str | None = None
         """The place or berth at which it is to work, if it drives to one."""
-        self.connected = asyncio.Event()
         self.entered = asyncio.Event()
         """Set when the robot takes part in traffic for the first time."""
-        self._says_whether_heard = False
-        self._lost_at = 0.0
         self.level = 0.0
         """The height of its floor, m."""
         self._condition = Condition(robot)
-        self._whereabouts = self._condition.whereabouts
+        self._whereabouts, self.reach = self._condition.whereabouts, self._condition.reach
+        self.connected = self.reach.connected
         self._map = RobotMap(robot)
         self._way: Way = ()
         self._told_way: Way = ()
@@ -118,9 +117,12 @@ class Traveller:
 
     def _say_state(self, pose: tuple[float, float, float]) -> None:
         self._gripper.settle()
-        self.state = self._condition.state(asyncio.get_running_loop().time(), pose, self.level, self.activity)
-        if not self._says_whether_heard:
-            self.connected.set()
+        now, condition, is_halted = asyncio.get_running_loop().time(), self._condition, self._is_paused or self._is_stopping
+        may_drive = self._released > 1 and not is_halted and condition.trouble is None and self.robot.hindrance is None
+        condition.standstill.update(may_drive=may_drive, rest_time=self._whereabouts.rest_time, now=now)
+        self.state = condition.state(now, pose, self.level, self.activity)
+        if not self.reach.is_reported:
+            self._note_reach(None)
         self._on_state(self.state)
 
     @property
@@ -204,21 +206,29 @@ class Traveller:
         if has_changed and condition.trouble is not None:
             self._end_command("drive-dead", condition.trouble)
 
-    def heard(self, is_connected: bool) -> None:
-        self._says_whether_heard = True
-        if is_connected == self.connected.is_set():
+    def heard(self, is_connected: bool, reason: str | None) -> None:
+        self.reach.is_reported = True
+        if not self._note_reach(None if is_connected else reason or UNHEARD):
             return
         self.tell(SilenceChanged(not is_connected))
         if is_connected:
-            self.connected.set()
             self.on_return()
             if self._is_abandoned:
                 self._is_abandoned = False
                 self._begin_to_halt()
         else:
-            self.connected.clear()
-            self._lost_at = asyncio.get_running_loop().time()
             self._end_command("link-lost", f"{self.robot.name} cannot be reached")
+
+    async def wait_for_robot(self) -> None:
+        """Wait until the robot can be reached; whoever waits for it is told why it cannot."""
+        self._condition.tell_problem(is_new=True)
+        await self.connected.wait()
+
+    def _note_reach(self, silence: str | None) -> bool:
+        """Note why the robot cannot be reached; None: it can. Returns whether it is lost or back by that."""
+        has_changed = self.reach.note(silence)
+        self._condition.tell_problem()
+        return has_changed
 
     @property
     def _is_stopping(self) -> bool:
@@ -240,16 +250,6 @@ class Traveller:
         """Give up the trip of a robot that stands."""
         self._halts, self._way = self._halts + 1, ()
         self.tell(TripGivenUp(self._halts))
-
-    async def wait_reconnected(self, timeout: float) -> bool:
-        remaining = self._lost_at + timeout - asyncio.get_running_loop().time()
-        if not self.connected.is_set() and remaining > 0:
-            try:
-                async with asyncio.timeout(remaining):
-                    await self.connected.wait()
-            except TimeoutError:
-                pass
-        return self.connected.is_set()
 
     # Trips
 
@@ -359,6 +359,7 @@ class Traveller:
     def _complain(self, text: str | None) -> None:
         if text != self._condition.complaint:
             self._condition.complaint = text
+            self._condition.tell_problem()
             self.renew_state()
 
     async def _follow(self, way: tuple[WayPlace, ...]) -> None:

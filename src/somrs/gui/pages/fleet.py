@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from nicegui import ui
 
+from somrs.api.assignments import BUSY
 from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
-from somrs.api.fleet import BUSY, Devices, DeviceView, Presence
+from somrs.api.fleet import Devices, DeviceView, Presence
 from somrs.api.remote import LiveApi
 from somrs.client.hub import News
 from somrs.client.refusals import ErrorReport, error_report

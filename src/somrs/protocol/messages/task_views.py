@@ -43,7 +43,7 @@ class StepView(Struct, frozen=True, kw_only=True):
 
     `learns` is what a step finds out or computes: an object, an attribute, or a fact. `assumed` are the facts that the plan assumes it will
     find; `outputs` are the values that the service returned, as Entish terms. A step that is `foreseen` depends on what an earlier step
-    learns, and is planned again when that is known.
+    learns, and is planned again when that is known. `note` is what its service said last while it works.
     """
 
     step: str
@@ -65,6 +65,7 @@ class StepView(Struct, frozen=True, kw_only=True):
     foreseen: bool = False
     condition: str | None = None
     demanded_by: tuple[str, ...] = ()
+    note: str = ""
 
 
 class WorkView(Struct, frozen=True, kw_only=True):

@@ -202,6 +202,10 @@ def _ignore_observation(situation: str | None, observation: Observation) -> None
     """Do nothing: no program runs the device."""
 
 
+def _ignore_problem(problem: str | None) -> None:
+    """Do nothing: no program runs the device."""
+
+
 async def _no_task_manager(body: Body) -> Body:
     raise RemoteError("no program runs the device, so that it cannot submit tasks")
 
@@ -265,6 +269,18 @@ class Device:
         """
         observation = Observation(as_of=as_of, gone=tuple(gone), searched=tuple(searched), missed=tuple(missed))
         self.observer(str(parse(str(situation))) if situation is not None else None, observation)
+
+    problem_observer: Callable[[str | None], None] = staticmethod(_ignore_problem)
+    """Receives the problems of the device; the program that runs the device sets it."""
+
+    def report_problem(self, problem: str | None) -> None:
+        """Say why the device does not work, or cannot be reached, after its name (`cannot drive: its stop is pressed`); None: it has no
+        problem.
+
+        People read it with the device; it is the attribute `Problem` on the map, too. Call it also before the device has joined, as in
+        `open`. The last one counts until the next, or until the device is started anew.
+        """
+        self.problem_observer(problem)
 
     publisher: Callable[[], None] = staticmethod(_publish_nothing)
     """Offers the services anew; the program that runs the device sets it."""

@@ -142,6 +142,7 @@ def _run_view(task: TaskState, plan: Plan, run: StepRun) -> StepView:
         currency=member.bid.terms.currency if member and member.bid else "EUR",
         duration=member.bid.terms.duration if member and member.bid else None,
         fraction=member.fraction if member else 0.0,
+        note=member.note if member and member.state in WORKING else "",
         outputs=output_texts(run.outputs),
     )
 
@@ -156,6 +157,7 @@ def step_view(
     currency: str = "EUR",
     duration: float | None = None,
     fraction: float = 0.0,
+    note: str = "",
     outputs: Mapping[str, str] = MappingProxyType({}),
     foreseen: bool = False,
 ) -> StepView:
@@ -176,6 +178,7 @@ def step_view(
         currency=currency,
         duration=duration,
         fraction=fraction,
+        note=note,
         kind=step.kind,
         learns=subjects(step),
         assumed=tuple(str(part) for part in _assumptions(step)),

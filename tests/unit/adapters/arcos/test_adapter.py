@@ -28,6 +28,9 @@ class CollectingFleet:
     def add(self, device: Device) -> None:
         self.devices.append(device)
 
+    def report_problem(self, name: str, problem: str | None) -> None:
+        """Tell nobody."""
+
     async def remove(self, name: str) -> None:
         raise AssertionError("no robot leaves")
 

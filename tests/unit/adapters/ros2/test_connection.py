@@ -284,11 +284,15 @@ async def test_a_speed_limit_is_published_when_it_changes() -> None:
 @in_event_loop
 async def test_a_bridge_that_ends_is_a_robot_that_cannot_be_reached() -> None:
     conversation = Conversation({})
+    assert (conversation.witness.absence or "").endswith("nothing on /r1/amcl_pose (frame map) has said yet where it is")
+    conversation.be_at(0.0, 0.0)
     conversation.connection.follow(way((0, 0), (1, 0)))
     goal = await conversation.goal()
-    conversation.session.disconnected()
-    assert conversation.witness.presence == [True, False]
+    conversation.session.disconnected("it has ended")
+    assert conversation.witness.presence == [False, True, False]
+    assert conversation.witness.absence == "it has ended"
     conversation.session.handle(Ready())
+    assert conversation.witness.absence == "no node serves its action /r1/navigate_to_pose"
     opened = next(request for request in reversed(conversation.requests) if isinstance(request, OpenAction))
     conversation.session.handle(ActionPresence(id=opened.id, present=True))
     again = conversation.requests[-1]

@@ -75,7 +75,7 @@ def test_a_bridge_is_told_what_is_wanted_when_it_is_ready_and_so_is_the_next() -
         OpenAction(id=2, action="/navigate_to_pose", type="nav2_msgs/action/NavigateToPose"),
     ]
     assert conversation.requests == told
-    conversation.session.disconnected()
+    conversation.session.disconnected("it has ended")
     conversation.hear(RECORDED[0])
     assert conversation.requests == told * 2
 
@@ -85,7 +85,7 @@ def test_a_bridge_that_ends_loses_goals_and_calls() -> None:
     conversation.hear(*RECORDED[:2])
     goal = conversation.session.send_goal(conversation.action, {}, conversation.reports.append)
     conversation.session.call_service("/charge", "std_srvs/srv/SetBool", {}, conversation.replies.append)
-    conversation.session.disconnected()
+    conversation.session.disconnected("it has ended")
     assert conversation.reports == [GoalEnded(id=goal, status=GoalStatus.LOST)]
     assert [reply.problem for reply in conversation.replies] == ["the bridge to ROS 2 has ended"]
     assert conversation.presence == [True, False]

@@ -126,11 +126,13 @@ def test_a_door_is_not_opened_any_more_when_the_call_was_given_up(tmp_path: Path
 def test_a_door_does_not_work_while_its_broker_is_away(tmp_path: Path) -> None:
     async def test(door: PassageDevice, hub: Hub, wire: Wire) -> None:
         statuses: list[PassageStatus] = []
-        door.status_observer = statuses.append
+        problems: list[str | None] = []
+        door.status_observer, door.problem_observer = statuses.append, problems.append
         say(hub, b"closed")
         for is_reached in (False, True):
             hub.reached("house", is_reached)
         assert [status.working for status in statuses] == [True, False, True]
+        assert problems == [None, "cannot be reached: its connection house is not there", None]
 
     with_door(tmp_path, test)
 
@@ -138,10 +140,17 @@ def test_a_door_does_not_work_while_its_broker_is_away(tmp_path: Path) -> None:
 def test_a_door_with_a_session_does_not_work_when_its_controller_is_gone(tmp_path: Path) -> None:
     async def test(door: PassageDevice, hub: Hub, wire: Wire) -> None:
         statuses: list[PassageStatus] = []
-        door.status_observer = statuses.append
+        problems: list[str | None] = []
+        door.status_observer, door.problem_observer = statuses.append, problems.append
         free, last_will = b'{"doors": "closed"}', b'{"doors": "closed", "mode": "out-of-order"}'
         for topic, payload in (("status", b"online"), ("state", free), ("state", last_will), ("state", free), ("status", b"offline")):
             hub.received(("house", f"door/{topic}", None), payload)
         assert [status.working for status in statuses] == [True, False, True, False]
+        assert list(dict.fromkeys(problems)) == [
+            "has not said anything yet",
+            None,
+            "is in the mode out-of-order",
+            "does not work: it says so at house: door/status",
+        ]
 
     with_door(tmp_path, test, WITH_SESSION)

@@ -132,3 +132,21 @@ def test_what_a_vehicle_warns_of_and_why_it_cannot_drive_is_in_the_log_once(capl
     assert caplog.text.count("acme 1: a message cannot be read") == 1
     site.wait()
     assert site.fleet.devices == {}
+
+
+def test_people_are_told_why_a_vehicle_of_the_settings_is_not_there() -> None:
+    site = Site(vehicles={"Forklift": {"manufacturer": "acme", "serialNumber": "2"}}, maps={"hall": {}})
+
+    def problem() -> str | None:
+        site.adapter._report_absences(site.fleet)
+        return site.fleet.problems.get("Forklift")
+
+    assert problem() == "cannot be reached: its broker is not there"
+    site.adapter._notice_broker(is_connected=True)
+    assert problem() == "cannot be reached: its broker is there, and nothing has come of acme 2"
+    site.hear("acme/2", map_id="cellar")
+    assert "is on the map cellar, and the site has only hall" in (problem() or "")
+    site.hear("acme/2")
+    site.wait()
+    del site.fleet.problems["Forklift"]
+    assert problem() is None, "its device says it now"

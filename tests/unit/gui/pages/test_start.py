@@ -5,8 +5,9 @@ from __future__ import annotations
 import msgspec
 import pytest
 
+from somrs.api.assignments import Assignment
 from somrs.api.device_state import DeviceState
-from somrs.api.fleet import Assignment, DeviceView, Presence
+from somrs.api.fleet import DeviceView, Presence
 from somrs.api.simulator_gateway import SimulatedDeviceView
 from somrs.api.system import PartView
 from somrs.devices.simulator.link.commands import Fault

@@ -76,6 +76,8 @@ class Listener:
         self.pose: Pose | None = None
         self.map_id = ""
         self.is_connected = False
+        self.absence: str | None = None
+        """Why it cannot be reached, as far as it is known."""
         self.hindrance: str | None = None
         """Why the vehicle cannot drive; None if it can."""
         self.delay: str | None = None
@@ -263,7 +265,7 @@ class Listener:
                 self.is_outdated = True  # until it answers, nobody knows what it has done meanwhile
                 self._outbox.instant("stateRequest")
         else:
-            self.lose()
+            self.lose(f"its connection is {connection_state.value}")
         self._judge_delay(now)
 
     @property
@@ -276,17 +278,17 @@ class Listener:
         """Whether orders may be sent: it is there, awake, can drive, and has said how it is since it is there."""
         return self.is_connected and self.hindrance is None and not self.is_outdated and not self.is_hibernating
 
-    def lose(self) -> None:
-        """The vehicle cannot be reached."""
+    def lose(self, absence: str) -> None:
+        """The vehicle cannot be reached, for this reason."""
         self.is_outdated = self.is_hibernating = False
-        if self.is_connected:
-            self.is_connected = False
+        if self.is_connected or absence != self.absence:
+            self.is_connected, self.absence = False, absence
             self._outbox.add(Reachable(is_connected=False))
 
     def _reach(self) -> None:
         """A state proves more than a connection message: the last will of a lost connection may come after the vehicle is back."""
         if not self.is_connected:
-            self.is_connected = True
+            self.is_connected, self.absence = True, None
             self._outbox.add(Reachable(is_connected=True))
             if self.factsheet is None and self.takes_instant_actions:
                 self._outbox.instant("factsheetRequest")

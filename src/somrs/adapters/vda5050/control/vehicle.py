@@ -83,7 +83,7 @@ class VehicleControl:
             case Subscribed():
                 self._inquiry.begin()
             case Disconnected():
-                self.vehicle.lose()
+                self.vehicle.lose("its broker is not there")
             case Follow(way=way):
                 self._driving.follow(way)
             case Halt():

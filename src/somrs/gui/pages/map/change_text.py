@@ -8,7 +8,7 @@ from datetime import datetime
 
 from somrs.gui.pages.map.moves import HELD_RELATION, IN_RELATION, ON_RELATION, TURNED, X, Y, Z
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet, objects_of
-from somrs.ontology.types import UNKNOWN, WORKING, AttributeType, Ontology, Value
+from somrs.ontology.types import PROBLEM, UNKNOWN, WORKING, AttributeType, Ontology, Value
 from somrs.protocol.messages.knowledge import Event
 
 _PLACEMENT_WORDS = {ON_RELATION: "put on", IN_RELATION: "put into", HELD_RELATION: "taken by"}
@@ -80,6 +80,8 @@ def _value_phrase(path: str, value: Value | None, ontology: Ontology) -> str:
         return "has an unknown position and state" if value is True else "has a known position and state again"
     if path == WORKING and isinstance(value, bool):
         return "works" if value else "is not working"
+    if path == PROBLEM:
+        return str(value) if value else "has no problem any more"
     attribute = ontology.attributes.get(path.rpartition(".")[2])
     return f"{path} removed" if value is None else f"{path} set to {format_value(value, attribute)}"
 

@@ -10,7 +10,7 @@ from somrs.api.fleet import DeviceView
 from somrs.api.system import PartView
 from somrs.client.state_labels import map_neighbour_is_away, map_neighbour_text, neighbour_text
 from somrs.client.task_report import reasons
-from somrs.gui.device_card import LEAVING, activity_text, state
+from somrs.gui.device_card import LEAVING, activity_text, problem_sentence, state
 from somrs.gui.icons import OUTCOMES, Sign, format_time
 from somrs.gui.pages.task_text import count_text, gist, task_path, task_sign
 from somrs.protocol.messages.directory import NeighbourView
@@ -155,7 +155,7 @@ def _why_unready(device: DeviceView) -> str:
         case DeviceState.NOT_WORKING:
             faults = device.simulated.faults if device.simulated is not None else ()
             labels = ", ".join(FAULT_LABELS[fault] for fault in faults)
-            return f"Faults: {labels}." if faults else "According to the map, it does not work."
+            return f"Faults: {labels}." if faults else problem_sentence(device) or "According to the map, it does not work."
         case DeviceState.NOTHING_ON_OFFER if CONNECTED in device.lineage and not departure:
             return ""
         case DeviceState.NOTHING_ON_OFFER:

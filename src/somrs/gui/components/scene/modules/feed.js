@@ -7,7 +7,7 @@ const PAUSES = [300, 700, 1500, 3000];
 const GATHERING = 150; // ms for which changes are gathered before they are requested
 const MOST_NAMES = 100; // in one request
 const POSITIONS = new Set(["PositionX", "PositionY", "PositionZ", "RotationX", "RotationY", "RotationZ"]);
-const UNSEEN = new Set(["Charge", "Price", "Speed", "Working", "Weight", "Payload", "OperationRange", "Texture"]);
+const UNSEEN = new Set(["Charge", "Price", "Speed", "Working", "Problem", "Weight", "Payload", "OperationRange", "Texture"]);
 
 class Poses {
   // The connection to /api/poses, which is made again until it is closed here.
