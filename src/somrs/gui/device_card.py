@@ -94,7 +94,7 @@ class DeviceCard:
                 self._state = Badge(state(device))
                 self._order_menu = RebuiltElement()
                 self._menu = RebuiltElement()
-            self._problem = ui.label().classes("somrs-device-note somrs-bad").props('role="status"')
+            self._problem = ui.label().classes("somrs-device-note somrs-bad-text").props('role="status"')
             self._note = ui.label().classes("somrs-device-note")
             self._faults = RebuiltElement().classes("somrs-device-faults")
             self._activities = RebuiltElement().classes("somrs-device-doing")
