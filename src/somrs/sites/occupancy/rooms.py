@@ -20,6 +20,7 @@ from somrs.sites.plan import Point
 
 Labels = npt.NDArray[np.int32]
 Floats = npt.NDArray[np.float64]
+Cells = npt.NDArray[np.intp]
 
 WIDEST_DOOR = 1.7
 """Width of the widest door, m."""
@@ -82,30 +83,86 @@ def find_rooms(free: Mask, resolution: float) -> Rooms:
 
 
 def segmented(distances: Floats, step: float) -> Labels:
-    """The basins of a map of distances from walls (m, 0 in walls), by the levels of `step`, the highest first.
+    """The basins of a map of distances from walls (m, 0 in walls and along the edge), by the levels of `step`, the highest first.
 
     Two basins that meet at a level become one, unless it is a door.
     """
-    labels = np.zeros(distances.shape, dtype=np.int32)
-    peaks: dict[int, float] = {}
-    separate: set[frozenset[int]] = set()
+    division = _Division(distances.shape)
+    values = distances.ravel()
+    cells = np.flatnonzero(values > 0)
+    cells = cells[np.argsort(-values[cells], kind="stable")]
+    heights, start = -values[cells], 0
     for level in np.arange(math.floor(distances.max() / step), 0, -1) * step:
-        parts, count = ndimage.label(distances >= level - 1e-9, structure=_EIGHT)
-        number_of_part = np.zeros(count + 1, dtype=np.int32)
-        number_of_part[parts[labels > 0]] = 1
-        for part in np.flatnonzero(number_of_part[1:] == 0) + 1:
-            peaks[len(peaks) + 1] = float(level)
-            labels[parts == part] = len(peaks)
-        labels = _flooded(labels, parts > 0)
-        while undecided := _meeting(labels) - separate:
+        end = int(np.searchsorted(heights, 1e-9 - level, side="right"))
+        if end > start:
+            division.add(cells[start:end], float(level))
+        start = end
+    return division.labels.reshape(distances.shape)
+
+
+class _Division:
+    """The basins of the levels so far. Cells are numbered row by row; those along the edge are in no basin."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self._shape = shape
+        self.labels: Labels = np.zeros(math.prod(shape), dtype=np.int32)
+        self._peaks: dict[int, float] = {}
+        self._separate: set[frozenset[int]] = set()
+        width = shape[1]
+        self._around = np.array([row * width + column for row in (-1, 0, 1) for column in (-1, 0, 1) if row or column])
+
+    def add(self, cells: Cells, level: float) -> None:
+        """Add the cells of a level, m."""
+        remaining = self._flood(cells)
+        if len(remaining):
+            self._add_peaks(remaining, level)
+        self._join(cells, level)
+
+    def _flood(self, cells: Cells) -> Cells:
+        """Spread the labels over cells, each from the nearest along them. Returns those that they do not reach."""
+        while len(cells):
+            labels = self.labels[cells[:, None] + self._around].max(axis=1)
+            is_reached = labels > 0
+            if not is_reached.any():
+                break
+            self.labels[cells[is_reached]] = labels[is_reached]
+            cells = cells[~is_reached]
+        return cells
+
+    def _add_peaks(self, cells: Cells, level: float) -> None:
+        """Begin a basin with each part of these cells."""
+        rows, columns = np.divmod(cells, self._shape[1])
+        low, left = int(rows.min()), int(columns.min())
+        mask = np.zeros((int(rows.max()) - low + 1, int(columns.max()) - left + 1), dtype=bool)
+        mask[rows - low, columns - left] = True
+        parts, count = ndimage.label(mask, structure=_EIGHT)
+        self.labels[cells] = len(self._peaks) + parts[rows - low, columns - left]
+        self._peaks |= {len(self._peaks) + number: level for number in range(1, count + 1)}
+
+    def _join(self, cells: Cells, level: float) -> None:
+        """Make one of basins that meet in these cells, unless it is at a door."""
+        meeting = self._meeting(cells)
+        while undecided := meeting - self._separate:
             first, second = sorted(min(undecided, key=sorted))
-            if is_door(float(level), peaks[first], peaks[second]):
-                separate.add(frozenset((first, second)))
+            if is_door(level, self._peaks[first], self._peaks[second]):
+                self._separate.add(frozenset((first, second)))
                 continue
-            larger, dropped = (first, second) if peaks[first] >= peaks[second] else (second, first)
-            labels[labels == dropped] = larger
-            separate = {frozenset(larger if number == dropped else number for number in pair) for pair in separate}
-    return labels
+            larger, dropped = (first, second) if self._peaks[first] >= self._peaks[second] else (second, first)
+            self.labels[self.labels == dropped] = larger
+            meeting, self._separate = (_renamed(pairs, dropped, larger) for pairs in (meeting, self._separate))
+
+    def _meeting(self, cells: Cells) -> set[frozenset[int]]:
+        """The pairs of basins that touch in these cells."""
+        neighbours, own_labels = self.labels[cells[:, None] + self._around], self.labels[cells]
+        rows, columns = np.nonzero((neighbours > 0) & (neighbours != own_labels[:, None]))
+        codes = np.unique(own_labels[rows].astype(np.int64) * 2**32 + neighbours[rows, columns])
+        return {frozenset((int(code >> 32), int(code & 0xFFFFFFFF))) for code in codes}
+
+
+def _renamed(pairs: set[frozenset[int]], old: int, new: int) -> set[frozenset[int]]:
+    """The pairs of basins after one has become a part of another one."""
+    renamed = (frozenset(new if number == old else number for number in pair) for pair in pairs)
+    return {pair for pair in renamed if len(pair) == 2}
 
 
 def is_door(half_width: float, first_peak: float, second_peak: float) -> bool:
@@ -116,20 +173,6 @@ def is_door(half_width: float, first_peak: float, second_peak: float) -> bool:
 def is_narrow(half_width: float, first_peak: float, second_peak: float) -> bool:
     """Whether a place is narrow beside the rooms on its sides, by the distances from walls there and in their middles, m."""
     return half_width <= _NARROWING * min(first_peak, second_peak)
-
-
-def _flooded(labels: Labels, mask: Mask) -> Labels:
-    """The labels, spread over the cells of the mask that have none, each from the nearest along the mask."""
-    result = labels.copy()
-    while True:
-        is_open = mask & (result == 0)
-        if not is_open.any():
-            return result
-        neighbours = ndimage.maximum_filter(result, size=3)
-        is_reached = is_open & (neighbours > 0)
-        if not is_reached.any():
-            return result
-        result[is_reached] = neighbours[is_reached]
 
 
 def _meeting(labels: Labels) -> set[frozenset[int]]:
