@@ -72,15 +72,12 @@ def building_of(grid: OccupancyGrid, furniture: Sequence[Box] = (), doors: Seque
     doorways += [(pair, box) for box in (*doors, *openings) if (pair := rooms_beside(box, rooms, grid)) is not None]
     doorways = [(pair, box) for pair, box in doorways if box.width >= NARROWEST_DOOR]
     labels = _cut_at_doors(cells, rooms, [*doors, *(box for _, box in doorways)], grid)
-    counts = {number: int(np.count_nonzero(labels == number)) for number in rooms.numbers}
-    order = sorted(counts, key=lambda number: (-counts[number], number))
+    counts, places = np.bincount(labels.ravel()), ndimage.find_objects(labels)
+    order = sorted(rooms.numbers, key=lambda number: (-int(counts[number]), number))
     return Building(
         walls=[_on_map(wall, grid) for wall in structure.walls],
         obstacles=[_on_map(obstacle, grid) for obstacle in structure.obstacles],
-        rooms=[
-            Room(outline=_floor_outline(labels == number, grid), middle=_middle(labels == number, grid), cells=counts[number])
-            for number in order
-        ],
+        rooms=[_room(labels, number, places[number - 1], grid) for number in order],
         doors=[Door(box=_on_map(box, grid), rooms=(order.index(first), order.index(second))) for (first, second), box in doorways],
     )
 
@@ -89,7 +86,8 @@ def _parted(cells: Mask, partitions: Sequence[Box], grid: OccupancyGrid) -> Mask
     """The cells without those in these rectangles."""
     cells = cells.copy()
     for partition in partitions:
-        cells &= ~cells_of(partition, grid, 0.75 * grid.resolution)
+        place, is_covered = covered_part(partition, grid, 0.75 * grid.resolution)
+        cells[place] &= ~is_covered
     return cells
 
 
@@ -110,7 +108,8 @@ def _without(furniture: Sequence[Box], grid: OccupancyGrid) -> OccupancyGrid:
     """The grid without what is seen of the furniture: nobody knows what is there besides."""
     states = grid.states.copy()
     for box in furniture:
-        states[cells_of(box, grid, 1.5 * grid.resolution) & (states == Cell.OCCUPIED)] = Cell.UNKNOWN
+        place, is_covered = covered_part(box, grid, 1.5 * grid.resolution)
+        states[place][is_covered & (states[place] == Cell.OCCUPIED)] = Cell.UNKNOWN
     return replace(grid, states=states)
 
 
@@ -124,9 +123,11 @@ def room_cells(grid: OccupancyGrid, structure: Structure, furniture: Sequence[Bo
     surrounded = ndimage.binary_fill_holes(cells)
     cells = cells | (is_small[spots] & surrounded)
     for obstacle in (*structure.obstacles, *furniture):
-        cells |= cells_of(obstacle, grid, 1.5 * grid.resolution)
+        place, is_covered = covered_part(obstacle, grid, 1.5 * grid.resolution)
+        cells[place] |= is_covered
     for wall in structure.walls:
-        cells &= ~cells_of(wall, grid, 0.0)
+        place, is_covered = covered_part(wall, grid, 0.0)
+        cells[place] &= ~is_covered
     cells = _where_something_fits(cells, grid.resolution)
     parts, _ = ndimage.label(cells)
     rooms: Mask = cells & np.isin(parts, np.unique(parts[cells & grid.mask(Cell.FREE)]))
@@ -146,18 +147,21 @@ def _where_something_fits(cells: Mask, resolution: float) -> Mask:
 def cells_of(box: Box, grid: OccupancyGrid, margin: float) -> Mask:
     """The cells whose middles are in a rectangle, in local coordinates, or at most `margin` beside it, m."""
     mask = np.zeros(grid.shape, dtype=bool)
+    place, is_covered = covered_part(box, grid, margin)
+    mask[place] = is_covered
+    return mask
+
+
+def covered_part(box: Box, grid: OccupancyGrid, margin: float) -> tuple[tuple[slice, slice], Mask]:
+    """The same as a part of the grid around the rectangle: its place, and which of its cells."""
     reach = box.reach + 2 * margin
     low, high = (np.floor((np.array([box.y, box.x]) + sign * reach) / grid.resolution).astype(int) for sign in (-1, 1))
-    (top, right), (bottom, left) = np.minimum(high + 1, grid.shape), np.maximum(low, 0)
-    if bottom >= top or left >= right:
-        return mask
-    ys, xs = (np.mgrid[bottom:top, left:right] + 0.5) * grid.resolution
+    (top, right), (bottom, left) = np.clip(high + 1, 0, grid.shape).tolist(), np.clip(low, 0, grid.shape).tolist()
+    ys, xs = ((np.arange(start, end) + 0.5) * grid.resolution for start, end in ((bottom, top), (left, right)))
     (ux, uy), (vx, vy) = box.axes
-    dx, dy = xs - box.x, ys - box.y
-    mask[bottom:top, left:right] = (np.abs(dx * ux + dy * uy) <= box.width / 2 + margin) & (
-        np.abs(dx * vx + dy * vy) <= box.depth / 2 + margin
-    )
-    return mask
+    dx, dy = xs[None, :] - box.x, ys[:, None] - box.y
+    mask: Mask = (np.abs(dx * ux + dy * uy) <= box.width / 2 + margin) & (np.abs(dx * vx + dy * vy) <= box.depth / 2 + margin)
+    return (slice(bottom, top), slice(left, right)), mask
 
 
 def _door_box(doorway: Doorway, structure: Structure, grid: OccupancyGrid) -> Box:
@@ -197,21 +201,21 @@ def _reach(box: Box, sign: int, walls: Sequence[Box], grid: OccupancyGrid) -> fl
     return box.width / 2
 
 
-def _floor_outline(room: Mask, grid: OccupancyGrid) -> list[Point]:
-    """The edge of a room's floor. It reaches under the walls, so that it meets the floors of the rooms beside it."""
+def _room(labels: Labels, number: int, place: tuple[slice, slice], grid: OccupancyGrid) -> Room:
+    """The room of the cells with this number, which are in this part of the grid.
+
+    Its floor reaches under the walls, so that it meets the floors of the rooms beside it.
+    """
     steps = max(1, round(WALL_THICKNESS / grid.resolution))
     margin = steps + 1
-    mask = ndimage.binary_dilation(np.pad(room, margin), np.ones((3, 3)), iterations=steps)
-    outline = outline_of(mask, grid.resolution, 1.5 * grid.resolution)
-    corners = [(x - margin * grid.resolution, y - margin * grid.resolution) for x, y in outline]
-    return [(round(x, 3), round(y, 3)) for x, y in grid.to_map(corners).tolist()]
-
-
-def _middle(room: Mask, grid: OccupancyGrid) -> Point:
-    distances = ndimage.distance_transform_edt(np.pad(room, 1))[1:-1, 1:-1]
+    cells = np.pad(labels[place] == number, margin)
+    local_corners = outline_of(ndimage.binary_dilation(cells, np.ones((3, 3)), iterations=steps), grid.resolution, 1.5 * grid.resolution)
+    shift = np.array([place[1].start - margin, place[0].start - margin]) * grid.resolution
+    outline = [(round(x, 3), round(y, 3)) for x, y in grid.to_map(np.array(local_corners) + shift).tolist()]
+    distances = ndimage.distance_transform_edt(cells)
     row, column = np.unravel_index(int(distances.argmax()), distances.shape)
-    ((x, y),) = grid.to_map([((column + 0.5) * grid.resolution, (row + 0.5) * grid.resolution)]).tolist()
-    return x, y
+    ((x, y),) = grid.to_map(np.array([(column + 0.5, row + 0.5)]) * grid.resolution + shift).tolist()
+    return Room(outline=outline, middle=(x, y), cells=int(np.count_nonzero(cells)))
 
 
 def _on_map(box: Box, grid: OccupancyGrid) -> Box:
