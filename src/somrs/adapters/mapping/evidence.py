@@ -64,11 +64,14 @@ class Evidence:
         """Each cell counts once: as hit, if a ray ends in it, or else as passed."""
         if not len(touched):
             return
-        self._grow(touched.min(axis=0), touched.max(axis=0))
-        change = np.zeros_like(self._log_odds)
-        change[tuple((touched - self._corner).T)] = _MISS
-        change[tuple((hits - self._corner).T)] = _HIT
-        np.clip(self._log_odds + change, -_SUREST, _SUREST, out=self._log_odds)
+        lowest, highest = touched.min(axis=0), touched.max(axis=0)
+        self._grow(lowest, highest)
+        (row, column), (end_row, end_column) = lowest - self._corner, highest + 1 - self._corner
+        touched_part = self._log_odds[row:end_row, column:end_column]
+        change = np.zeros_like(touched_part)
+        change[tuple((touched - lowest).T)] = _MISS
+        change[tuple((hits - lowest).T)] = _HIT
+        np.clip(touched_part + change, -_SUREST, _SUREST, out=touched_part)
 
     def _grow(self, lowest: Indexes, highest: Indexes) -> None:
         if not self._log_odds.size:
@@ -95,12 +98,16 @@ def passed_cells(x: float, y: float, angles: npt.NDArray[np.float64], lengths: n
     """The cells that rays pass before they end, row and column, in steps of half a cell."""
     if not len(angles):
         return np.zeros((0, 2), dtype=np.int64)
-    steps = np.arange(0.0, float(lengths.max(initial=0.0)), resolution / 2)
-    distances, directions = np.meshgrid(steps, np.arange(len(angles)), indexing="ij")
-    is_before_end = distances < lengths[directions] - resolution / 2
-    return _cells(x, y, angles[directions[is_before_end]], distances[is_before_end], resolution)
+    steps = np.arange(0.0, float(lengths.max(initial=0.0)), resolution / 2)[:, None]
+    is_before_end = steps < lengths - resolution / 2
+    rows, columns = y + steps * np.sin(angles), x + steps * np.cos(angles)
+    return _numbers(np.column_stack([rows[is_before_end], columns[is_before_end]]), resolution)
 
 
 def _cells(x: float, y: float, angles: npt.NDArray[np.float64], distances: npt.NDArray[np.float64], resolution: float) -> Indexes:
-    columns, rows = x + distances * np.cos(angles), y + distances * np.sin(angles)
-    return np.floor(np.column_stack([rows, columns]) / resolution).astype(np.int64)
+    return _numbers(np.column_stack([y + distances * np.sin(angles), x + distances * np.cos(angles)]), resolution)
+
+
+def _numbers(points: npt.NDArray[np.float64], resolution: float) -> Indexes:
+    """The cells of points (n × 2: y and x, m), row and column."""
+    return np.floor(points / resolution).astype(np.int64)

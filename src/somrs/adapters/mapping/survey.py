@@ -10,7 +10,7 @@ import numpy as np
 
 from somrs.adapters.mapping.doors import DrivenDoor
 from somrs.adapters.mapping.evidence import Evidence
-from somrs.adapters.mapping.ways import Frontier, View, Ways, covered_cells
+from somrs.adapters.mapping.ways import Frontier, View, Ways, covered_cells, frontiers_of, longest_worthwhile
 from somrs.devices.simulator.link.commands import Scan, Sighting
 from somrs.ontology.types import Value
 from somrs.sites.occupancy.grid import Cell, OccupancyGrid
@@ -20,6 +20,8 @@ MARGIN = 0.08
 """How far a robot keeps from what it has seen, besides its radius, m."""
 FARTHEST_VIEW = 4.0
 """A frontier is looked at from at most so far, m."""
+_FIRST_REACH, _LONGEST_REACH = 6.0, 60.0
+"""Views are looked for at the ends of ways of at most these lengths at first, and at last before all are looked at, m."""
 SAME_FRONTIER = 0.4
 """A frontier that is so near to one that was looked at before is the same, m."""
 _TRIES = 5
@@ -127,22 +129,33 @@ class Survey:
     def _ways(self, position: Point) -> Ways:
         return self._ways_without((), position)
 
-    def _ways_without(self, doors: Sequence[DrivenDoor], position: Point) -> Ways:
-        """The ways if these doors were shut."""
+    def _ways_without(self, doors: Sequence[DrivenDoor], position: Point, reach: float = math.inf) -> Ways:
+        """The ways up to a length of `reach`, m, if these doors were shut."""
         shut_doors = [*self._closed_doors, *(door.box for door in doors)]
         doorways = [_extended(door.box, self.radius + 2 * MARGIN) for door in self._open_doors]
         clearance, berth = self.radius + MARGIN, 2 * self.radius + BERTH
-        return Ways(self.grid(), position, clearance, self.robots, berth, shut_doors, doorways, self.radius)
+        return Ways(self.grid(), position, clearance, self.robots, berth, shut_doors, doorways, self.radius, reach)
 
     def next_view(self, position: Point) -> View | None:
         """From where to look next; None if there is nothing left that can be looked at."""
-        ways = self._ways(position)
-        frontiers = [replace(frontier, reach=FARTHEST_VIEW, tried_stands=self._tried_stands(frontier)) for frontier in ways.frontiers()]
-        return ways.best_view([frontier for frontier in frontiers if len(frontier.tried_stands) < _TRIES])
+        frontiers = [replace(frontier, reach=FARTHEST_VIEW) for frontier in frontiers_of(self.grid())]
+        frontiers = [replace(frontier, tried_stands=self._tried_stands(frontier)) for frontier in frontiers]
+        frontiers = [frontier for frontier in frontiers if len(frontier.tried_stands) < _TRIES]
+        if not frontiers:
+            return None
+        reach = _FIRST_REACH
+        while True:
+            view = self._ways_without((), position, reach).best_view(frontiers)
+            worthwhile = longest_worthwhile(frontiers, position, view.value) if view is not None else 3 * reach
+            if worthwhile <= reach or math.isinf(reach):
+                return view
+            reach = worthwhile if worthwhile < _LONGEST_REACH else math.inf
 
     def _tried_stands(self, frontier: Frontier) -> tuple[Point, ...]:
         """From where the robot has looked at a frontier."""
-        return tuple(stand for middle, stand in self._looked_at if math.dist(frontier.middle, middle) <= SAME_FRONTIER)
+        x, y = frontier.middle
+        near = [pair for pair in self._looked_at if abs(pair[0][0] - x) <= SAME_FRONTIER and abs(pair[0][1] - y) <= SAME_FRONTIER]
+        return tuple(stand for middle, stand in near if math.dist(frontier.middle, middle) <= SAME_FRONTIER)
 
     def next_door(self, position: Point, shut_doors: Sequence[DrivenDoor]) -> tuple[DrivenDoor, View] | None:
         """Which of the doors that are shut is to be opened next, and from where it is looked at, outside the swing of its leaf; None if

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
-from scipy.sparse import coo_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from somrs.sites.occupancy.building import cells_of
@@ -30,8 +30,16 @@ _ELSEWHERE = 0.5
 """A frontier is looked at again from a stand that is farther from the earlier ones than this share of its distance to the frontier."""
 _EFFORT = 1.5
 """What a look costs, as the length of a way, m."""
-_STEPS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2)))
-"""Steps to half of the eight cells around one, with their lengths in cells."""
+_STEPS = tuple((row, column, math.hypot(row, column)) for row in (-1, 0, 1) for column in (-1, 0, 1) if row or column)
+"""Steps to the eight cells around one, with their lengths in cells."""
+_HALF_SQUARE = math.sqrt(0.5)
+"""The distance of the corners of a square of 1 m from its middle, m."""
+_OFF_START = 0.5
+"""How far the cell at which ways begin is from the robot at most, as a rule, m."""
+_COARSE = 8
+"""Of the points along a line, one of so many is tried first."""
+_MARGIN = 6.0
+"""What is farther than the longest way and this matters neither to the ways nor to what is seen from them, m."""
 
 Cells = npt.NDArray[np.int64]
 
@@ -46,15 +54,21 @@ class Frontier:
     reach: float = math.inf
     tried_stands: tuple[Point, ...] = ()
 
+    @property
+    def gain(self) -> float:
+        """How much of it is seen in one look, m."""
+        return min(self.length, LONGEST_FRONTIER)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
     """Where to look from. `way`: the points to drive through, the first is where the robot is; `distance`: their length, m; `frontiers`:
-    those of which the middles are in sight from there."""
+    those of which the middles are in sight from there; `value`: their length for the effort of coming there."""
 
     way: list[Point]
     distance: float
     frontiers: tuple[Frontier, ...] = ()
+    value: float = 0.0
 
     @property
     def stand(self) -> Point:
@@ -64,7 +78,8 @@ class View:
 
 class Ways:
     """The ways from a point over the free cells of a grid that are at least `clearance` from all others, and `berth` from the middles of
-    `robots`, m, and that do not lead through `shut_doors`. Through `doorways`, they lead over cells that are `radius` from all others."""
+    `robots`, m, and that do not lead through `shut_doors`. Through `doorways`, they lead over cells that are `radius` from all others. Only
+    those up to a length of `reach` are looked for, m."""
 
     def __init__(
         self,
@@ -76,8 +91,10 @@ class Ways:
         shut_doors: Sequence[Box] = (),
         doorways: Sequence[Box] = (),
         radius: float = 0.0,
+        reach: float = math.inf,
     ) -> None:
-        self.grid, self.start = grid, start
+        self.start, self._reach = start, reach
+        self.grid = grid = part_around(grid, start, reach + _MARGIN)
         self._free = grid.mask(Cell.FREE)
         distances = ndimage.distance_transform_edt(np.pad(self._free, 1))[1:-1, 1:-1] * grid.resolution
         self.is_open: Mask = distances > clearance
@@ -88,7 +105,7 @@ class Ways:
         for door in shut_doors:
             self.is_open &= ~covered_cells(door, grid, clearance)
         self._start_cell = self._cell_near(start)
-        self.lengths, self._predecessors = shortest_ways(self.is_open, self._start_cell)
+        self.lengths, self._predecessors = shortest_ways(self.is_open, self._start_cell, reach / grid.resolution)
 
     def _cell_of(self, point: Point) -> tuple[int, int]:
         ((x, y),) = self.grid.to_local([point]).tolist()
@@ -103,29 +120,17 @@ class Ways:
         nearest = int(np.hypot(rows - row, columns - column).argmin())
         return int(rows[nearest]), int(columns[nearest])
 
-    def frontiers(self) -> list[Frontier]:
-        """The frontiers of the grid, also those to which no way leads."""
-        unknown = ndimage.binary_dilation(self.grid.mask(Cell.UNKNOWN), np.ones((3, 3)))
-        labels, _ = ndimage.label(self._free & unknown, structure=np.ones((3, 3)))
-        found_frontiers = []
-        for number, place in enumerate(ndimage.find_objects(labels), 1):
-            rows, columns = np.nonzero(labels[place] == number)
-            if len(rows) * self.grid.resolution < SHORTEST_FRONTIER:
-                continue
-            rows, columns = rows + place[0].start, columns + place[1].start
-            nearest = int(np.hypot(rows - rows.mean(), columns - columns.mean()).argmin())
-            middle = self._point((int(rows[nearest]), int(columns[nearest])))
-            found_frontiers.append(Frontier(middle=middle, length=len(rows) * self.grid.resolution))
-        return found_frontiers
-
     def best_view(self, frontiers: Sequence[Frontier]) -> View | None:
         """From where most of these frontiers is seen for the effort of coming there; None if none can be seen.
 
         After González-Baños and Latombe, "Navigation strategies for exploring indoor environments" (2002).
         """
+        frontiers = [
+            frontier for frontier in frontiers if math.dist(self.start, frontier.middle) <= self._reach + frontier.reach + _OFF_START
+        ]
         gains, stands = np.zeros(self.grid.shape), [self._stands(frontier) for frontier in frontiers]
         for frontier, (rows, columns) in zip(frontiers, stands, strict=True):
-            gains[rows, columns] += min(frontier.length, LONGEST_FRONTIER)
+            gains[rows, columns] += frontier.gain
         if not gains.any():
             return None
         values = gains / (self.lengths * self.grid.resolution + _EFFORT)
@@ -134,27 +139,36 @@ class Ways:
         frontiers_seen = [
             frontier for frontier, cells in zip(frontiers, stands, strict=True) if ((cells[0] == row) & (cells[1] == column)).any()
         ]
-        return View(way=way, distance=path_length(way), frontiers=tuple(frontiers_seen))
+        return View(way=way, distance=path_length(way), frontiers=tuple(frontiers_seen), value=float(values[row, column]))
 
     def _stands(self, frontier: Frontier) -> tuple[Cells, Cells]:
         """The cells from which a frontier is seen, of those that are tried, by rows and columns."""
         cell = self._cell_of(frontier.middle)
-        rows, columns = self._reachable_near(cell, 0.0, frontier.reach)
+        rows, columns = self._reachable_near(cell, 0.0, frontier.reach, is_sparse=True)
         distances = np.hypot(rows - cell[0], columns - cell[1])
-        is_nearby = distances * self.grid.resolution <= NEARBY
-        is_candidate = is_nearby | ((rows % _STRIDE == 0) & (columns % _STRIDE == 0))
+        is_candidate = np.ones(len(rows), dtype=bool)
         for row, column in map(self._cell_of, frontier.tried_stands):
             is_candidate &= np.hypot(rows - row, columns - column) > _ELSEWHERE * distances
         rows, columns = rows[is_candidate], columns[is_candidate]
         is_in_sight = clear_lines(self._free, rows, columns, cell)
         return rows[is_in_sight], columns[is_in_sight]
 
-    def _reachable_near(self, cell: tuple[int, int], closest: float, reach: float) -> tuple[Cells, Cells]:
-        """The cells to which a way leads at least `closest` and at most `reach` from a cell, in m: rows and columns."""
-        cells = math.ceil(reach / self.grid.resolution)
-        low_row, low_column = max(cell[0] - cells, 0), max(cell[1] - cells, 0)
-        rows, columns = np.nonzero(np.isfinite(self.lengths[low_row : cell[0] + cells + 1, low_column : cell[1] + cells + 1]))
-        rows, columns = rows + low_row, columns + low_column
+    def _reachable_near(self, cell: tuple[int, int], closest: float, reach: float, *, is_sparse: bool = False) -> tuple[Cells, Cells]:
+        """The cells to which a way leads at least `closest` and at most `reach` from a cell, in m: rows and columns. `is_sparse`: only
+        those that are tried as stands."""
+        height, width = self.lengths.shape
+        cells = math.ceil(min(reach / self.grid.resolution, height + width))
+        first_row, first_column = max(cell[0] - cells, 0), max(cell[1] - cells, 0)
+        is_candidate = np.isfinite(self.lengths[first_row : max(cell[0] + cells + 1, 0), first_column : max(cell[1] + cells + 1, 0)])
+        if is_sparse:
+            nearby = math.floor(NEARBY / self.grid.resolution)
+            is_tried = np.zeros_like(is_candidate)
+            is_tried[-first_row % _STRIDE :: _STRIDE, -first_column % _STRIDE :: _STRIDE] = True
+            rows, columns = np.ogrid[first_row : first_row + is_candidate.shape[0], first_column : first_column + is_candidate.shape[1]]
+            is_tried |= (rows - cell[0]) ** 2 + (columns - cell[1]) ** 2 <= nearby**2
+            is_candidate &= is_tried
+        rows, columns = np.nonzero(is_candidate)
+        rows, columns = rows + first_row, columns + first_column
         distances = np.hypot(rows - cell[0], columns - cell[1]) * self.grid.resolution
         is_within_reach = (distances >= closest) & (distances <= reach)
         return rows[is_within_reach], columns[is_within_reach]
@@ -210,24 +224,83 @@ def covered_cells(box: Box, grid: OccupancyGrid, margin: float = 0.0) -> Mask:
     return cells_of(replace(box, x=x, y=y, yaw=box.yaw - grid.yaw), grid, margin)
 
 
-def shortest_ways(is_open: Mask, start: tuple[int, int]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
-    """The lengths of the shortest ways from a cell to all open cells, in cells, over the eight cells around each; infinity if there is
-    none. And from which cell each way comes, as row × width + column."""
+def part_around(grid: OccupancyGrid, point: Point, reach: float) -> OccupancyGrid:
+    """The part of a grid that is at most so far from a point along its rows and columns, m. The cells tried as stands stay the same."""
+    ((x, y),) = grid.to_local([point]).tolist()
+    low, high = ([(value + sign * reach) / grid.resolution for value in (y, x)] for sign in (-1, 1))
+    first_row, first_column = (math.floor(max(value, 0.0)) // _STRIDE * _STRIDE for value in low)
+    end_row, end_column = (math.ceil(max(min(value, size), 0.0)) for value, size in zip(high, grid.shape, strict=True))
+    ((corner_x, corner_y),) = grid.to_map([(first_column * grid.resolution, first_row * grid.resolution)]).tolist()
+    return replace(grid, states=grid.states[first_row:end_row, first_column:end_column], x=corner_x, y=corner_y)
+
+
+def frontiers_of(grid: OccupancyGrid) -> list[Frontier]:
+    """The frontiers of a grid, also those to which no way leads."""
+    is_frontier = grid.mask(Cell.FREE) & _with_neighbours(grid.mask(Cell.UNKNOWN))
+    labels, count = ndimage.label(is_frontier, structure=np.ones((3, 3)))
+    rows, columns = np.nonzero(is_frontier)
+    order = np.argsort(labels[rows, columns], kind="stable")
+    ends = np.cumsum(np.bincount(labels[rows, columns], minlength=count + 1))
+    frontiers: list[Frontier] = []
+    for start, end in pairwise(ends.tolist()):
+        length = (end - start) * grid.resolution
+        if length < SHORTEST_FRONTIER:
+            continue
+        cells = np.column_stack([rows, columns])[order[start:end]]
+        nearest = cells[int(np.hypot(*(cells - cells.mean(axis=0)).T).argmin())]
+        ((x, y),) = grid.to_map([(nearest[::-1] + 0.5) * grid.resolution]).tolist()
+        frontiers.append(Frontier(middle=(x, y), length=length))
+    return frontiers
+
+
+def _with_neighbours(mask: Mask) -> Mask:
+    """The cells of a mask and the eight around each."""
+    beside_rows = mask.copy()
+    beside_rows[1:] |= mask[:-1]
+    beside_rows[:-1] |= mask[1:]
+    neighbours = beside_rows.copy()
+    neighbours[:, 1:] |= beside_rows[:, :-1]
+    neighbours[:, :-1] |= beside_rows[:, 1:]
+    return neighbours
+
+
+def longest_worthwhile(frontiers: Sequence[Frontier], start: Point, value: float) -> float:
+    """No view of these frontiers at the end of a way from the start that is longer than this is worth more than `value`, m.
+
+    The stands are in squares of 1 m: from none in a square is more seen than all frontiers that are not too far from it.
+    """
+    middles = np.array([frontier.middle for frontier in frontiers])
+    gains, reaches = np.array([frontier.gain for frontier in frontiers]), np.array([frontier.reach for frontier in frontiers])
+    low, high = (middles - reaches[:, None]).min(axis=0), (middles + reaches[:, None]).max(axis=0) + 1.0
+    squares = np.stack(np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1])), axis=-1).reshape(-1, 2)
+    distances = np.hypot(squares[:, 0, None] - middles[:, 0], squares[:, 1, None] - middles[:, 1])
+    longest = ((distances <= reaches + _HALF_SQUARE) @ gains) / value - _EFFORT
+    is_near = np.hypot(*(squares - start).T) - _HALF_SQUARE - _OFF_START <= longest
+    return float(longest[is_near].max(initial=0.0))
+
+
+def shortest_ways(
+    is_open: Mask, start: tuple[int, int], longest: float = math.inf
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
+    """The lengths of the shortest ways from a cell to all open cells, in cells, over the eight cells around each; infinity if there is none
+    that is at most so long. And from which cell each way comes, as row × width + column."""
     height, width = is_open.shape
-    numbers = np.arange(height * width).reshape(height, width)
-    ends: list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], float]] = []
-    for row_step, column_step, length in _STEPS:
-        first = np.s_[: height - row_step, max(-column_step, 0) : width - max(column_step, 0)]
-        second = np.s_[row_step:, max(column_step, 0) : width - max(-column_step, 0)]
-        is_joined = is_open[first] & is_open[second]
-        ends.append((numbers[first][is_joined], numbers[second][is_joined], length))
-    starts, stops = np.concatenate([first for first, _, _ in ends]), np.concatenate([second for _, second, _ in ends])
-    weights = np.concatenate([np.full(len(first), length) for first, _, length in ends])
-    graph = coo_array((weights, (starts, stops)), shape=(height * width, height * width)).tocsr()
-    if not is_open[start]:
-        return np.full((height, width), math.inf), np.full(height * width, -1, dtype=np.int32)
-    lengths, predecessors = dijkstra(graph, directed=False, indices=start[0] * width + start[1], return_predecessors=True)
-    return lengths.reshape(height, width), predecessors
+    all_lengths, all_predecessors = np.full(height * width, math.inf), np.full(height * width, -1, dtype=np.int32)
+    if not (0 <= start[0] < height and 0 <= start[1] < width and is_open[start]):
+        return all_lengths.reshape(height, width), all_predecessors
+    cells = np.flatnonzero(is_open)
+    numbers = np.full((height + 2, width + 2), -1, dtype=np.int32)
+    numbers[1:-1, 1:-1][is_open] = np.arange(len(cells), dtype=np.int32)
+    places = cells + 2 * (cells // width) + width + 3  # the same cells with a margin around
+    neighbours = numbers.ravel()[places[:, None] + [row * (width + 2) + column for row, column, _ in _STEPS]]
+    is_joined = neighbours >= 0
+    weights = np.broadcast_to([length for _, _, length in _STEPS], neighbours.shape)[is_joined]
+    ends = np.concatenate([[0], np.cumsum(is_joined.sum(axis=1))])
+    graph = csr_array((weights, neighbours[is_joined], ends), shape=(len(cells), len(cells)))
+    lengths, predecessors = dijkstra(graph, indices=int(numbers[start[0] + 1, start[1] + 1]), return_predecessors=True, limit=longest)
+    all_lengths[cells] = lengths
+    all_predecessors[cells] = np.where(predecessors >= 0, cells[np.maximum(predecessors, 0)], -1)
+    return all_lengths.reshape(height, width), all_predecessors
 
 
 def is_clear_line(mask: Mask, start: tuple[int, int], end: tuple[int, int]) -> bool:
@@ -239,9 +312,12 @@ def clear_lines(mask: Mask, rows: Cells, columns: Cells, end: tuple[int, int]) -
     """The same for lines from many cells to one."""
     steps = 2 * int(max(np.abs(rows - end[0]).max(initial=0), np.abs(columns - end[1]).max(initial=0)))
     shares = np.linspace(0.0, 1.0, steps + 1)
-    line_rows = np.rint(rows[:, None] + (end[0] - rows)[:, None] * shares).astype(np.intp)
-    line_columns = np.rint(columns[:, None] + (end[1] - columns)[:, None] * shares).astype(np.intp)
-    is_clear: npt.NDArray[np.bool_] = np.all(mask[line_rows, line_columns], axis=1)
+    is_clear = np.ones(len(rows), dtype=bool)
+    for points in (shares[::_COARSE], shares):  # most lines that are not clear are found out by a few points
+        remaining = np.flatnonzero(is_clear)
+        line_rows = np.rint(rows[remaining, None] + (end[0] - rows[remaining])[:, None] * points).astype(np.intp)
+        line_columns = np.rint(columns[remaining, None] + (end[1] - columns[remaining])[:, None] * points).astype(np.intp)
+        is_clear[remaining] = np.all(mask[line_rows, line_columns], axis=1)
     return is_clear
 
 

@@ -156,12 +156,12 @@ def covered_part(box: Box, grid: OccupancyGrid, margin: float) -> tuple[tuple[sl
     """The same as a part of the grid around the rectangle: its place, and which of its cells."""
     reach = box.reach + 2 * margin
     low, high = (np.floor((np.array([box.y, box.x]) + sign * reach) / grid.resolution).astype(int) for sign in (-1, 1))
-    (top, right), (bottom, left) = np.clip(high + 1, 0, grid.shape).tolist(), np.clip(low, 0, grid.shape).tolist()
-    ys, xs = ((np.arange(start, end) + 0.5) * grid.resolution for start, end in ((bottom, top), (left, right)))
+    (end_row, end_column), (first_row, first_column) = np.clip(high + 1, 0, grid.shape).tolist(), np.clip(low, 0, grid.shape).tolist()
+    ys, xs = ((np.arange(start, end) + 0.5) * grid.resolution for start, end in ((first_row, end_row), (first_column, end_column)))
     (ux, uy), (vx, vy) = box.axes
     dx, dy = xs[None, :] - box.x, ys[:, None] - box.y
     mask: Mask = (np.abs(dx * ux + dy * uy) <= box.width / 2 + margin) & (np.abs(dx * vx + dy * vy) <= box.depth / 2 + margin)
-    return (slice(bottom, top), slice(left, right)), mask
+    return (slice(first_row, end_row), slice(first_column, end_column)), mask
 
 
 def _door_box(doorway: Doorway, structure: Structure, grid: OccupancyGrid) -> Box:

@@ -132,11 +132,11 @@ class _Division:
     def _add_peaks(self, cells: Cells, level: float) -> None:
         """Begin a basin with each part of these cells."""
         rows, columns = np.divmod(cells, self._shape[1])
-        low, left = int(rows.min()), int(columns.min())
-        mask = np.zeros((int(rows.max()) - low + 1, int(columns.max()) - left + 1), dtype=bool)
-        mask[rows - low, columns - left] = True
+        first_row, first_column = int(rows.min()), int(columns.min())
+        mask = np.zeros((int(rows.max()) - first_row + 1, int(columns.max()) - first_column + 1), dtype=bool)
+        mask[rows - first_row, columns - first_column] = True
         parts, count = ndimage.label(mask, structure=_EIGHT)
-        self.labels[cells] = len(self._peaks) + parts[rows - low, columns - left]
+        self.labels[cells] = len(self._peaks) + parts[rows - first_row, columns - first_column]
         self._peaks |= {len(self._peaks) + number: level for number in range(1, count + 1)}
 
     def _join(self, cells: Cells, level: float) -> None:

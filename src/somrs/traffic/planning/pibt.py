@@ -70,7 +70,6 @@ class _Step:
         restless: bool,
     ) -> None:
         self._graph, self._now, self._next, self._places, self._estimates = graph, now, next, places, estimates
-        self._corridors = graph.corridors
         self._exits: dict[int, int] = {}
         """Where robots leave the corridor in which they are, or which they enter now."""
         self._rotations, self._shuffle, self._restless = rotations, shuffle, restless
@@ -79,6 +78,10 @@ class _Step:
         """The robots that are decided, in the order of the decisions."""
         for robot, place in enumerate(places):
             now[place] = robot
+
+    @property
+    def _corridors(self) -> Sequence[int]:
+        return self._graph.corridors  # found only where there are robots
 
     def clear(self) -> None:
         for place in self._places:

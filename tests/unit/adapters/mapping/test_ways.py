@@ -13,7 +13,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from somrs.adapters.mapping.ways import Frontier, Ways, clear_lines, is_clear_line, path_length, shortest_ways
+from somrs.adapters.mapping.ways import (
+    Frontier,
+    Ways,
+    clear_lines,
+    frontiers_of,
+    is_clear_line,
+    longest_worthwhile,
+    path_length,
+    shortest_ways,
+)
 from somrs.sites.occupancy.grid import Cell, OccupancyGrid
 from somrs.sites.plan import Box
 
@@ -55,7 +64,7 @@ def hall(*, unknown: slice) -> OccupancyGrid:
 def test_the_way_to_a_view_leads_around_what_is_in_the_way_and_keeps_clear_of_it() -> None:
     grid = hall(unknown=slice(100, 120))
     ways = Ways(grid, (0.0, 2.8), 0.3)
-    (frontier,) = ways.frontiers()
+    (frontier,) = frontiers_of(grid)
     assert frontier.middle[0] == pytest.approx(-1.0 + 5.0, abs=0.1)
     assert frontier.length == pytest.approx(2.9, abs=0.2)
     view = ways.best_view([replace(frontier, reach=1.0)])
@@ -83,15 +92,33 @@ def test_a_robot_looks_from_where_it_sees_more_for_the_way() -> None:
     assert [frontier.middle for frontier in best.frontiers] == [ahead.middle, behind.middle], "both from one point between them"
 
 
+@given(
+    unknown=arrays.arrays(bool, (12, 20), elements=st.sampled_from([True, False, False])),
+    walls=arrays.arrays(bool, (12, 20), elements=st.sampled_from([True, False, False, False])),
+    reach=st.sampled_from([1.0, 2.0, 4.0]),
+)
+def test_views_at_the_ends_of_short_ways_are_those_of_all_ways_and_longer_ones_are_not_worth_more(
+    unknown: np.ndarray, walls: np.ndarray, reach: float
+) -> None:
+    states = np.where(walls, Cell.OCCUPIED, np.where(unknown, Cell.UNKNOWN, Cell.FREE)).repeat(10, axis=0).repeat(10, axis=1)
+    grid, start = OccupancyGrid(states=states.astype(np.int8), resolution=0.05), (5.1, 3.1)
+    frontiers = [replace(frontier, reach=1.5) for frontier in frontiers_of(grid)]
+    view, best = Ways(grid, start, 0.1, reach=reach).best_view(frontiers), Ways(grid, start, 0.1).best_view(frontiers)
+    if view is not None:
+        assert best is not None
+        assert best.value == view.value or reach < best.distance + 0.2 <= longest_worthwhile(frontiers, start, view.value) + 0.3
+
+
 def test_robots_are_given_a_wide_berth_and_what_they_cut_off_is_not_driven_to() -> None:
-    ways = Ways(hall(unknown=slice(100, 120)), (0.0, 2.8), 0.3, robots=[(1.95, 4.5)], berth=0.7)
-    assert ways.best_view([replace(frontier, reach=1.0) for frontier in ways.frontiers()]) is None
+    grid = hall(unknown=slice(100, 120))
+    ways = Ways(grid, (0.0, 2.8), 0.3, robots=[(1.95, 4.5)], berth=0.7)
+    assert ways.best_view([replace(frontier, reach=1.0) for frontier in frontiers_of(grid)]) is None
 
 
 def test_there_is_no_frontier_where_all_is_known_or_nothing_is() -> None:
-    assert Ways(hall(unknown=slice(0, 0)), (0.0, 2.8), 0.3).frontiers() == []
+    assert frontiers_of(hall(unknown=slice(0, 0))) == []
     blank = OccupancyGrid(states=np.full((20, 20), Cell.UNKNOWN, dtype=np.int8), resolution=0.05)
-    assert Ways(blank, (0.5, 0.5), 0.3).frontiers() == []
+    assert frontiers_of(blank) == []
 
 
 @given(
