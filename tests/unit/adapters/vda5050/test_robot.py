@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,8 +22,11 @@ from somrs.devices.road_robot import RobotFailed
 from somrs.ontology.map import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.traffic import RoadmapPlace
+from somrs.service_manager.sdk.device import Task
+from somrs.service_manager.sdk.orders import Order, Refusal
 from somrs.traffic.robot_tasks import RoadmapRead
 from tests.support.lab import lab
+from tests.support.road_lab import RoadLab, in_virtual_time
 from tests.support.vda5050_messages import HEADER
 from tests.unit.adapters.vda5050.test_messages import MINIMAL
 from tests.unit.adapters.vda5050.test_stations import sheet_with
@@ -98,6 +102,32 @@ def test_stations_and_heights_are_those_of_the_map() -> None:
             await work
 
     asyncio.run(test())
+
+
+@pytest.mark.parametrize(("highest", "reason"), [(0.6, "handles loads at 0 to 0.6 m over the floor, and not at 0.70 m"), (0.8, None)])
+def test_a_task_beyond_what_the_vehicle_handles_is_refused_when_it_is_quoted(tmp_path: Path, highest: float, reason: str | None) -> None:
+    async def test() -> None:
+        bench, lab = Bench(), RoadLab(tmp_path)
+        await lab.start()
+        bench.session.control.vehicle.factsheet = sheet_with("height", maximum_loadhandling_height=highest)
+        bench.device.whole_map, bench.device.battery = lab.whole_map, None
+        bench.device._link, bench.device.road._map.roadmap = bench.device._make_link(), lab.read_roadmap()
+        bench.device.located(lab.robots["Robot1"].body.x, lab.robots["Robot1"].body.y, 0.0, 0.0)
+        order = Order(
+            participant="Robot1",
+            method="transfer",
+            inputs={"Object": "Jar1", "Destination": "Platform1"},
+            effect="Jar1 isOn Platform1",
+            precondition="Jar1 isOn Table1",
+        )
+        task = Task("Robot1", order, lab.answer, print, quoting=True)
+        if reason is not None:
+            with pytest.raises(Refusal, match=reason):
+                await bench.device.legs(task)
+        else:
+            assert max(await bench.device.legs(task)) > 1.0
+
+    in_virtual_time(test())
 
 
 def test_a_pick_that_fails_says_why_and_what_the_vehicle_holds() -> None:
