@@ -74,7 +74,7 @@ class Vda5050Vehicle(CarryingRobot, replaces=("legs",)):
         self.session.on_effect = self._take_effect
         state = self.session.control.vehicle.state
         self.carries = bool(state.loads) if state is not None and state.loads is not None else None
-        self.heard(self.session.control.vehicle.is_connected, self.session.control.vehicle.absence)
+        self.heard(self.session.control.vehicle.is_commanded, self.session.control.vehicle.absence)
         asyncio.get_running_loop().call_soon(self._say_how_it_is)  # after `open` has begun, which waits for it
         await super().open()
         self.keep_doing(self._follow_zones())
@@ -167,7 +167,7 @@ class Vda5050Vehicle(CarryingRobot, replaces=("legs",)):
         try:
             failure = await ended
         except asyncio.CancelledError:
-            if not self.session.control.vehicle.is_connected:
+            if not self.session.control.vehicle.is_commanded:
                 self.session.give(Halt())  # it learns when it is there again that nobody wants this any more
             raise
         if failure is not None:

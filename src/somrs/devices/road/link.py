@@ -47,6 +47,8 @@ PATIENCE, PAUSE = 45.0, 2.0
 """For how long a robot waits for others that are in the way to where it is to work, and the pause between two attempts, in seconds."""
 ENTRY = 30.0
 """For how long a robot whose program has just started waits for its part in traffic before it gives up a command, s."""
+LOST = "link-lost"
+"""The reason for which a command ends of a robot that cannot be reached."""
 RETRYING = 12.0
 """For how long a robot asks again for a trip that traffic refuses, s: whoever supervises it tries some times more."""
 REACHED = 0.15
@@ -75,7 +77,8 @@ class RoadLink(CommandLink):
         """What is within reach from there."""
 
     def _end_at_once(self, reason: str, description: str) -> None:
-        if self._current is not None and not self._current.done():
+        """End the command. One that is being ended waits until the robot does nothing, unless that cannot be heard of any more."""
+        if self._current is not None and not self._current.done() and (not self._current.cancelling() or reason == LOST):
             self._reason_of_end = reason, description
             self._current.cancel()
 
@@ -108,7 +111,7 @@ class RoadLink(CommandLink):
 
     async def command(self, command: Command) -> CommandDone:
         if self.state is None or not self.connected:
-            raise RobotGaveUp("link-lost", f"{self.robot.name} cannot be reached", self.state)
+            raise RobotGaveUp(LOST, f"{self.robot.name} cannot be reached", self.state)
         if self._current is None or self._current.done():
             await self._handling.settled()
         if isinstance(command, Status):
@@ -160,10 +163,11 @@ class RoadLink(CommandLink):
         return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=support)
 
     async def _end_current(self, reason: str, description: str) -> None:
-        task, self._current = self._current, None
+        task = self._current
         if task is not None and not task.done():
-            self._reason_of_end = reason, description
-            task.cancel()
+            if not task.cancelling():
+                self._reason_of_end = reason, description
+                task.cancel()
             await asyncio.wait({task})
 
     async def _carry_out(self, command: Command) -> CommandDone:

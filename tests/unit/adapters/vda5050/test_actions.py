@@ -24,7 +24,7 @@ from somrs.adapters.vda5050.control.headers import HeaderLog
 from somrs.adapters.vda5050.control.vehicle import VehicleControl
 from somrs.adapters.vda5050.frames import Frame, Frames
 from somrs.adapters.vda5050.messages.decoding import Received
-from somrs.adapters.vda5050.messages.factsheets import Factsheet
+from somrs.adapters.vda5050.messages.factsheets import BatteryCharging, Configuration, Factsheet
 from somrs.adapters.vda5050.messages.header import Header, Topic, Version, timestamp_of
 from somrs.adapters.vda5050.messages.orders import ActionParameter, GrantType, Order, Responses
 from somrs.adapters.vda5050.messages.states import (
@@ -158,6 +158,21 @@ def test_charging_lasts_until_the_battery_is_full(version: Version) -> None:
     assert pair.body.charge > 98.0
     assert not pair.vehicle.state().power_supply.charging
     assert "stopCharging" in pair.instant_actions()
+
+
+@pytest.mark.parametrize("is_interrupted", [False, True])
+def test_charging_takes_the_time_that_the_vehicle_wants_for_it_unless_it_is_wanted(is_interrupted: bool) -> None:
+    wishes = Configuration(battery_charging=BatteryCharging(maximum_desired_charging_level=50.0, minimum_charging_time=60.0))
+    pair = Pair(Version.V3_0, sheet=msgspec.structs.replace(factsheet(), mobile_robot_configuration=wishes))
+    pair.do(Charge())
+    pair.run(50)
+    assert pair.vehicle.state().power_supply.charging
+    assert ended(pair) == []
+    if is_interrupted:
+        pair.halt()
+    pair.run(15)
+    assert not pair.vehicle.state().power_supply.charging
+    assert pair.of(ActionEnded, Halted) == [Halted() if is_interrupted else ActionEnded(failure=None)]
 
 
 @VERSIONS

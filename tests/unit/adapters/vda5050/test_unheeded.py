@@ -6,7 +6,17 @@ from typing import Any
 
 import pytest
 
-from somrs.adapters.vda5050.control.exchange import ActionEnded, Charge, Follow, GaveUp, Halt, Halted, Perform, Tick
+from somrs.adapters.vda5050.control.exchange import (
+    ActionEnded,
+    Charge,
+    Follow,
+    GaveUp,
+    Halt,
+    Halted,
+    Perform,
+    Reachable,
+    Tick,
+)
 from somrs.adapters.vda5050.messages.orders import Action, InstantActions
 from tests.support.vda5050_pair import way
 from tests.unit.adapters.vda5050.test_doubtful_vehicles import Dialogue, there
@@ -75,6 +85,60 @@ def test_an_action_of_which_the_vehicle_says_nothing_has_failed() -> None:
     ]
 
 
+# Bases that are others than those that were sent
+
+
+def stretched(*released: bool) -> Dialogue:
+    """A vehicle that has an order to B, with C in its horizon. It says of B and C whether they are released."""
+    dialogue = there()
+    dialogue.do(Follow(way=way("A", "B", "C", released=2)))
+    (order,) = dialogue.orders()
+    dialogue.state(orderId=order.order_id, lastNodeId="A", nodeStates=listed(B=released[0], C=released[1]), driving=True)
+    return dialogue
+
+
+def listed(**released: bool) -> list[dict[str, Any]]:
+    return [{"nodeId": name, "sequenceId": 2 * (ord(name) - ord("A")), "released": is_so} for name, is_so in released.items()]
+
+
+def test_a_vehicle_that_would_drive_into_its_horizon_is_stopped() -> None:
+    dialogue = stretched(True, True)
+    assert instant_actions(dialogue, "cancelOrder")
+    dialogue.state(driving=True)
+    assert not any(isinstance(effect, GaveUp) for effect in dialogue.effects), "it has not halted yet"
+    cancel(dialogue)
+    assert [effect.description for effect in dialogue.effects if isinstance(effect, GaveUp)] == ["says that C is released, which it is not"]
+
+
+def test_an_update_continues_what_the_vehicle_says_that_it_has() -> None:
+    """It would reject one that begins at C."""
+    dialogue = stretched(True, False)
+    dialogue.do(Follow(way=way("A", "B", "C", "D", released=3)))
+    update = dialogue.orders()[-1]
+    dialogue.state(orderUpdateId=1, nodeStates=listed(B=True, C=False, D=False))
+    dialogue.do(Follow(way=way("A", "B", "C", "D")))
+    dialogue.run(1)
+    assert dialogue.orders()[-1] == update, "the vehicle may not have said all yet"
+    dialogue.run(3)
+    again = dialogue.orders()[-1]
+    assert (again.order_update_id, [node.node_id for node in again.nodes if node.released]) == (2, ["B", "C", "D"])
+    dialogue.state(orderUpdateId=2, nodeStates=listed(B=True, C=True, D=True))
+    dialogue.run(30)
+    assert dialogue.orders()[-1] == again
+
+
+def test_a_vehicle_that_never_takes_more_of_its_order_is_given_up() -> None:
+    dialogue = stretched(True, False)
+    dialogue.do(Follow(way=way("A", "B", "C", released=3)))
+    for _ in range(60):
+        dialogue.state(orderUpdateId=dialogue.orders()[-1].order_update_id)
+        dialogue.run(1)
+    assert len(dialogue.orders()) < 10
+    cancel(dialogue)
+    words = "says that its order is released to B only"
+    assert [effect.description for effect in dialogue.effects if isinstance(effect, GaveUp)] == [words]
+
+
 # Cancellations
 
 
@@ -124,6 +188,51 @@ def test_a_vehicle_that_drives_on_with_a_cancelled_order_is_told_so_no_more_than
         dialogue.now += 0.1
         dialogue.do(Tick())
     assert 2 <= len(instant_actions(dialogue, "cancelOrder")) <= 9
+
+
+def picking() -> tuple[Dialogue, Action]:
+    """A vehicle that performs an action of its order."""
+    dialogue = there()
+    dialogue.do(Perform(action_type="pick"))
+    (order,) = dialogue.orders()
+    dialogue.state(orderId=order.order_id, actionStates=[reported(order.actions[0], "RUNNING")])
+    return dialogue, order.actions[0]
+
+
+def test_a_vehicle_that_does_not_heed_a_cancellation_amid_an_action_is_as_one_that_cannot_be_reached() -> None:
+    """Nobody knows what it does. Seen: it was told each 3 s for ever, and the task waited for it."""
+    dialogue, pick = picking()
+    dialogue.do(Halt())
+    dialogue.run(600)
+    assert 6 < len(instant_actions(dialogue, "cancelOrder")) < 20
+    assert [effect for effect in dialogue.effects if isinstance(effect, Reachable)] == [Reachable(is_connected=False)]
+    assert dialogue.control.vehicle.absence == "goes on with an order that it was told to cancel"
+    assert not any(isinstance(effect, Halted) for effect in dialogue.effects)
+    dialogue.forget()
+    dialogue.state(actionStates=[reported(pick, "FINISHED")])
+    assert Halted() in dialogue.effects
+    assert dialogue.effects[-1] == Reachable(is_connected=True)
+    dialogue.do(Follow(way=way("A", "B")))
+    assert dialogue.orders()
+
+
+def test_one_that_ends_what_it_cannot_interrupt_heeds_it() -> None:
+    dialogue, pick = picking()
+    dialogue.do(Halt())
+    (cancellation,) = instant_actions(dialogue, "cancelOrder")
+    dialogue.state(actionStates=[reported(pick, "RUNNING"), reported(cancellation, "RUNNING")])
+    dialogue.run(600)
+    assert instant_actions(dialogue, "cancelOrder") == [cancellation]
+    assert not any(isinstance(effect, Reachable) for effect in dialogue.effects)
+
+
+def test_one_whose_cancellations_fail_again_and_again_does_not_heed_them() -> None:
+    dialogue = driving()
+    dialogue.do(Halt())
+    for _ in range(60):
+        dialogue.state(actionStates=[reported(instant_actions(dialogue, "cancelOrder")[-1], "FAILED")])
+        dialogue.run(1)
+    assert Reachable(is_connected=False) in dialogue.effects
 
 
 # Charging

@@ -56,3 +56,25 @@ def test_a_robot_that_does_not_take_part_in_traffic_yet_says_so(tmp_path: Path) 
                 await command()
 
     in_virtual_time(test())
+
+
+@in_lab
+async def test_a_robot_that_goes_on_with_what_it_is_to_end_holds_nobody_up(lab: RoadLab, robot: LabRobot) -> None:
+    """Seen with a VDA 5050 vehicle that ignored `cancelOrder` amid an action: whoever stopped it waited for ever."""
+
+    robot.body.handling = 1000.0
+    gripping = asyncio.create_task(robot.link.grip("Jar1"))
+    await asyncio.sleep(60.0)
+    stopping = asyncio.create_task(robot.link.stop())
+    await asyncio.sleep(60.0)
+    assert not stopping.done()
+    robot.heard(False)  # it is as good as that
+    await asyncio.wait({gripping, stopping}, timeout=1.0)
+    assert gripping.done()
+    assert stopping.done()
+    with pytest.raises(RobotGaveUp, match="cannot be reached"):
+        await gripping
+    robot.body.handling = 1.0
+    robot.return_back()
+    await robot.link.approach("Jar1")
+    assert robot.holding is None

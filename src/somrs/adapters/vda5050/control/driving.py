@@ -7,8 +7,8 @@ import math
 from somrs.adapters.vda5050.control.condition import failure, is_idle, rejection, rejection_words
 from somrs.adapters.vda5050.control.exchange import Passed, Send
 from somrs.adapters.vda5050.control.listener import Listener
-from somrs.adapters.vda5050.control.orders import SentOrder, base_end
-from somrs.adapters.vda5050.control.outbox import UNHEEDED, Outbox
+from somrs.adapters.vda5050.control.orders import SentOrder, base_end, told_base_end
+from somrs.adapters.vda5050.control.outbox import RESEND, UNHEEDED, Outbox
 from somrs.adapters.vda5050.messages.header import Topic
 from somrs.adapters.vda5050.messages.orders import Action
 from somrs.adapters.vda5050.messages.states import ActionStatus, State
@@ -59,6 +59,8 @@ class Driving:
             if reason is not None:
                 self._vehicle.refusals.add(reason, state, now)
             return reason
+        if (reason := self._strange_base(order, state)) is not None:
+            return reason
         if self._waits_for_retry(order, state):
             order.earlier_errors = state.errors
         elif (error := failure(state, order.earlier_errors)) is not None:
@@ -78,6 +80,15 @@ class Driving:
         if order.sendings < UNHEEDED:
             return None
         return ": ".join(["does not show that it has its order", *rejection_words(state)])
+
+    def _strange_base(self, order: SentOrder, state: State) -> str | None:
+        """Why a vehicle that has the order is not to go on with it: it would drive farther than it may, or does not take more of it."""
+        number = told_base_end(order, state)
+        if number is not None and number > order.decision_point.number:
+            return f"says that {order.nodes[number].node_id} is released, which it is not"
+        if number is not None and order.sendings >= UNHEEDED:
+            return f"says that its order is released to {order.nodes[number].node_id} only"
+        return None
 
     def _waits_for_retry(self, order: SentOrder, state: State) -> bool:
         """Whether the action of the order has failed, and may be tried again."""
@@ -115,7 +126,7 @@ class Driving:
         if order is not None and self.is_complete() and base_end(self.way).number > order.decision_point.number:
             order = self.order = None
         if order is not None:
-            self._extend(order, now)
+            self._extend(order, state, now)
         elif is_idle(state) and base_end(rest := self._rest()) is not rest[0]:  # nobody has to be told to stay where it is
             self._send_order(rest, now)
 
@@ -193,20 +204,28 @@ class Driving:
         self._sending_time = now
         self._outbox.add(Send(topic=Topic.ORDER, message=message))
 
-    def _extend(self, order: SentOrder, now: float) -> None:
-        end = order.decision_point
+    def _extend(self, order: SentOrder, state: State, now: float) -> None:
+        end = self._base_end(order, state)
+        if end is not order.decision_point and now < order.sending_time + RESEND:
+            return  # it may not have said all yet
         way = (end, *(waypoint for waypoint in self.way if waypoint.number > end.number))[: self._vehicle.most_nodes()]
         if end.number >= self.way[0].number and way[1:] != order.horizon:
             self._update(order, way, now)
+
+    def _base_end(self, order: SentOrder, state: State) -> Waypoint:
+        """Where the base ends by what the vehicle says of it: it rejects an update that begins behind that."""
+        number = told_base_end(order, state)
+        return next((waypoint for waypoint in self.way if waypoint.number == number), order.decision_point)
 
     def _update(self, order: SentOrder, way: Way, now: float) -> None:
         """Send an update that begins at the decision point (3.0, 6.1.2)."""
         state, vehicle = self._vehicle.state, self._vehicle
         assert state is not None, "orders are for vehicles that have said how they are"
+        is_repetition = base_end(way).number <= order.decision_point.number and way[0] is not order.decision_point
         writer = vehicle.order_writer()
         order.message = writer.update(order, way)
         order.decision_point, order.sending_time, order.is_acknowledged = base_end(way), now, False
-        order.sendings = 0
+        order.sendings = order.sendings + 1 if is_repetition else 0
         order.horizon = tuple(waypoint for waypoint in way if waypoint.number > order.decision_point.number)
         order.earlier_errors = state.errors
         order.remember()

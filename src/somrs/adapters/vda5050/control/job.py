@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from somrs.adapters.vda5050.control.exchange import Effect
 from somrs.adapters.vda5050.control.outbox import UNHEEDED
 from somrs.adapters.vda5050.control.retrying import Retrying
 from somrs.adapters.vda5050.messages.orders import Action
@@ -31,11 +30,13 @@ class Job:
 
 @dataclass(kw_only=True)
 class Charging:
-    """The battery is charged up to `full` (0 to 100), since `start_time`. `stop_id`: of the action stopCharging, which was sent at
-    `sending_time`, and `sendings` times to a vehicle that says how it is. `is_left`: its next order says that it is to stop."""
+    """The battery is charged up to `full` (0 to 100), since `start_time`, and until `least_end` at least. `stop_id`: of the action
+    stopCharging, which was sent at `sending_time`, and `sendings` times to a vehicle that says how it is. `is_left`: its next order says
+    that it is to stop."""
 
     full: float
     start_time: float
+    least_end: float = 0.0
     has_charged: bool = False
     is_interrupted: bool = False
     is_left: bool = False
@@ -50,13 +51,3 @@ class Charging:
         action = state.action(self.stop_id) if self.stop_id is not None else None
         has_answered = action is not None and action.action_status.is_final
         return (is_idle and not power.charging) or self.is_left or has_answered or self.sendings >= UNHEEDED
-
-
-@dataclass(kw_only=True)
-class Cancellation:
-    """The order is being cancelled since `start_time`. `effects`: what to do when the vehicle stands."""
-
-    action: Action
-    start_time: float
-    sending_time: float
-    effects: list[Effect] = field(default_factory=list)

@@ -50,6 +50,8 @@ NUMBERS = re.compile(r"\d+")
 SILENCE = 30.0
 """Seconds after which a vehicle has to send a state, whatever happens (2.1, 6.10; 3.0, 6.6)."""
 
+DISOBEDIENT = "goes on with an order that it was told to cancel"
+
 QUIET = f"has sent no state that can be read for {SILENCE:.0f} s"
 
 LONGEST_INTERVAL = 10.0
@@ -91,6 +93,7 @@ class Listener:
         self.is_hibernating = False
         """Whether it has said that it hibernates: it sends no states, and takes nothing but the order to wake up."""
         self._hibernation_time = 0.0
+        self._is_disobedient = False
         self.refusals = Refusals()
         self._state_time: float | None = None
         """When its last state came, or it has been waited for since."""
@@ -184,10 +187,12 @@ class Listener:
 
     def full_charge(self) -> float:
         """The state of charge to which the battery is charged, 0 to 100."""
-        configuration = self.factsheet.mobile_robot_configuration if self.factsheet is not None else None
-        charging = configuration.battery_charging if configuration is not None else None
-        level = charging.maximum_desired_charging_level if charging is not None else None
+        level = self.factsheet.charging.maximum_desired_charging_level if self.factsheet is not None else None
         return level if level is not None and 0.0 < level <= 100.0 else FULL
+
+    def charging_time(self) -> float:
+        """For how long the vehicle charges at least, also when its battery is full, if nothing else is wanted from it, s."""
+        return (self.factsheet.charging.minimum_charging_time if self.factsheet is not None else None) or 0.0
 
     def order_writer(self) -> OrderWriter:
         """Writes orders for the vehicle as it is now."""
@@ -288,10 +293,30 @@ class Listener:
     def _reach(self) -> None:
         """A state proves more than a connection message: the last will of a lost connection may come after the vehicle is back."""
         if not self.is_connected:
-            self.is_connected, self.absence = True, None
-            self._outbox.add(Reachable(is_connected=True))
+            self.is_connected = True
+            self._say_reachable()
             if self.factsheet is None and self.takes_instant_actions:
                 self._outbox.instant("factsheetRequest")
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether the vehicle is there, and heeds what it is told."""
+        return self.is_connected and not self._is_disobedient
+
+    def disobeys(self, is_disobedient: bool) -> None:
+        """Whether the vehicle goes on with what it was told to end. It counts as one that cannot be reached: nobody knows how far it
+        drives."""
+        if is_disobedient is self._is_disobedient:
+            return
+        self._is_disobedient = is_disobedient
+        if is_disobedient:
+            self._outbox.add(Refused(description=DISOBEDIENT))
+        if self.is_connected:
+            self._say_reachable()
+
+    def _say_reachable(self) -> None:
+        self.absence = DISOBEDIENT if self._is_disobedient else None
+        self._outbox.add(Reachable(is_connected=self.is_commanded))
 
     def _locate(self, position: Position) -> None:
         if max(abs(position.x), abs(position.y)) > FARTHEST:

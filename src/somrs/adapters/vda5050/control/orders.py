@@ -21,7 +21,7 @@ from somrs.adapters.vda5050.messages.orders import (
     Order,
     Trajectory,
 )
-from somrs.adapters.vda5050.messages.states import VehicleError
+from somrs.adapters.vda5050.messages.states import State, VehicleError
 from somrs.devices.road_robot import Way, Waypoint
 
 NEAR = 0.1
@@ -75,6 +75,17 @@ class SentOrder:
 def base_end(way: Way) -> Waypoint:
     """The last released waypoint of a way."""
     return [waypoint for waypoint in way if waypoint.released][-1]
+
+
+def told_base_end(order: SentOrder, state: State) -> int | None:
+    """The number of the last waypoint that is released by what the vehicle says of the last message; None: it does not contradict it."""
+    if (state.order_id, state.order_update_id) != (order.message.order_id, order.message.order_update_id):
+        return None
+    nodes = [(order.waypoint_number(node.sequence_id, node.node_id), node.released) for node in state.node_states]
+    end = order.decision_point.number
+    beyond = [number for number, released in nodes if number is not None and released and number > end]
+    refused = [number for number, released in nodes if number is not None and not released and order.first < number <= end]
+    return max(beyond, default=min(refused) - 1 if refused else None)
 
 
 def name_of(waypoint: Waypoint) -> str:

@@ -10,7 +10,8 @@ from collections.abc import Callable
 
 import msgspec
 
-from somrs.adapters.vda5050.control.condition import CLEARING, is_idle, stands, words_about
+from somrs.adapters.vda5050.control.cancelling import Cancelling
+from somrs.adapters.vda5050.control.condition import CLEARING, is_idle, words_about
 from somrs.adapters.vda5050.control.driving import Driving
 from somrs.adapters.vda5050.control.exchange import (
     ActionEnded,
@@ -32,7 +33,7 @@ from somrs.adapters.vda5050.control.exchange import (
 )
 from somrs.adapters.vda5050.control.hibernation import Hibernation
 from somrs.adapters.vda5050.control.inquiry import Inquiry
-from somrs.adapters.vda5050.control.job import Cancellation, Charging, Job
+from somrs.adapters.vda5050.control.job import Charging, Job
 from somrs.adapters.vda5050.control.listener import Listener
 from somrs.adapters.vda5050.control.orders import SentOrder
 from somrs.adapters.vda5050.control.outbox import RESEND, UNHEEDED, Outbox
@@ -58,12 +59,9 @@ class VehicleControl:
         self._outbox = Outbox(new_id)
         self.vehicle = Listener(frames, version, self._outbox)
         self._driving = Driving(self.vehicle, self._outbox)
-        self._cancellation: Cancellation | None = None
+        self._cancelling = Cancelling(self.vehicle, self._outbox, self._driving)
         self._job: Job | None = None
         self._charging: Charging | None = None
-        self._cancelled_order = ""
-        """The order that was cancelled last, at `_cancelling_time`."""
-        self._cancelling_time = 0.0
         self._pausing = Pausing(self._outbox)
         self._inquiry = Inquiry(self.vehicle, self._outbox)
         self._hibernation = Hibernation(self.vehicle, self._outbox, self._policy.hibernate_after)
@@ -110,7 +108,7 @@ class VehicleControl:
     @property
     def _is_wanted(self) -> bool:
         """Whether the vehicle has something to do."""
-        work = self._job, self._charging, self._cancellation
+        work = self._job, self._charging, self._cancelling.current
         return any(item is not None for item in work) or self._pausing.is_wanted or self._driving.is_wanted
 
     def _new_job(self, action_type: str, parameters: tuple[ActionParameter, ...] = ()) -> Job:
@@ -128,24 +126,19 @@ class VehicleControl:
         if self.vehicle.hindrance is not None:
             self._give_up(self.vehicle.hindrance, state, now)
         order = self._driving.order
-        if self._cancellation is not None:
-            self._see_cancellation(self._cancellation, state, now)
+        if self._cancelling.current is not None:
+            self._cancelling.see(self._cancelling.current, state, now)
         elif order is not None:
             self._see_order(order, state, now)
         elif self._job is not None and self._job.sending_time is not None:
             self._see_action(self._job, state, now)
-        elif self._charging is None and self.vehicle.hindrance is None and self._has_strange_order(state, now):
-            self._cancel(now)
+        elif self._charging is None and self.vehicle.hindrance is None and self._cancelling.is_due(state, now):
+            self._cancelling.begin(now)
+        self._cancelling.review(state)
         if self._charging is not None:
             self._see_charging(self._charging, state, now)
         if self.vehicle.hindrance is None and not state.paused:  # those of a pause say who has begun it
             self._outbox.clear_instant_actions(state)
-
-    def _has_strange_order(self, state: State, now: float) -> bool:
-        """Whether the vehicle carries out an order from before this program was started, or one that came after its end. One that it goes
-        on with, although it was cancelled, is cancelled again after a while."""
-        is_strange = bool(state.order_id) and not is_idle(state)
-        return is_strange and (state.order_id != self._cancelled_order or now >= self._cancelling_time + RESEND)
 
     def _give_up(self, hindrance: str, state: State, now: float) -> None:
         """Drop what is wanted from a vehicle that cannot drive: it would go on by itself, when somebody has mended it."""
@@ -154,15 +147,16 @@ class VehicleControl:
             self._job = self._charging = None
             self._outbox.add(ActionEnded(failure=hindrance))
         if state.operating_mode in CLEARING:
-            effects = self._cancellation.effects if self._cancellation is not None and not state.driving else []
-            if effects or self._cancellation is None:
-                self._cancellation, self._driving.order = None, None
+            cancellation = self._cancelling.current
+            effects = cancellation.effects if cancellation is not None and not state.driving else []
+            if effects or cancellation is None:
+                self._cancelling.current, self._driving.order = None, None
             self._outbox.add(*effects)
-        elif self._cancellation is None and self._driving.order is not None:
+        elif self._cancelling.current is None and self._driving.order is not None:
             if self._driving.is_complete():
                 self._driving.order = None
             else:
-                self._cancel(now)
+                self._cancelling.begin(now)
 
     def _see_order(self, order: SentOrder, state: State, now: float) -> None:
         reason = self._driving.see(order, state, now)
@@ -185,7 +179,7 @@ class VehicleControl:
             self._driving.order = None
             self._outbox.add(effect)
         else:
-            self._cancel(now, effect)
+            self._cancelling.begin(now, effect)
 
     def _see_action(self, job: Job, state: State, now: float) -> None:
         action = state.action(job.action.action_id)
@@ -199,7 +193,7 @@ class VehicleControl:
             self._retry(job, state, now)
         elif action.action_status is ActionStatus.FINISHED and job.charges:
             self._job, self._driving.order = None, None
-            self._charging = Charging(full=self.vehicle.full_charge(), start_time=now)
+            self._charging = Charging(full=self.vehicle.full_charge(), start_time=now, least_end=now + self.vehicle.charging_time())
         elif action.action_status is ActionStatus.FINISHED and is_idle(state):
             self._end_job(None)
 
@@ -227,7 +221,7 @@ class VehicleControl:
     def _see_charging(self, charging: Charging, state: State, now: float) -> None:
         power = state.power_supply
         charging.has_charged = charging.has_charged or power.charging
-        is_full = power.state_of_charge >= charging.full
+        is_full = power.state_of_charge >= charging.full and now >= charging.least_end
         if power.charging and is_full and charging.stop_id is None and self._stops_by_order():
             charging.is_left = True
         elif power.charging and is_full and charging.stop_id is None:
@@ -266,50 +260,13 @@ class VehicleControl:
                 self._outbox.add(Halted())
             elif self._charging.stop_id is None:
                 self._stop_charging(self._charging, now)
-        elif self._cancellation is not None:
-            self._cancellation.effects.append(Halted())
+        elif self._cancelling.current is not None:
+            self._cancelling.current.effects.append(Halted())
         elif state is None or driving.is_complete() or (driving.order is None and is_idle(state)):
             driving.order = None
             self._outbox.add(Halted())
         else:
-            self._cancel(now, Halted())
-
-    def _cancel(self, now: float, *effects: Effect) -> None:
-        order = self._driving.order
-        parameters: tuple[ActionParameter, ...] = ()
-        if self.vehicle.version is Version.V3_0 and order is not None and order.is_acknowledged:
-            parameters = (ActionParameter(key="orderId", value=order.message.order_id),)
-        action = self._outbox.action("cancelOrder", BlockingType.NONE, parameters)
-        self._cancellation = Cancellation(action=action, start_time=now, sending_time=now, effects=list(effects))
-        self._cancelling_time = now
-        if not self._clears_orders():
-            self._outbox.send_action(action)
-
-    def _clears_orders(self) -> bool:
-        """Whether the vehicle is in a mode in which it drops its order, and is to be sent nothing."""
-        state = self.vehicle.state
-        return state is not None and state.operating_mode in CLEARING
-
-    def _see_cancellation(self, cancellation: Cancellation, state: State, now: float) -> None:
-        """A vehicle that says that its order is cancelled may still roll: only one that stands has halted."""
-        order = self._driving.order
-        if order is not None and state.order_id == order.message.order_id:
-            self._driving.see_progress(order, state)
-        action = state.action(cancellation.action.action_id)
-        status = action.action_status if action is not None else None
-        is_ended = status is ActionStatus.FINISHED or (status is ActionStatus.FAILED and is_idle(state))
-        is_unneeded = is_idle(state) and now >= cancellation.start_time + RESEND
-        if stands(state) and (is_ended or is_unneeded):
-            self._cancellation, self._driving.order = None, None
-            self._cancelled_order = state.order_id
-            if status is ActionStatus.FINISHED:
-                self.vehicle.note_cancelled(state.order_id)
-            self._outbox.add(*cancellation.effects)
-        elif status is ActionStatus.FAILED and now >= cancellation.sending_time + RESEND:
-            # It did not know the order, or could not stop then: it has an order all the same.
-            cancellation.action = self._outbox.action("cancelOrder", BlockingType.NONE)
-            cancellation.sending_time = now
-            self._outbox.send_action(cancellation.action)
+            self._cancelling.begin(now, Halted())
 
     # What the vehicle is told.
 
@@ -322,7 +279,7 @@ class VehicleControl:
             self._renew_zone_sets()
             self._provision.reconcile(state, now)
             self._requests.answer(state, self._driving.way, now)
-        if self._cancellation is not None or self._charging is not None or self._pausing.is_wanted:
+        if self._cancelling.current is not None or self._charging is not None or self._pausing.is_wanted:
             return
         if state is not None and self._hibernation.is_falling_asleep(state, now):
             return
@@ -376,16 +333,14 @@ class VehicleControl:
 
     def _repeat(self, now: float) -> None:
         """Send again what the vehicle does not show to have received."""
-        state, order, charging, cancellation = self.vehicle.state, self._driving.order, self._charging, self._cancellation
+        state, order, charging, cancellation = self.vehicle.state, self._driving.order, self._charging, self._cancelling.current
         self._inquiry.ask(now)
         job = self._job
         action = state.action(job.action.action_id) if state is not None and job is not None else None
-        if state is None or not self.vehicle.is_connected or self.vehicle.is_hibernating or self._clears_orders():
+        if state is None or not self.vehicle.is_connected or self.vehicle.is_hibernating or self._cancelling.clears_orders():
             return
         if cancellation is not None:
-            if now >= cancellation.sending_time + RESEND and state.action(cancellation.action.action_id) is None:
-                cancellation.sending_time = now
-                self._outbox.send_action(cancellation.action)
+            self._cancelling.repeat(cancellation, state, now)
         elif charging is not None and charging.stop_id is not None:
             if now >= charging.sending_time + RESEND and state.action(charging.stop_id) is None:
                 self._stop_charging(charging, now)

@@ -127,11 +127,12 @@ class LoadSpecification(Struct, frozen=True, kw_only=True, rename="camel", omit_
 
 
 class BatteryCharging(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True):
-    """State of charge, 0 to 100."""
+    """States of charge, 0 to 100, and the time for which a vehicle charges at least, in seconds."""
 
     critical_low_charging_level: float | None = None
     minimum_desired_charging_level: float | None = None
     maximum_desired_charging_level: float | None = None
+    minimum_charging_time: float | None = None
 
 
 class Configuration(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True):
@@ -150,6 +151,13 @@ class Factsheet(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults
     mobile_robot_geometry: Geometry
     load_specification: LoadSpecification
     mobile_robot_configuration: Configuration | None = None
+
+    @property
+    def charging(self) -> BatteryCharging:
+        """What the vehicle wants of charging, as far as it says it."""
+        configuration = self.mobile_robot_configuration
+        charging = configuration.battery_charging if configuration is not None else None
+        return charging if charging is not None else BatteryCharging()
 
     def action(self, action_type: str) -> SupportedAction | None:
         """The action of this type, if the vehicle has it."""
