@@ -85,12 +85,12 @@ class UsageError(InputError):
 class SettingsError(UsageError):
     """Settings of an adapter that are not valid. `mistakes`: of each, where it is below the name of the adapter, and what to do."""
 
-    def __init__(self, adapter: str, mistakes: Sequence[tuple[tuple[str, ...], str]]) -> None:
+    def __init__(self, adapter: str, mistakes: Sequence[tuple[tuple[str | int, ...], str]]) -> None:
         self.adapter, self.mistakes = adapter, mistakes
         super().__init__(adapter, mistakes)
 
     def __str__(self) -> str:
-        return "\n".join(f"{'.'.join(('adapters', self.adapter, *path))}: {message}" for path, message in self.mistakes)
+        return "\n".join(f"{'.'.join(map(str, ('adapters', self.adapter, *path)))}: {message}" for path, message in self.mistakes)
 
 
 class WireError(SomrsError):

@@ -18,7 +18,7 @@ ANY_BROKER = "mqtt://127.0.0.1"
 
 def adapter_problems(entries: Mapping[str, AdapterEntry], map: Map | None) -> list[Problem]:
     """What is wrong with the adapters of site files. `map`: the one of the site, if it has one."""
-    return [problem for entry in entries.values() for problem in _problems(entry, map)]
+    return [problem for entry in entries.values() for problem in sorted(_problems(entry, map), key=lambda problem: problem.line or 0)]
 
 
 def misfits_of(name: str, adapter: object, map: Map) -> SettingsError | None:
@@ -41,7 +41,9 @@ def _problems(entry: AdapterEntry, map: Map | None) -> Iterator[Problem]:
     except SettingsError as error:
         for path, message in error.mistakes:
             file, line = entry.written(path)
-            yield Problem(file=file, line=line, subject=".".join(("adapters", entry.name, *path)), rule=RULE, message=message)
+            yield Problem(
+                file=file, line=line, subject=".".join(str(step) for step in ("adapters", entry.name, *path)), rule=RULE, message=message
+            )
     except ModelError as error:
         yield from error.problems
     except InputError as error:

@@ -15,7 +15,7 @@ BOUND = "adapters: {ros2: {python: no-such-python, robots: {Robot1: {binding: ro
     ("site", "binding", "problem"),
     [
         ("{}\n", "", "there is no `adapters: ros2:`; name the robots there, with their bindings"),
-        (BOUND, "navigate: {acton: go}\n", "robot.yaml:1: navigate.acton: there is no such key"),
+        (BOUND, "navigate: {acton: go}\n", "robot.yaml:1: navigate.acton: unknown key acton; did you mean action?"),
         (BOUND, "", "there is no no-such-python; name the Python of your ROS, or its `setup` file"),
     ],
 )

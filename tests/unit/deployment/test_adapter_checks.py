@@ -40,11 +40,11 @@ def vehicle(serial: str = 'serialNumber: "1"', name: str = "Lifter1", broker: st
 MISTAKES = {
     "a setting is misspelt": (
         vehicle(broker="brokr: mqtt://b"),
-        ["6: adapters.vda5050.brokr: there is no such setting; did you mean broker?"],
+        ["6: adapters.vda5050.brokr: unknown key brokr; did you mean broker?"],
     ),
     "the broker is missing": (
         vehicle(broker="namedOnly: true"),
-        ["5: adapters.vda5050: broker is missing: write broker: mqtt://HOST:PORT, or broker: own"],
+        ["5: adapters.vda5050.broker: broker is missing; write broker: mqtt://HOST:PORT or own or bus"],
     ),
     "the address of the broker is none": (
         vehicle(broker="broker: mqtt://b:1883O"),
@@ -52,11 +52,11 @@ MISTAKES = {
     ),
     "a setting of a vehicle is misspelt": (
         vehicle('serialnumber: "1"'),
-        ["8: adapters.vda5050.vehicles.Lifter1.serialnumber: there is no such setting; did you mean serialNumber?"],
+        ["8: adapters.vda5050.vehicles.Lifter1.serialnumber: unknown key serialnumber; did you mean serialNumber?"],
     ),
     "a serial number is not quoted": (
         vehicle("serialNumber: 0001"),
-        ['8: adapters.vda5050.vehicles.Lifter1.serialNumber: is the number 1: write it in quotes, such as "0001"'],
+        ["8: adapters.vda5050.vehicles.Lifter1.serialNumber: serialNumber should be a text, not 1; write it in quotes"],
     ),
     "a vehicle is not on the map": (
         vehicle(name="Liftr1"),
@@ -67,20 +67,21 @@ MISTAKES = {
             more="    namedOnly: yess\n    stationTyp: rack\n    interface: uagv/v2\n    maps: {hall: {level: ground, turned: 90 deg}}\n"
         ),
         [
-            "9: adapters.vda5050.namedOnly: is 'yess': write true or false",
-            "10: adapters.vda5050.stationTyp: there is no such setting; did you mean stationType or stationTypes?",
-            "12: adapters.vda5050.maps.hall.level: is 'ground': write a number",
-            "12: adapters.vda5050.maps.hall.turned: is '90 deg': write a number",
+            "9: adapters.vda5050.namedOnly: namedOnly should be true or false, not 'yess'",
+            "10: adapters.vda5050.stationTyp: unknown key stationTyp; did you mean stationType or stationTypes?",
             "11: adapters.vda5050.interface: 'uagv/v2' ends with the version, which follows by itself: leave it out",
+            "12: adapters.vda5050.maps.hall.level: level should be a number in m, not 'ground'",
+            "12: adapters.vda5050.maps.hall.turned: turned should be a number in degrees, not '90 deg'",
         ],
     ),
     "there is no such adapter": ("  vda550: {broker: own}\n", ["5: adapters.vda550: there is no adapter vda550; did you mean vda5050?"]),
     "of another adapter": (
         "  arcos: {robots: {Lifter1: {port: 'tcp://b', speed: 0, baud: fast}}}\n",
         [
-            "5: adapters.arcos.robots.Lifter1.baud: is 'fast': write a whole number",
-            "5: adapters.arcos.robots.Lifter1.port: 'tcp://b' has no number of a port: write tcp://HOST:PORT",
-            "5: adapters.arcos.robots.Lifter1.speed: 0.0 is not positive: give metres per second, such as 0.4",
+            "5: adapters.arcos.robots.Lifter1.baud: baud should be a whole number, not 'fast'",
+            "5: adapters.arcos.robots.Lifter1.speed: speed should be more than 0 m/s, not 0",
+            "5: adapters.arcos.robots.Lifter1.port: 'tcp://b' has no address: write tcp://HOST:PORT, with the number of a port, "
+            "such as tcp://10.0.0.7:8101",
         ],
     ),
     "things": ("  things: {mapings: [x.yaml]}\n", ["5: adapters.things.mapings: unknown key mapings; did you mean mappings?"]),

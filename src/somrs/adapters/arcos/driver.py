@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from somrs.adapters.arcos.actions import RunningAction, begin, is_standing
@@ -49,6 +48,7 @@ from somrs.adapters.arcos.parameters import Parameters
 from somrs.adapters.arcos.session import Session, SessionState
 from somrs.adapters.arcos.stalls import Diagnosis, DrawingBack, is_towards, touched
 from somrs.adapters.arcos.steering import STAND, Speeds
+from somrs.ontology.files.documents import Entry
 
 STOPPED_AFTER = 4.0
 """Seconds after the last report in which its watchdog has stopped a robot: two, and the time in which it brakes."""
@@ -62,7 +62,7 @@ BATTERY_SHARE = 0.05
 """Share of a new report in the voltage, which falls while the motors pull."""
 
 
-class Battery(Struct, frozen=True, kw_only=True):
+class Battery(Entry):
     """The voltages of an empty and of a full battery, V."""
 
     empty: float = 11.5

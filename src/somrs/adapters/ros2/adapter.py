@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from somrs.adapters.adapter import Fleet
+from somrs.adapters.ros2.binding_file import read_binding
 from somrs.adapters.ros2.process import BridgeProcess
 from somrs.adapters.ros2.robot import Ros2Robot
-from somrs.adapters.ros2.settings import read_binding, read_settings
+from somrs.adapters.ros2.settings import read_settings
 from somrs.adapters.ros2.simulation import run_simulated
 from somrs.adapters.settings import Mistake, absent
 from somrs.ontology.map import Map

@@ -13,11 +13,12 @@ from typing import Any
 
 from msgspec import Struct
 
+from somrs.adapters.ros2.binding_file import read_binding
 from somrs.adapters.ros2.frames import Pose
 from somrs.adapters.ros2.lines import EndpointKind, Examine, Examined
 from somrs.adapters.ros2.poses import goal_values
 from somrs.adapters.ros2.process import BridgeProcess
-from somrs.adapters.ros2.settings import Binding, Level, RobotSettings, Step, Topic, full_name, read_binding, read_settings
+from somrs.adapters.ros2.settings import Binding, Level, RobotSettings, Step, Topic, full_name, read_settings
 from somrs.adapters.ros2.templates import fill_in
 from somrs.errors import InputError
 

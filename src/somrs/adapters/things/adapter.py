@@ -11,7 +11,7 @@ from typing import Any
 import aiohttp
 
 from somrs.adapters.adapter import Fleet
-from somrs.adapters.settings import Mistake
+from somrs.adapters.settings import Mistake, valid_settings
 from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.adapters.things.described_things import ResolvedThing, load_description, resolve_description, resolve_discovered
@@ -24,7 +24,7 @@ from somrs.adapters.things.mapping_file import LoadedMapping, read_mapping
 from somrs.adapters.things.model import Connection, Session, Thing
 from somrs.adapters.things.mqtt import MqttConnector
 from somrs.adapters.things.passages import passage_device
-from somrs.adapters.things.settings import HomeAssistantEntry, read_settings
+from somrs.adapters.things.settings import HomeAssistantEntry, Settings
 from somrs.adapters.things.state import Payload, SourceKey
 from somrs.adapters.things.thing_device import thing_device
 from somrs.adapters.things.thing_objects import area_problem
@@ -45,7 +45,7 @@ class ThingsAdapter:
     """Connects things over MQTT, HTTP and Modbus TCP (somrs.adapters.adapter.Adapter)."""
 
     def __init__(self, settings: Mapping[str, Any], folder: Path) -> None:
-        self.settings, self._folder = read_settings(settings), folder
+        self.settings, self._folder = valid_settings("things", settings, Settings), folder
         self._used_files = [folder / file for file in self.settings.uses]
         self.connections: dict[str, Connection] = {}
         url, certificates = self.settings.broker, self.settings.certificates

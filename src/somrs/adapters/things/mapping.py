@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
+
+from somrs.ontology.files.documents import Entry
 
 Plain = str | float | bool
 Amount = str | float
@@ -10,8 +12,8 @@ KeyPath = tuple[str | int, ...]
 """The keys, and positions in lists, that lead to something in an entry."""
 
 
-class _Entry(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, populate_by_name=True)
+class _Entry(Entry):
+    model_config = ConfigDict(populate_by_name=True)
 
 
 class Certificates(_Entry):

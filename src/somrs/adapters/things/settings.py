@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from somrs.adapters.things.mapping import Certificates, ConnectionEntry
-from somrs.errors import SettingsError
-from somrs.ontology.files.structure import model_problems
+from somrs.ontology.files.documents import Entry
 
 
-class _Entry(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-
-class HomeAssistantEntry(_Entry):
+class HomeAssistantEntry(Entry):
     """A broker at which things announce themselves as Home Assistant expects it."""
 
     connection: str
     prefix: str = Field(default="homeassistant", description="The discovery prefix")
 
 
-class Settings(_Entry):
+class Settings(Entry):
     """The settings of the adapter. Paths are relative to the site file."""
 
     gateway: str = Field(default="Gateway", description="The name on the map of the device that reports what things say")
@@ -41,12 +33,3 @@ class Settings(_Entry):
     )
     home_assistant: list[HomeAssistantEntry] = []
     descriptions: list[str] = Field(default=[], description="Thing Descriptions: files, or addresses with http:// or https://")
-
-
-def read_settings(settings: Mapping[str, Any]) -> Settings:
-    """The settings. Raises SettingsError with all mistakes."""
-    data = dict(settings)
-    mistakes = [(tuple(map(str, path)), message) for path, _, message in model_problems(data, Settings)]
-    if mistakes:
-        raise SettingsError("things", mistakes)
-    return Settings.model_validate(data)

@@ -17,6 +17,7 @@ from msgspec import Struct
 
 from somrs.adapters.brokers import KEEP_ALIVE, Server, ServerChoice, read_broker_url
 from somrs.errors import UsageError
+from somrs.ontology.files.documents import Entry
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +28,7 @@ PAUSE = 2.0
 """Seconds between two attempts to connect."""
 
 
-class Certificates(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Certificates(Entry):
     """Files in PEM, from the folder of the site file. `authority`: who signed the broker's certificate; None: the authorities of the
     system. `certificate`, `key`: of this program, if the broker wants one."""
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-import msgspec
-from msgspec import Struct
+from pydantic import ConfigDict, Field, Strict
+from pydantic.alias_generators import to_camel
 
-from somrs.adapters.settings import Mistake, read_struct
+from somrs.adapters.settings import Mistake, valid_settings
 from somrs.adapters.vda5050.control.policy import Policy
 from somrs.adapters.vda5050.control.provision import MapPackage
 from somrs.adapters.vda5050.frames import Frame, Frames
 from somrs.adapters.vda5050.mqtt import Certificates
 from somrs.adapters.vda5050.topics import VehicleAddress
+from somrs.ontology.files.documents import Entry, Listed, WholeNumber
 
 VERSION = re.compile(r"v\d+")
 """A level of a topic with a version."""
@@ -27,37 +28,43 @@ MAKER = "SOMRS"
 """The manufacturer of simulated vehicles."""
 
 
-class VehicleSettings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown_fields=True):
+class _CamelEntry(Entry):
+    """An entry whose keys are written as VDA 5050 writes its own."""
+
+    model_config = ConfigDict(alias_generator=to_camel)
+
+
+class VehicleSettings(_CamelEntry):
     """A vehicle. `actions`: what it can do, if it sends no factsheet, such as `[pick, drop, startCharging]`. `simulated`: the version
     that a robot of the simulator with its name speaks, such as `"2.1"`; its serial number is its name."""
 
     manufacturer: str = MAKER
     serial_number: str = ""
-    actions: tuple[str, ...] | None = None
-    simulated: Literal["2.0", "2.1", "3.0"] | None = None
+    actions: Listed[str] | None = None
+    simulated: Literal["2.0", "2.1", "3.0"] | None = Field(default=None)
 
 
-class MapSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class MapSettings(Entry):
     """A map of the vehicles. `level`: the height of its floor in metres. `at`: where its origin lies on the map of the site, in metres.
     `turned`: how it is turned there, in degrees, counterclockwise. `version`: the one that vehicles are to have; None: any. `link`: from
     where they download it. `hash`: of the file."""
 
-    level: float | None = None
-    at: tuple[float, float] = (0.0, 0.0)
-    turned: float = 0.0
+    level: float | None = Field(default=None, json_schema_extra={"unit": "m"})
+    at: Annotated[tuple[float, float], Strict(False)] = Field(default=(0.0, 0.0), examples=["[12.5, 3]"])
+    turned: float = Field(default=0.0, json_schema_extra={"unit": "degrees"})
     version: str | None = None
     link: str | None = None
     hash: str | None = None
 
 
-class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown_fields=True):
+class Settings(_CamelEntry):
     """`broker`: `mqtt://HOST:PORT` or `mqtts://USER@HOST:PORT`. `interface`: the first levels of the topics. `vehicles`: by their names on
     the map; others are named after manufacturer and serial number, unless `named_only`. `maps`: by mapId. `station_type`, `load_type`:
     parameters of `pick` and `drop`; `station_types`: those of some objects, by name or type. `retries`: how often an action is tried again
     that can be. `hibernate_after`: seconds without anything to do."""
 
-    broker: str
-    interface: tuple[str, ...] | str = ("uagv", "vda5050")
+    broker: str = Field(examples=["mqtt://HOST:PORT", "own", "bus"])
+    interface: Listed[str] | str = ("uagv", "vda5050")
     certificates: Certificates = Certificates()
     vehicles: dict[str, VehicleSettings] = {}
     named_only: bool = False
@@ -65,8 +72,8 @@ class Settings(Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown
     station_type: str | None = None
     station_types: dict[str, str] = {}
     load_type: str | None = None
-    retries: int = 1
-    hibernate_after: float | None = None
+    retries: WholeNumber = Field(default=1, ge=0)
+    hibernate_after: float | None = Field(default=None, ge=SHORTEST_REST, json_schema_extra={"unit": "s"})
 
     @property
     def interfaces(self) -> tuple[str, ...]:
@@ -153,13 +160,13 @@ def made_name(address: VehicleAddress) -> str:
 
 def read_settings(settings: Mapping[str, Any]) -> Settings:
     """The settings as they are in the site file. Raises SettingsError with all mistakes."""
-    read = read_struct("vda5050", settings, Settings, {"broker": "broker: mqtt://HOST:PORT, or broker: own"}, _mistakes)
-    return msgspec.structs.replace(read, vehicles={name: _named(name, vehicle) for name, vehicle in read.vehicles.items()})
+    read = valid_settings("vda5050", settings, Settings, _mistakes)
+    return read.model_copy(update={"vehicles": {name: _named(name, vehicle) for name, vehicle in read.vehicles.items()}})
 
 
 def _named(name: str, vehicle: VehicleSettings) -> VehicleSettings:
     """A vehicle with its serial number, which is the name of a simulated one."""
-    return msgspec.structs.replace(vehicle, manufacturer=MAKER, serial_number=name) if vehicle.simulated is not None else vehicle
+    return vehicle.model_copy(update={"manufacturer": MAKER, "serial_number": name}) if vehicle.simulated is not None else vehicle
 
 
 def _mistakes(settings: Settings) -> Iterator[Mistake]:
@@ -168,10 +175,6 @@ def _mistakes(settings: Settings) -> Iterator[Mistake]:
             yield ("interface",), f"{interface!r} cannot begin a topic: write it as the vehicles do, such as uagv"
         elif VERSION.fullmatch(interface.rpartition("/")[2]):
             yield ("interface",), f"{interface!r} ends with the version, which follows by itself: leave it out"
-    if settings.retries < 0:
-        yield ("retries",), "say how often an action is to be tried again: 0 for never"
-    if settings.hibernate_after is not None and settings.hibernate_after < SHORTEST_REST:
-        yield ("hibernateAfter",), f"give {SHORTEST_REST:g} seconds or more: to wake up takes a vehicle a while"
     for map_id, frame in settings.maps.items():
         if frame.version is None and (frame.link is not None or frame.hash is not None):
             yield ("maps", map_id), "give the `version` of what is to be downloaded"

@@ -41,7 +41,7 @@ class AdapterEntry:
     folder: FilePath
     source: Source = field(repr=False, compare=False)
 
-    def written(self, path: tuple[str, ...]) -> tuple[str, int | None]:
+    def written(self, path: Path) -> tuple[str, int | None]:
         """The file and the line where a setting is."""
         return self.source.file, self.source.line(("adapters", self.name, *path))
 

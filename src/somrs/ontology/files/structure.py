@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterator
-from types import UnionType
-from typing import Any, get_args
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from somrs.entish import Number
-from somrs.entish.parse import nearest
 from somrs.errors import Problem
+from somrs.ontology.files.documents import model_misfits
 from somrs.ontology.files.nodes import Path, Source
 from somrs.ontology.schema import ENTRIES, AttributeEntry, ConstraintEntry, File, FunctionEntry, RelationEntry, ServiceEntry, TypeEntry
 from somrs.ontology.services import Handler, Parameter, ServiceType
@@ -31,7 +29,7 @@ def structure_problems(source: Source, further_sections: Collection[str] = ()) -
     problems: dict[tuple[int | None, str], Problem] = {}
     broken: set[str] = set()
     data = {key: value for key, value in source.data.items() if key not in further_sections}
-    for path, kind, message in model_problems(data, File, further_sections):
+    for path, kind, message in model_misfits(data, File, further_sections):
         owner = _owner(path)
         if owner is not None:
             broken.add(owner)
@@ -39,19 +37,6 @@ def structure_problems(source: Source, further_sections: Collection[str] = ()) -
         problem = Problem(file=source.file, line=line, subject=subject, rule="structure", message=message)
         problems.setdefault((line, str(path) if kind in ("missing", "extra_forbidden") else subject), problem)
     return [*source.problems, *problems.values()], broken
-
-
-def model_problems(data: Any, model: type[BaseModel], further_keys: Collection[str] = ()) -> Iterator[tuple[Path, str, str]]:
-    """What does not fit the model: where, pydantic's kind of the error, and what to do. `further_keys`: that there are besides those of
-    the model."""
-    try:
-        model.model_validate(data)
-    except ValidationError as error:
-        for detail in error.errors(include_url=False):
-            path: Path = tuple(detail["loc"])
-            while path and not _leads(data, path) and detail["type"] != "missing":
-                path = path[:-1]  # pydantic appends the alternatives that it tried
-            yield path, detail["type"], _message(model, path, detail, further_keys)
 
 
 def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Definition:
@@ -102,15 +87,6 @@ def flat(values: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{key}", value
 
 
-def _leads(data: Any, path: Path) -> bool:
-    for step in path:
-        has_step = step in data if isinstance(data, dict) else isinstance(data, list) and isinstance(step, int)
-        if not has_step:
-            return False
-        data = data[step]
-    return True
-
-
 def _owner(path: Path) -> str | None:
     """The name of the definition or object that a path is in; None for other paths."""
     if len(path) < 2 or path[0] not in (*ENTRIES, "objects"):
@@ -121,39 +97,3 @@ def _owner(path: Path) -> str | None:
     while len(rest) >= 2 and rest[0] == "parts":
         owner, rest = rest[1], rest[2:]
     return str(owner)
-
-
-def _model(model: type[BaseModel], path: Path) -> type[BaseModel]:
-    """The model of the entry at the path."""
-    annotation: Any = model
-    for step in path:
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            annotation = annotation.model_fields[str(step)].annotation
-        else:  # the element type of a list or a dictionary
-            annotation = get_args(annotation)[-1]
-        if isinstance(annotation, UnionType):  # a model or nothing
-            annotation = get_args(annotation)[0]
-    entry_model: type[BaseModel] = annotation  # only models have keys that can be unknown
-    return entry_model
-
-
-def _message(model: type[BaseModel], path: Path, detail: Any, further_keys: Collection[str]) -> str:
-    key = str(path[-1]) if path else "the file"
-    if detail["type"] == "extra_forbidden":
-        known_keys = [field.alias or name for name, field in _model(model, path[:-1]).model_fields.items()]
-        known_keys += further_keys if len(path) == 1 else ()
-        return f"unknown key {key}; {nearest(key, known_keys) or 'there are ' + ', '.join(known_keys)}"
-    if detail["type"] == "missing":
-        return f"{key} is missing; write {key}: and its value"
-    input_text = repr(detail["input"])
-    if detail["type"] in ("dict_type", "model_type"):
-        return f"{key} should be keys with values ({key}: {{...}}), not {input_text}"
-    expectation = (
-        str(detail["msg"])
-        .replace("List should have", "a list with")
-        .replace(" after validation", "")
-        .removeprefix("Input should be ")
-        .removeprefix("a valid ")
-    )
-    expectation = re.sub(r", not \d+$", "", expectation)
-    return f"{key} should be {expectation}, not {input_text if len(input_text) < 60 else input_text[:57] + '...'}"

@@ -67,7 +67,13 @@ def test_each_robot_of_the_settings_is_a_device() -> None:
         ({"robots": {"Robot1": {}}}, "port"),
         ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "colour": "red"}}}, "colour"),
         ({"robots": {"Robot1": {"port": "tcp://127.0.0.1"}}}, "Robot1.port: "),
-        ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "start": [1, 2]}}}, "start"),
+        ({"robots": {"Robot1": {"port": "tcp://127.0.0.1:312010"}}}, "Robot1.port: .* the number of a port"),
+        ({"robots": {"Robot1": {"port": "127.0.0.1:31201"}}}, "Robot1.port: .*: write tcp://127.0.0.1:31201"),
+        ({"robots": {"Robot1": {"port": "ttyUSB0"}}}, "Robot1.port: .*, such as /dev/ttyUSB0, nor tcp://HOST:PORT"),
+        ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "simulated": True}}}, "Robot1.port: .* no address of TCP"),
+        ({"robots": {name: {"port": "/dev/ttyUSB0"} for name in ("Robot1", "Robot2")}}, "Robot2.port: .*as that of Robot1 is"),
+        ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "start": [1, 2]}}}, r"start should be a list of 3 numbers, such as \[2, 1.5, 90\]"),
+        ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "speed": 5}}}, "speed should be at most 2.5 m/s, not 5"),
         ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "speed": 0}}}, "Robot1.speed: "),
         ({"robots": {"Robot1": {"port": "/dev/ttyUSB0", "battery": {"empty": 13, "full": 12}}}}, "Robot1.battery: "),
     ],
@@ -79,7 +85,7 @@ def test_wrong_settings_are_refused_with_their_place(settings: dict[str, Any], p
 
 def test_a_parameter_file_is_looked_for_beside_the_site_file(tmp_path: Path) -> None:
     settings = {"robots": {"Robot1": {"port": "/dev/ttyUSB0", "parameters": "robot.p"}}}
-    with pytest.raises(InputError, match=r"Robot1: parameters: .*robot\.p"):
+    with pytest.raises(InputError, match=r"robots\.Robot1\.parameters: .*robot\.p"):
         ArcosAdapter(settings, tmp_path)
     (tmp_path / "robot.p").write_text("DistConvFactor 0.5\n")
     assert list(ArcosAdapter(settings, tmp_path).names) == ["Robot1"]

@@ -135,8 +135,8 @@ things:
     with pytest.raises(ModelError) as error:
         mapping(tmp_path, text)
     assert [(problem.line, problem.message.partition(";")[0]) for problem in error.value.problems] == [
-        (4, "scale should be number, not '0,1'"),
-        (4, "topic should be string, not 3.0"),
+        (4, "scale should be a number, not '0,1'"),
+        (4, "topic should be a text, not 3"),
         (4, "Temperature is in degC, and kg cannot be expressed in it"),
         (5, "close is missing"),
         (6, "there is no type Heatr"),

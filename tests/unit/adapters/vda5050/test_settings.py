@@ -27,7 +27,7 @@ BROKER = {"broker": "mqtt://10.0.0.5:1883"}
         ({"broker": "mqtt://10.0.0.5:port"}, "has no valid port: write mqtt://HOST:PORT"),
         ({"broker": "mqtt://me:secret@10.0.0.5"}, "SOMRS_MQTT_PASSWORD"),
         (BROKER | {"interface": "uagv/#"}, "interface: 'uagv/#'"),
-        (BROKER | {"vehicle": {}}, "vehicle: there is no such setting; did you mean vehicles?"),
+        (BROKER | {"vehicle": {}}, "vehicle: unknown key vehicle; did you mean vehicles?"),
         (BROKER | {"vehicles": {"Robot1": {"manufacturer": "acme"}}}, "serialNumber"),
         (
             BROKER | {"vehicles": {name: {"manufacturer": "acme", "serialNumber": "1"} for name in ("Robot1", "Robot2")}},

@@ -152,7 +152,13 @@ MISTAKES: list[tuple[str, str, int, str, str]] = [
     ("map: House", "types: {Jar: {parent: Object}}", 1, "duplicate", "in the ontology already"),
     ("map: House", "types: {Vase: {parent: Jar, defaults: {Weight: a lot}}}", 1, "value", "a number in kg"),
     ("map: House", "types: {Vase: {parent: Jar, constraints: [{attribute: Weight}]}}", 1, "constraint", "minimum, maximum or values"),
-    ("map: House", "types: {Vase: {parent: Jar, constraints: [{attribute: Weight, values: [a, [1]]}]}}", 1, "structure", "1 should be"),
+    (
+        "map: House",
+        "types: {Vase: {parent: Jar, constraints: [{attribute: Weight, values: [a, [1]]}]}}",
+        1,
+        "structure",
+        "an item of values should be",
+    ),
     ("map: House", "services: {Go: {effect: x, cost: [1]}}", 1, "structure", "cost should be"),
     ("map: House", "services: {Go: {effect: x, cost: {much: 1}}}", 1, "structure", "cost should be"),
     ("map: House", 'types: {Vase: {parent: Jar, constraints: [{formula: "?Self.Wait > 1"}]}}', 1, "formula", "Wait"),
@@ -305,7 +311,7 @@ def test_what_is_said_of_files_and_of_those_that_they_use(tmp_path: Path, monkey
         ("lib", None, "file", "file", "lib cannot be read: Is a directory; correct the path or the file"),
         ("lib/two.yaml", 4, "Pit", "unknown-name", "no type is called Urnn; did you mean Urn?"),
         ("one.yaml", 3, "file", "file", "lib/three.yaml cannot be read: No such file or directory; correct the path or the file"),
-        ("one.yaml", 4, "uses", "structure", "2 should be string, not 5.0"),
+        ("one.yaml", 4, "uses", "structure", "an item of uses should be a text, not 5; write it in quotes"),
         ("one.yaml", 5, "file", "file", "lib/four.yaml cannot be read: it is not UTF-8 text; correct the path or the file"),
         ("one.yaml", 6, "Vase", "unknown-name", "no type is called Jarr; did you mean Jar?"),
     ]
@@ -366,7 +372,7 @@ def test_what_is_said_of_values_and_facts_and_on_which_line() -> None:
         (18, "F", "value", "Shape.Width is a number in m, not 'much'"),
         (19, "F", "value", "Depth is at least 0, not -1"),
         (20, "F", "value", "Shape.Height is a list; write a number, a text, or true or false"),
-        (23, "facts", "structure", "1 should be string, not 5.0"),
+        (23, "facts", "structure", "an item of facts should be a text, not 5; write it in quotes"),
         (24, "F isOn B", "duplicate", "is stated already; remove this one"),
         (25, "facts", "formula", f"'A = B' {NO_FACT}"),
         (26, "facts", "formula", f"'NOT A isOn B' {NO_FACT}"),
@@ -403,8 +409,8 @@ objects:
         (6, "A", "unknown-attribute", "a Building has no attribute PositionX; it has Label, Latitude, Longitude, Mode, Supporting"),
         (6, "A", "unknown-attribute", "a Building has no attribute PositionY; it has Label, Latitude, Longitude, Mode, Supporting"),
         (9, "A", "unknown-attribute", "a Building has no attribute Shape.Form; it has Label, Latitude, Longitude, Mode, Supporting"),
-        (10, "B", "structure", "B should be keys with values (B: {...}), not 5.0"),
-        (11, "D", "structure", "D should be keys with values (D: {...}), not 7.0"),
+        (10, "B", "structure", "B should be keys with values (B: {...}), not 5"),
+        (11, "D", "structure", "D should be keys with values (D: {...}), not 7"),
     ]
 
 
@@ -456,7 +462,7 @@ def test_what_the_upper_ontology_has_can_be_left_out_or_defined_anew() -> None:
         ("types Cupp", "did you mean Cup"),
         ("cups", "names no definition"),
         ("types", "names no definition"),
-        ("5", "should be string"),
+        ("5", "should be a text"),
         ("types Graspable", "neither removed nor renamed"),
         ("attributes Texture", "no attribute is called Texture"),
     ],

@@ -24,7 +24,7 @@ ANY_KEY = f"there are {', '.join(File.model_fields)}"
         ("map: x\nontologie: x\n", set(), [(2, "ontologie", "unknown key ontologie; did you mean ontology?")]),
         ("map: x\nqwertz: x\n", set(), [(2, "qwertz", f"unknown key qwertz; {ANY_KEY}")]),
         ("map: x\ntypes: [a]\n", set(), [(2, "types", "types should be keys with values (types: {...}), not ['a']")]),
-        ("types:\n  Vase: 3\n", {"Vase"}, [(2, "Vase", "Vase should be keys with values (Vase: {...}), not 3.0")]),
+        ("types:\n  Vase: 3\n", {"Vase"}, [(2, "Vase", "Vase should be keys with values (Vase: {...}), not 3")]),
         ("types:\n  Vase:\n    parrent: Jar\n", {"Vase"}, [(3, "Vase", "unknown key parrent; did you mean parent or parts?")]),
         (
             "attributes:\n  Heat: {kind: number, kin: 1, kynd: 2}\n",
@@ -35,14 +35,14 @@ ANY_KEY = f"there are {', '.join(File.model_fields)}"
             "attributes:\n  Heat:\n    kind: numbr\n    doc: [1]\n",
             {"Heat"},
             [
-                (3, "Heat", "kind should be 'number', 'text', 'truth', 'enumeration' or 'complex', not 'numbr'"),
-                (4, "Heat", "doc should be string, not [1.0]"),
+                (3, "Heat", "kind should be 'number', 'text', 'truth', 'enumeration' or 'complex', not 'numbr'; did you mean number?"),
+                (4, "Heat", "doc should be a text, not [1.0]"),
             ],
         ),
         (
             "attributes: {Heat: {kind: number, minimum: a, maximum: b}}\n",  # one problem of a line and a subject
             {"Heat"},
-            [(1, "Heat", "minimum should be number, not 'a'")],
+            [(1, "Heat", "minimum should be a number, not 'a'")],
         ),
         ("relations:\n  near: {}\n", {"near"}, [(2, "near", "joins is missing; write joins: and its value")]),
         (
@@ -69,12 +69,12 @@ ANY_KEY = f"there are {', '.join(File.model_fields)}"
             {"A"},
             [(1, "A", "at should be a list with at most 3 items, not [1.0, 2.0, 3.0, 4.0]")],
         ),
-        ("objects: {A: {type: Jar, parts: {B: 4}}}", {"B"}, [(1, "B", "B should be keys with values (B: {...}), not 4.0")]),
-        ("objects: {A: {type: Jar, parts: 4}}", {"A"}, [(1, "A", "parts should be keys with values (parts: {...}), not 4.0")]),
-        ("facts:\n  - A isOn B\n  - 3\n", set(), [(3, "facts", "1 should be string, not 3.0")]),
-        ("map: [1]\n", set(), [(1, "map", "map should be string, not [1.0]")]),
-        (f"map: [{'a' * 55}]\n", set(), [(1, "map", f"map should be string, not ['{'a' * 55}']")]),
-        (f"map: [{'a' * 56}]\n", set(), [(1, "map", f"map should be string, not ['{'a' * 55}...")]),
+        ("objects: {A: {type: Jar, parts: {B: 4}}}", {"B"}, [(1, "B", "B should be keys with values (B: {...}), not 4")]),
+        ("objects: {A: {type: Jar, parts: 4}}", {"A"}, [(1, "A", "parts should be keys with values (parts: {...}), not 4")]),
+        ("facts:\n  - A isOn B\n  - 3\n", set(), [(3, "facts", "an item of facts should be a text, not 3; write it in quotes")]),
+        ("map: [1]\n", set(), [(1, "map", "map should be a text, not [1.0]")]),
+        (f"map: [{'a' * 55}]\n", set(), [(1, "map", f"map should be a text, not ['{'a' * 55}']")]),
+        (f"map: [{'a' * 56}]\n", set(), [(1, "map", f"map should be a text, not ['{'a' * 55}...")]),
     ],
 )
 def test_what_is_said_of_the_structure(text: str, broken: set[str], reports: list[tuple[int, str, str]]) -> None:
