@@ -182,7 +182,7 @@ def test_a_boiler_with_modbus_heats_to_a_temperature(tmp_path: Path) -> None:
                 assert (await accomplish(lab.client, "Boiler1.TargetTemperature = 60.5")).outcome is Outcome.ACCOMPLISHED
                 view = await accomplish(lab.client, "Boiler1.TargetTemperature = 200")
                 assert view.outcome is Outcome.FAILED, "it does not wait for what can never be"
-                assert "200 is beyond range: 5 to 90" in str(view)
+                assert "200 degC is beyond range: 5 to 90 degC" in str(view)
                 client = AsyncModbusTcpClient("127.0.0.1", port=port)
                 await client.connect()
                 answer = await client.read_holding_registers(1, count=2)

@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from somrs.adapters.things.mapping import AttributeEntry, AvailabilityEntry, InputEntry, ServiceEntry, WriteEntry
 from somrs.adapters.things.naming import is_unit
+from somrs.ontology.units import convert_unit
 
 Config = Mapping[str, Any]
 
@@ -127,19 +128,23 @@ def _json_light(entity: Entity, config: Config) -> None:
 
 def _cover(entity: Entity, config: Config) -> None:
     entity.type = "Cover"
-    is_read = "state_topic" in config
-    if is_read:
+    is_read = "state_topic" in config or "position_topic" in config
+    if "state_topic" in config:
         words = ("open", True), ("opening", False), ("closed", False), ("closing", True)
         values = {str(config.get(f"state_{word}", word)): is_open for word, is_open in words} | {"stopped": True}
         entity.attributes["Open"] = _attribute(config, "state_topic", "value_template", values=values)
     for service, key, default in (("OpenCover", "payload_open", "OPEN"), ("CloseCover", "payload_close", "CLOSE")):
-        if "command_topic" in config:
-            entity.services[service] = _service(config, "command_topic", str(config.get(key, default)), is_read=is_read)
+        payload = config.get(key, default)
+        if "command_topic" in config and payload is not None:  # null: there is no such command
+            entity.services[service] = _service(config, "command_topic", str(payload), is_read=is_read)
     closed, opened = float(config.get("position_closed", 0)), float(config.get("position_open", 100))
     if "position_topic" in config and opened != closed:
         scale = 100 / (opened - closed)
         offset = -closed * scale
-        entity.attributes["Position"] = _attribute(config, "position_topic", "position_template", scale=scale, offset=offset)
+        position = _attribute(config, "position_topic", "position_template", scale=scale, offset=offset)
+        entity.attributes["Position"] = position
+        if "state_topic" not in config:  # a move has not ended between the ends, and neither end holds
+            entity.attributes["Open"] = position.model_copy(update={"true_from": 100.0, "false_to": 0.0})
         if "set_position_topic" in config:
             convert = {"Position": InputEntry(scale=scale, offset=offset, decimals=0.0)}
             template = "set_position_template"
@@ -159,7 +164,7 @@ def _lock(entity: Entity, config: Config) -> None:
 
 def _climate(entity: Entity, config: Config) -> None:
     entity.type = "Heater"
-    unit = {"C": "degC", "F": "degF"}.get(str(config.get("temperature_unit", "C")))
+    unit = "degF" if config.get("temperature_unit") == "F" else "degC"
     if "current_temperature_topic" in config:
         template = "current_temperature_template"
         entity.attributes["Temperature"] = _attribute(config, "current_temperature_topic", template, unit=unit)
@@ -170,11 +175,23 @@ def _climate(entity: Entity, config: Config) -> None:
     if "mode_state_topic" in config:
         entity.attributes["HeatingMode"] = _attribute(config, "mode_state_topic", "mode_state_template", values=MODES)
     if "temperature_command_topic" in config:
-        if unit == "degF" and not is_read:
-            raise _Unsupported("temperatures in °F that are only written")
-        convert = {"Temperature": InputEntry(inverse_of="TargetTemperature")} if is_read else {}
+        least, most = (float(config.get(key, default[unit])) for key, default in _TEMPERATURES.items())
+        limits = [_in_degrees_celsius(least, unit), _in_degrees_celsius(most, unit)]
+        step = abs(float(config.get("temp_step") or 0.0)) or None
+        way = InputEntry(inverse_of="TargetTemperature") if is_read else InputEntry(unit=unit)
+        convert = {"Temperature": way.model_copy(update={"range": limits, "step": step})}
         topic, template = "temperature_command_topic", "temperature_command_template"
         entity.services["SetTemperature"] = _service(config, topic, "?Temperature", convert, is_read=is_read, template=template)
+
+
+_TEMPERATURES = {"min_temp": {"degC": 7.0, "degF": 44.6}, "max_temp": {"degC": 35.0, "degF": 95.0}}
+"""The keys for what a thermostat can be set to, and what counts without them."""
+
+
+def _in_degrees_celsius(temperature: float, unit: str) -> float:
+    converted = convert_unit(temperature, unit, "degC")
+    assert converted is not None, "both are units of temperature"
+    return round(converted, 2)
 
 
 COMPONENTS: dict[str, Callable[[Entity, Config], None]] = {

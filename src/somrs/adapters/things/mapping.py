@@ -60,6 +60,7 @@ class ConversionEntry(_Entry):
         description="The least and the greatest value: what is read beyond it is not believed, and nothing beyond it is written",
     )
     decimals: float | None = Field(default=None, ge=0, multiple_of=1, description="To how many decimals numbers are rounded in messages")
+    step: float | None = Field(default=None, gt=0, description="Numbers in messages to the thing are multiples of it")
 
 
 class AttributeEntry(_Place, ConversionEntry):
@@ -67,6 +68,8 @@ class AttributeEntry(_Place, ConversionEntry):
 
     path: str | None = Field(default=None, description="Of HTTP: what is read")
     json_path: str | None = Field(default=None, alias="json", description="The value in a document: state.temperature, $.sensors[0].value")
+    true_from: float | None = Field(default=None, description="Of a truth value that is said as a number: from which on it is TRUE")
+    false_to: float | None = Field(default=None, description="Up to which number it is FALSE; between the two, it stays as it was")
     poll: Amount = Field(default="5 s", description="How often a path or a register is read")
     dead_band: float | None = Field(
         default=None, ge=0, description="Smaller changes of a number are no news; by default the attribute's tolerance"

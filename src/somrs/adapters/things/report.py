@@ -155,7 +155,10 @@ def _conversion(conversion: Conversion) -> str:
     parts += [f"+ {conversion.offset:g}"] if conversion.offset else []
     own_unit = conversion.attribute.unit
     parts += [f"{conversion.unit} to {own_unit}"] if conversion.unit is not None and conversion.unit != own_unit else []
-    parts += [f"from {conversion.minimum:g} to {conversion.maximum:g}"] if conversion.minimum > -math.inf else []
+    if (conversion.minimum, conversion.maximum) != (-math.inf, math.inf):
+        parts.append(f"from {conversion.minimum:g} to {conversion.maximum:g}")
+    if conversion.true_from is not None:
+        parts.append(f"TRUE from {conversion.true_from:g}, FALSE to {conversion.false_to:g}")
     return " ".join([str(conversion.attribute.kind), *parts])
 
 

@@ -139,9 +139,15 @@ class Resolver:
             return None
         if entry.scale == 0:
             self._problem((*key, "scale"), "scale cannot be 0")
-        minimum, maximum = entry.range or (-math.inf, math.inf)
+        minimum, maximum = entry.range or (
+            attribute.minimum if attribute.minimum is not None else -math.inf,
+            attribute.maximum if attribute.maximum is not None else math.inf,
+        )
         if minimum > maximum:
             self._problem((*key, "range"), "write the least value first")
+        true_from, false_to = (entry.true_from, entry.false_to) if isinstance(entry, AttributeEntry) else (None, None)
+        if (true_from, false_to) != (None, None) and (attribute.kind is not Kind.TRUTH or None in (true_from, false_to)):
+            self._problem((*key, "true_from"), "true_from and false_to are for truth values, and belong together")
         kinds = {Kind.NUMBER: float, Kind.TRUTH: bool}
         for text, value in entry.values.items():
             if not isinstance(value, kinds.get(attribute.kind, str)) or (
@@ -157,8 +163,11 @@ class Resolver:
             offset=entry.offset,
             unit=entry.unit,
             decimals=decimals,
+            step=entry.step,
             minimum=minimum,
             maximum=maximum,
+            true_from=true_from,
+            false_to=false_to,
         )
 
     # What is written
@@ -170,8 +179,8 @@ class Resolver:
             hint = nearest(type, self.ontology.services) or "define it under services:"
             self._problem(key, f"there is no type of service {type}; {hint}")
             return None
-        inputs = {parameter.name: parameter.type for parameter in definition.inputs}
-        variables = {**inputs, PROVIDER: thing.type}
+        variables = {**{parameter.name: parameter.type for parameter in definition.inputs}, PROVIDER: thing.type}
+        inputs = self._inputs(definition)
         for written, text in (("done_when", entry.done_when), ("failed_when", entry.failed_when), ("condition", entry.condition)):
             if text is not None and text != SENT_ALL:
                 self._observable((*key, written), text, read_paths, variables)
@@ -210,12 +219,28 @@ class Resolver:
         if missing := sorted(names - entry.outputs.keys()):
             self._problem((*key, "outputs"), f"{definition.name} has the outputs {', '.join(missing)}; write where each is read")
 
-    def _commands(self, key: KeyPath, entries: list[WriteEntry], thing: ThingEntry, inputs: Mapping[str, str]) -> Iterator[Command]:
+    def _inputs(self, definition: ServiceType) -> dict[str, AttributeType]:
+        """For each input, the attribute of the thing that the effect sets to it, whose limits it has; else one of its kind."""
+        inputs = {}
+        for parameter in definition.inputs:
+            kind = Kind(parameter.type) if parameter.type in tuple(Kind) else Kind.TEXT
+            inputs[parameter.name] = AttributeType(name=parameter.name, kind=kind)
+        for literal in literals(parse(definition.effect)):
+            match literal:
+                case Comparison(Attribute(Variable(owner), path), "=", Variable(name)) if owner == PROVIDER and name in inputs:
+                    attribute = self._attributes.get(path)
+                    if attribute is not None and attribute.kind is inputs[name].kind:
+                        inputs[name] = attribute
+        return inputs
+
+    def _commands(
+        self, key: KeyPath, entries: list[WriteEntry], thing: ThingEntry, inputs: Mapping[str, AttributeType]
+    ) -> Iterator[Command]:
         for index, entry in enumerate(entries):
             if (command := self._command((*key, index), entry, thing, inputs)) is not None:
                 yield command
 
-    def _command(self, key: KeyPath, entry: WriteEntry, thing: ThingEntry, inputs: Mapping[str, str]) -> Command | None:
+    def _command(self, key: KeyPath, entry: WriteEntry, thing: ThingEntry, inputs: Mapping[str, AttributeType]) -> Command | None:
         places = {"topic": entry.topic, "put": entry.put, "post": entry.post, "register": entry.register_}
         endpoint = self._endpoints.find(key, entry.connection, places, entry.encoding)
         if endpoint is None:
@@ -227,10 +252,12 @@ class Resolver:
             self._problem((*key, "as"), "one bit of a register cannot be written alone; write the whole register, or a coil")
         if register is not None and not _fits_register(entry.payload):
             self._problem((*key, "payload"), "a register gets a number, true or false, or an input of the service: payload: '?Temperature'")
-        for variable in PLACEHOLDER.findall(entry.payload) if isinstance(entry.payload, str) else ():
+        placeholders = dict.fromkeys(PLACEHOLDER.findall(entry.payload)) if isinstance(entry.payload, str) else {}
+        for variable in placeholders:
             if variable not in inputs:
                 self._problem((*key, "payload"), f"?{variable} is no input of the service; it has {', '.join(inputs) or 'none'}")
-        conversions = {name: self._input(key, name, way, thing, inputs) for name, way in entry.convert.items()}
+        ways = {**{name: InputEntry() for name in placeholders if name in inputs}, **entry.convert}
+        conversions = {name: self._input(key, name, way, thing, inputs) for name, way in ways.items()}
         return Command(
             connection=endpoint.connection.name,
             place=endpoint.place,
@@ -242,23 +269,23 @@ class Resolver:
             conversions={name: conversion for name, conversion in conversions.items() if conversion is not None},
         )
 
-    def _input(self, key: KeyPath, name: str, way: InputEntry, thing: ThingEntry, inputs: Mapping[str, str]) -> Conversion | None:
+    def _input(self, key: KeyPath, name: str, way: InputEntry, thing: ThingEntry, inputs: Mapping[str, AttributeType]) -> Conversion | None:
         """How an input is written: as its entry says, or as an attribute is read, the other way round."""
         key = (*key, "convert", name)
         if name not in inputs:
             self._problem(key, f"{name} is no input of the service; it has {', '.join(inputs) or 'none'}")
             return None
         if way.inverse_of is None:
-            kind = Kind(inputs[name]) if inputs[name] in tuple(Kind) else Kind.TEXT
-            return self._conversion(key, way, AttributeType(name=name, kind=kind))
+            return self._conversion(key, way, inputs[name])
         if way.inverse_of not in thing.attributes or way.inverse_of not in self._attributes:
             hint = nearest(way.inverse_of, thing.attributes) or "write scale:, values: or decimals: instead"
             self._problem(key, f"no message says {way.inverse_of}; {hint}")
             return None
         attribute, read = self._attributes[way.inverse_of], thing.attributes[way.inverse_of]
-        if way.range is None:
+        own_limits = {name: limit for name, limit in (("range", way.range), ("step", way.step)) if limit is not None}
+        if not own_limits:
             return self._conversion(("attributes", way.inverse_of), read, attribute)
-        return self._conversion(key, read.model_copy(update={"range": way.range}), attribute)
+        return self._conversion(key, read.model_copy(update=own_limits), attribute)
 
     # Doors and lifts
 

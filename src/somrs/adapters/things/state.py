@@ -135,7 +135,10 @@ def _news(state: ThingState, reader: Signal | Availability, raw: object) -> News
     if isinstance(reader, Availability):
         state.is_online = raw_text(raw) == reader.online
         return News(state=state, value=state.is_online)
-    value = state.values[reader.path] = reader.conversion.read(raw)
+    value = reader.conversion.read(raw)
+    if value is None:
+        return None
+    state.values[reader.path] = value
     return News(state=state, signal=reader, value=value)
 
 

@@ -10,13 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.adapters.things.connections import parse_connection
+from somrs.adapters.things.conversion import Raw
 from somrs.adapters.things.described_things import resolve_discovered
 from somrs.adapters.things.home_assistant import Discovery
 from somrs.adapters.things.library import library
 from somrs.adapters.things.mapping import ConnectionEntry
-from somrs.adapters.things.messages import render
+from somrs.adapters.things.messages import payload_text, render
 from somrs.adapters.things.model import Thing
 from somrs.adapters.things.state import Router, ThingState
+from somrs.errors import InputError
 from somrs.ontology.files.loading import upper
 from somrs.ontology.types import Ontology, Value
 
@@ -53,7 +55,7 @@ def values_after(thing: Thing, *messages: tuple[str, str]) -> dict[str, Value]:
     return state.values
 
 
-def sent(thing: Thing, service: str, **inputs: str) -> tuple[str, object]:
+def sent(thing: Thing, service: str, **inputs: str) -> tuple[str, Raw]:
     (command,) = next(offered.commands for offered in thing.services if offered.type == service)
     return command.place, render(command, inputs)
 
@@ -152,6 +154,52 @@ def test_a_position_that_is_counted_the_other_way_round() -> None:
     (blind,) = announced({"cover/x": config})
     assert values_after(blind, ("p", "30")) == {"Position": 70.0}
     assert sent(blind, "SetPosition", Position="100") == ("set", 0.0)
+
+
+def test_a_cover_that_says_its_position_only_is_open_at_one_end_and_shut_at_the_other() -> None:
+    config = {"command_topic": "c", "position_topic": "p", "set_position_topic": "set", "payload_close": None}
+    (door,) = announced({"cover/x": config})
+    assert [service.type for service in door.services] == ["OpenCover", "SetPosition"]
+    assert door.services[0].done_when == "?Provider.Open = TRUE"
+    assert values_after(door, ("p", "40")) == {"Position": 40.0}
+    assert values_after(door, ("p", "0"), ("p", "40")) == {"Position": 40.0, "Open": False}
+    assert values_after(door, ("p", "100"), ("p", "40")) == {"Position": 40.0, "Open": True}
+    assert values_after(door, ("p", "100"), ("p", "0")) == {"Position": 0.0, "Open": False}
+
+
+@pytest.mark.parametrize(
+    ("config", "asked", "expected"),
+    [
+        ({"max_temp": 30, "min_temp": 5, "temp_step": 0.5}, "99", "99 degC is beyond range: 5 to 30 degC"),
+        ({"max_temp": 30, "min_temp": 5, "temp_step": 0.5}, "20.3", "the nearest is 20.5 degC"),
+        ({"max_temp": 30, "min_temp": 5, "temp_step": 0.5}, "20.5", "20.5"),
+        ({}, "36", "36 degC is beyond range: 7 to 35 degC"),
+        ({"temp_unit": "F"}, "20", "68"),
+        ({"temp_unit": "F", "max_temp": 85}, "30", "30 degC is beyond range: 7 to 29.44 degC"),
+    ],
+)
+@pytest.mark.parametrize("topics", [{}, {"temp_stat_t": "t"}])
+def test_a_thermostat_is_set_to_what_it_can_be_set_to(config: dict[str, Any], asked: str, expected: str, topics: dict[str, str]) -> None:
+    (heater,) = announced({"climate/x": {"temp_cmd_t": "set", **config, **topics}})
+    try:
+        outcome = payload_text(sent(heater, "SetTemperature", Temperature=asked)[1])
+    except InputError as error:
+        outcome = str(error)
+    assert expected in outcome
+
+
+def test_a_lamp_is_no_brighter_than_it_can_be() -> None:
+    (lamp,) = announced({"light/0x1/light": LAMP})
+    with pytest.raises(InputError, match="150 percent is beyond range: 0 to 100 percent"):
+        sent(lamp, "SetBrightness", Brightness="150")
+
+
+@pytest.mark.parametrize(
+    ("device_class", "unit", "said"), [("temperature", "°F", "-500"), ("humidity", "%", "500"), ("humidity", "%", "-5")]
+)
+def test_what_a_sensor_cannot_measure_is_not_believed(device_class: str, unit: str, said: str) -> None:
+    (sensor,) = announced({"sensor/x": {"state_topic": "s", "device_class": device_class, "unit_of_measurement": unit}})
+    assert values_after(sensor, ("s", said)) == {}
 
 
 def test_a_thing_that_says_nothing_is_done_when_its_message_is_sent() -> None:
