@@ -22,6 +22,8 @@ _IN_LINE = 0.3
 """The greatest distance of the middle of a doorway from the middle of the wall in which it is, m."""
 _BESIDE_DOOR = 0.5
 """An opening that is so near to a known door is its own, m."""
+_AT_WALL = 0.45
+"""How far the side of a door is from a wall at most, m: a shorter piece of wall between them is not found."""
 _NARROWEST = 0.4
 """Free floor that is narrower is no part of a room, m."""
 _LARGEST_SPOT = 1.0
@@ -68,7 +70,7 @@ def building_of(grid: OccupancyGrid, furniture: Sequence[Box] = (), doors: Seque
     openings = [box for box in find_openings(structure.walls, grid) if all(door.gap((box.x, box.y)) > _BESIDE_DOOR for door in doors)]
     rooms = find_rooms(_parted(cells, [*doors, *openings], grid), grid.resolution)
     rooms, openings = without_wide(rooms, openings, grid)
-    doorways = [(doorway.rooms, _door_box(doorway, structure, grid)) for doorway in rooms.doorways]
+    rooms, doorways = _between_walls(rooms, structure, grid)
     doorways += [(pair, box) for box in (*doors, *openings) if (pair := rooms_beside(box, rooms, grid)) is not None]
     doorways = [(pair, box) for pair, box in doorways if box.width >= NARROWEST_DOOR]
     labels = _cut_at_doors(cells, rooms, [*doors, *(box for _, box in doorways)], grid)
@@ -80,6 +82,23 @@ def building_of(grid: OccupancyGrid, furniture: Sequence[Box] = (), doors: Seque
         rooms=[_room(labels, number, places[number - 1], grid) for number in order],
         doors=[Door(box=_on_map(box, grid), rooms=(order.index(first), order.index(second))) for (first, second), box in doorways],
     )
+
+
+def _between_walls(rooms: Rooms, structure: Structure, grid: OccupancyGrid) -> tuple[Rooms, list[tuple[tuple[int, int], Box]]]:
+    """The rooms, with those as one that touch only beside furniture, or what was not seen; and the doors between the others."""
+    boxes = {doorway.middle: _door_box(doorway, structure, grid) for doorway in rooms.doorways}
+    in_walls = {middle for middle, box in boxes.items() if all(_is_at_wall(box, side, structure) for side in (-1, 1))}
+    while True:
+        pairs = {doorway.rooms for doorway in rooms.doorways if doorway.middle in in_walls}
+        touching = next((doorway.rooms for doorway in rooms.doorways if doorway.rooms not in pairs), None)
+        if touching is None:
+            return rooms, [(doorway.rooms, boxes[doorway.middle]) for doorway in rooms.doorways if doorway.middle in in_walls]
+        rooms = rooms.united(*touching)
+
+
+def _is_at_wall(door: Box, side: int, structure: Structure) -> bool:
+    jamb = door.world((side * door.width / 2, 0.0))
+    return any(wall.gap(jamb) <= _AT_WALL for wall in structure.walls)
 
 
 def _parted(cells: Mask, partitions: Sequence[Box], grid: OccupancyGrid) -> Mask:

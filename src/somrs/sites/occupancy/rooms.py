@@ -66,7 +66,7 @@ class Rooms:
 
 
 def _renumbered(rooms: tuple[int, int], old: int, new: int) -> tuple[int, int]:
-    first, second = (new if number == old else number for number in rooms)
+    first, second = sorted(new if number == old else number for number in rooms)
     return first, second
 
 

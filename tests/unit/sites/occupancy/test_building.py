@@ -54,6 +54,13 @@ def test_an_opening_that_is_as_wide_as_the_rooms_beside_it_parts_none() -> None:
     assert len(building_of(grid_of(plan)).rooms) == 1
 
 
+def test_a_narrow_place_between_what_was_not_seen_parts_no_rooms() -> None:
+    grid = grid_of(rooms_in_rows([7.0], [5.0], 0.1, []))
+    x, y = grid.to_map(grid.centres(np.ones(grid.shape, dtype=bool))).reshape(*grid.shape, 2).transpose(2, 0, 1)
+    grid.states[(abs(x - 3.5) < 0.6) & (abs(y - 2.5) > 0.5) & (grid.states == Cell.FREE)] = Cell.UNKNOWN
+    assert len(building_of(grid).rooms) == 1
+
+
 def test_a_known_door_parts_rooms_however_wide_it_is() -> None:
     plan = rooms_in_rows([8.0, 9.0], [7.0], 0.1, [(5.0, 0.4)])
     (door,) = plan.doors
