@@ -152,7 +152,8 @@ class Witness:
         self._change.set()
 
     def heard(self, is_connected: bool, reason: str | None = None) -> None:
-        if [is_connected] != self.presence[-1:]:
+        was_connected = bool(self.presence) and self.presence[-1]
+        if is_connected is not was_connected:
             self.presence.append(is_connected)
         self.absence = reason
         self.x_when_present = self.pose[0]

@@ -51,7 +51,9 @@ class BridgeProcess:
                 attempt = 0 if await self.run_once() else attempt + 1
             except OSError as error:
                 attempt += 1
-                self._note_end(f"the bridge to ROS 2 cannot be started with {self._settings.python}: {error}")
+                problem = f"the bridge to ROS 2 cannot be started with {self._settings.python}: {error}"
+                log.error("%s", problem)
+                self.session.disconnected(problem)
             await asyncio.sleep(PAUSES[min(attempt, len(PAUSES)) - 1 if attempt else 0])
 
     async def run_once(self) -> bool:
@@ -73,17 +75,14 @@ class BridgeProcess:
                 was_ready = self._take(line) or was_ready
             code = await process.wait()
             problem = f"the bridge to ROS 2 has ended with {code}: is {self._settings.python} the Python of your ROS?"
+            log.error("%s", problem)
         finally:
             self._input = None
-            self._note_end(problem)
+            self.session.disconnected(problem)
             process.stdin.close()
             with contextlib.suppress(asyncio.CancelledError):
                 await process.wait()
         return was_ready
-
-    def _note_end(self, problem: str) -> None:
-        log.error("%s", problem)
-        self.session.disconnected(problem)
 
     def _take(self, line: bytes) -> bool:
         """Handle a line. Returns whether it says that the bridge is ready."""

@@ -289,7 +289,7 @@ async def test_a_bridge_that_ends_is_a_robot_that_cannot_be_reached() -> None:
     conversation.connection.follow(way((0, 0), (1, 0)))
     goal = await conversation.goal()
     conversation.session.disconnected("it has ended")
-    assert conversation.witness.presence == [False, True, False]
+    assert conversation.witness.presence == [True, False]
     assert conversation.witness.absence == "it has ended"
     conversation.session.handle(Ready())
     assert conversation.witness.absence == "no node serves its action /r1/navigate_to_pose"
