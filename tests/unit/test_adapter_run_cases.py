@@ -8,8 +8,8 @@ from verification.adapter_runs.cases import CASES, KINDS, LONG, RIDES, SHORT, Ph
 
 
 def test_every_part_and_pair_is_killed_in_every_phase_once() -> None:
-    assert len({*CASES}) == len(CASES) == sum(map(len, (*KINDS, RIDES)))
-    for cases in (*KINDS, RIDES):
+    assert len({*CASES}) == len(CASES) == sum(map(len, (*KINDS, *RIDES)))
+    for cases in (*KINDS, *RIDES):
         phases, victims = {case.phase for case in cases}, {case.victims for case in cases}
         assert len(cases) == len(phases) * len(victims)
     assert {case.phase for case in CASES} == {*Phase}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from enum import StrEnum
 from itertools import zip_longest
 from random import Random
@@ -48,9 +49,12 @@ KINDS = (
     _cases_of("things", ("things", "things-simulated", "broker"), (("things", "broker"),), (Phase.PASSING,)),
 )
 
-RIDES = _cases_of("lift", ("things", "things-simulated", "broker"), (("things", "broker"), ("things", "things-simulated")), (Phase.RIDING,))
+LIFT = ("things", "things-simulated", "broker"), (("things", "broker"), ("things", "things-simulated"))
+VEHICLES_IN_LIFT = ("vda5050", "vda5050-simulated", "broker", "things"), (("vda5050", "things"), ("vda5050-simulated", "things-simulated"))
 
-CASES = (*(case for cases in zip_longest(*KINDS) for case in cases if case is not None), *RIDES)
+RIDES = (_cases_of("lift", *LIFT, (Phase.RIDING,)), _cases_of("lift vda5050", *VEHICLES_IN_LIFT, (Phase.RIDING,)))
+
+CASES = (*(case for cases in zip_longest(*KINDS) for case in cases if case is not None), *itertools.chain(*RIDES))
 """All cases, by turns of each protocol, and then those of a lift. The run with a seed plays that of this number, counted on from the
 beginning after the last."""
 

@@ -104,9 +104,10 @@ def adapters_of(kind: str) -> dict[str, Any] | None:
             return {"ros2": ros} if python is not None else None
         case ["things"]:
             return {"things": {"broker": "own", "mappings": ["things.yaml"], "simulated": {"Door1": {}}}}
-        case ["lift"]:
+        case ["lift", *vehicles]:
             levels = {"1": 0.0, "2": UPPER}
-            return {"things": {"broker": "own", "mappings": ["things.yaml"], "simulated": {"Lift1": levels}}}
+            things = {"broker": "own", "mappings": ["things.yaml"], "simulated": {"Lift1": levels}}
+            return {"things": things, **((adapters_of("vda5050 3.0") or {}) if vehicles else {})}
     return {}
 
 
