@@ -179,7 +179,11 @@ class Coordinators(Side[Coordinator]):
             yield self._abandon(state_number)
         if coordinator.phase in (Phase.OPEN, Phase.STOPPING) and state in REQUIRED_REPEATS:
             yield self._repeat_order(state_number)
-        if self.queries and coordinator.phase in (Phase.OPEN, Phase.STOPPING) and state in states.WORKING | {State.UNREACHABLE}:
+        if (
+            self.queries
+            and coordinator.phase in (Phase.OPEN, Phase.STOPPING)
+            and state in states.WORKING | {State.UNREACHABLE, State.STRANDED}
+        ):
             yield self._send(state_number, frp.Query)
 
     @staticmethod

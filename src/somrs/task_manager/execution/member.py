@@ -61,6 +61,12 @@ class Member(Struct, kw_only=True, eq=False):
         return self.session.state
 
     @property
+    def is_awaited(self) -> bool:
+        """Whether it has not reported how its work, or its compensation, ended. It may have been given up."""
+        was_undoing = self.state is State.STRANDED and self.lost_version is not None and not self.reported
+        return self.state in CONTRACTED or was_undoing
+
+    @property
     def refusal(self) -> frp.Refuse | None:
         """Its refusal to do the step."""
         return self.session.refusal
@@ -93,9 +99,9 @@ class Members(Struct, kw_only=True):
         return member is not None and member.state in (State.FAILED, State.STOPPED)
 
     def is_awaited(self, id: str | None) -> bool:
-        """Whether the participant has not reported how its work ended. It may have been given up."""
+        """Whether the participant has not reported how its work ended."""
         member = self.find_member(id)
-        return member is not None and member.state in CONTRACTED
+        return member is not None and member.is_awaited
 
     def find_known_member(self, id: str | None) -> Member | None:
         """The participant with this id, or the former participant of an ended task."""

@@ -307,7 +307,8 @@ class Participants:
             is_elsewhere = follow_address(member, self._context.directory)
             if is_elsewhere:
                 self._mark_changed(member)
-            if member.state is State.UNREACHABLE or (is_elsewhere and member.state in WORKING):
+            was_given_up = member.lost_version is not None and member.is_awaited
+            if was_given_up or (is_elsewhere and member.state in WORKING):
                 yield from self._send(member, frp.Query(), now, self._silence_time)
 
     def hindered(self, member: Member, now: float) -> Effects:

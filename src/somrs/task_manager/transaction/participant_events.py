@@ -269,11 +269,14 @@ class ParticipantEvents:
             state.look_queue.add_work(work)
 
     def _process_late_message(self, member: Member, message: Message, now: float) -> Effects:
-        """Report the result of a participant that was given up and has received End, because the map needs it."""
+        """Report the result of a participant that was given up, and has received End or counts as stranded, because the map needs it."""
         match message.body:
-            case frp.Completed() | frp.Failed() | frp.Stopped() as report if report.situation is not None and not member.reported:
+            case frp.Completed() | frp.Failed() | frp.Stopped() | frp.Stranded() as report if not member.reported:
                 member.reported = True
-                yield from self._put_on_map(member, report.situation, report.observation, ProgressSubject(member.id), now)
+                if report.situation is not None:
+                    yield from self._put_on_map(member, report.situation, report.observation, ProgressSubject(member.id), now)
+            case frp.Status(state=State.NEW | State.ENDED):
+                member.reported = True  # it has lost its contract, and never will
 
     # Silence
 
