@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from somrs.api.device_state import DeviceState
 from somrs.api.fleet import DeviceView, Presence, rank_and_name
 from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally
-from somrs.api.service import open_api_service
+from somrs.api.service import ApiService, open_api_service
 from somrs.api.service_presence import ServicePresence
 from somrs.client.client import Client
 from somrs.client.task_history import TaskHistory
@@ -28,7 +28,7 @@ from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.protocol.messages.task_views import WorkView
 from somrs.storage import archive
 from tests.support.hang import HANG_TIME
-from tests.support.small_system import SmallSystem
+from tests.support.small_system import Porter, SmallSystem
 
 
 def offer(service: str, price: float = 1.0) -> Offer:
@@ -71,6 +71,29 @@ def test_arrivals_and_departures_are_known_to_an_api_that_was_not_there(tmp_path
             stack.push_async_callback(system.stop)
             await system.start()
             await scenario(system)
+
+    asyncio.run(run())
+
+
+def test_a_device_says_why_it_does_not_work_until_it_does(tmp_path: Path) -> None:
+    porter = Porter("Robot1")
+
+    async def run() -> None:
+        system = SmallSystem(tmp_path / "data", [porter])
+        async with asyncio.timeout(HANG_TIME), AsyncExitStack() as stack:
+            stack.push_async_callback(system.stop)
+            await system.start()
+            service = await stack.enter_async_context(open_api_service(system.addresses, system.data))
+            for problem, state in (("cannot drive: its stop is pressed", DeviceState.NOT_WORKING), (None, DeviceState.READY)):
+                porter.report_problem("cannot be reached: it is switched off")
+                porter.report_problem(problem)
+                while (robot := await robot_of(service))[0] != (problem or ""):
+                    await asyncio.sleep(0.01)
+                assert robot[1:] == (state, state is DeviceState.READY)
+
+    async def robot_of(service: ApiService) -> tuple[str, DeviceState, bool]:
+        (robot,) = (device for device in (await service.fleet.devices()).devices if device.name == "Robot1")
+        return robot.problem, robot.state, robot.working
 
     asyncio.run(run())
 

@@ -141,7 +141,7 @@ async def drive_around_corners(robot: RobotProcess, action: str, kind: str) -> N
     binding = {**BINDING, "navigate": {"action": action, "type": f"nav2_msgs/action/{kind}"}}
     async with connected(robot, binding) as (connection, witness):
         connection.follow(way((0, 0), (1, 0), (1, 1)))
-        await witness.until(lambda: witness.passed_numbers == [1])
+        await witness.until(lambda: 1 in witness.passed_numbers)
         connection.follow(way((0, 0), (1, 0), (1, 1), (0, 0)))
         await witness.until(lambda: witness.passed_numbers == [1, 2, 3])
         assert witness.reasons == []

@@ -217,7 +217,7 @@ class Traveller:
                 self._is_abandoned = False
                 self._begin_to_halt()
         else:
-            self._end_command("link-lost", f"{self.robot.name} cannot be reached")
+            self._end_command("link-lost", f"{self.robot.name} cannot be reached: {self.reach.silence}")
 
     async def wait_for_robot(self) -> None:
         """Wait until the robot can be reached; whoever waits for it is told why it cannot."""

@@ -150,15 +150,17 @@ def test_devices_that_are_not_ready_say_why() -> None:
             device("Ready", DeviceState.READY),
             device("Broken", DeviceState.NOT_WORKING, simulated=robot),
             device("Marked", DeviceState.NOT_WORKING),
+            device("Pressed", DeviceState.NOT_WORKING, problem="cannot drive: is its stop pressed?"),
             device("Silent", DeviceState.NOTHING_ON_OFFER),
             device("Stopped", DeviceState.NOTHING_ON_OFFER, departed_at=NOW, reason="expired"),
             device("Lost", DeviceState.DEPARTED, departed_at=NOW, reason="expired"),
             device("Visitor", DeviceState.DEPARTED, departed_at=NOW, reason="retracted"),
         ]
     )
-    assert [row.text for row in rows] == ["Broken", "Marked", "Silent", "Stopped", "Lost"], "who left in order needs nobody"
+    assert [row.text for row in rows] == ["Broken", "Marked", "Pressed", "Silent", "Stopped", "Lost"], "who left in order needs nobody"
     notes = {row.text: row.note for row in rows}
     assert notes["Broken"] == "Faults: drive broken, link cut."
+    assert notes["Pressed"] == "It cannot drive: is its stop pressed?"
     assert notes["Silent"] == "It offers no service: check its program."
     assert notes["Stopped"].startswith("It stopped responding at ")
     assert notes["Lost"].startswith("It stopped responding at ")
