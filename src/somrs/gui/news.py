@@ -21,7 +21,8 @@ NewsHandler = Callable[[News], Awaitable[None]]
 
 def follow(hub: Hub, topic: str, begin: Callable[[], Awaitable[None]], hear: NewsHandler) -> None:
     """Call `begin` once the current page is open in its browser, then `hear` with each news of the topic until the page is closed. If
-    `begin` fails because a component is unavailable, it is called again with the next news."""
+    `begin` fails because a component is unavailable, it is called again with the next news. News waits while the browser is not connected:
+    a page that was left is kept for a minute, and updates it for nobody."""
     client = ui.context.client
 
     async def following() -> None:
@@ -30,6 +31,7 @@ def follow(hub: Hub, topic: str, begin: Callable[[], Awaitable[None]], hear: New
             await listening.wait_until_followed()
             is_started = await _try_read(topic, begin)
             async for news in listening:
+                await client.connected()
                 if not is_started:
                     is_started = await _try_read(topic, begin)
                 if is_started:
