@@ -20,6 +20,7 @@ def test_every_page_is_one_click_away_and_fits_every_window(system: RunningSyste
     with urllib.request.urlopen(f"{system.url}/api/map") as answer:
         version = json.load(answer)["version"]
     expect(page.get_by_text(f"version {version}").first).to_be_visible()
+    assert not page.evaluate("Vue.isReactive(mounted_app.elements[0])"), "updates take twice as long"
     for place in PAGE_LINKS:
         page.get_by_role("navigation").get_by_role("link", name=place.label).click()
         page.wait_for_url(f"**{place.path}")

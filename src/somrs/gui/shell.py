@@ -54,9 +54,9 @@ BUILD_TIME = 60.0
 """Seconds for the server to build a page, for which it may have to wait for a busy system. NiceGUI drops a page that no browser has opened
 after this time, and its own limit of 3 s would end in an error page."""
 
-LOOK, CONNECTION, PORTALS = (
+LOOK, CONNECTION, PORTALS, UPDATES = (
     publish(name, resources.files("somrs.gui").joinpath(name).read_text(encoding="utf-8"))
-    for name in ("look.css", "connection.js", "portals.js")
+    for name in ("look.css", "connection.js", "portals.js", "updates.js")
 )
 """Addresses of the files that all pages load."""
 
@@ -81,8 +81,8 @@ def page(title: str, path: str, api: LiveApi, parameters: Collection[str] = (), 
 
     The main landmark takes the focus when the page has loaded, so that the keyboard and screen readers begin at the content."""
     ui.page_title(f"{title} · SO-MRS")
-    scripts = (f'<script type="module" src="{address}"></script>' for address in (CONNECTION, PORTALS))
-    ui.add_head_html(f'<link rel="stylesheet" href="{LOOK}">{"".join(scripts)}')
+    ui.add_head_html(f'<link rel="stylesheet" href="{LOOK}">{_script(CONNECTION)}{_script(PORTALS)}')
+    ui.add_body_html(_script(UPDATES))  # after NiceGUI's own script, which it changes
     dark = ui.dark_mode(value=app.storage.user.get("dark"))
     with ui.header(elevated=False).classes("somrs-header"), ui.element("nav").classes("somrs-nav").props('aria-label="Pages"'):
         if navigation:
@@ -104,6 +104,10 @@ def page(title: str, path: str, api: LiveApi, parameters: Collection[str] = (), 
     main.props(f'tabindex="-1" aria-label="{title}"')
     ui.run_javascript(f"if (document.activeElement === document.body) getHtmlElement({main.id}).focus({{preventScroll: true}})")
     ui.skip_link("Skip to the content", target=main)
+
+
+def _script(address: str) -> str:
+    return f'<script type="module" src="{address}"></script>'
 
 
 def _page_links(path: str) -> None:
