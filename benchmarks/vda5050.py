@@ -76,6 +76,8 @@ class Vehicle:
 
 
 class Fleet:
+    data = Path(".somrs")
+
     def __init__(self) -> None:
         self.vehicles: list[Vehicle] = []
 

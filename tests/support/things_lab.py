@@ -22,6 +22,7 @@ class RunningFleet:
 
     def __init__(self, system: SmallSystem) -> None:
         self._system = system
+        self.data = system.data
         self._runners: dict[str, DeviceRunner] = {}
         self._work: list[asyncio.Task[None]] = []
         self._turn = asyncio.Lock()

@@ -19,6 +19,8 @@ from tests.support.vda5050_pair import way
 class NotedFleet:
     """`devices`: those that were added. `effects`: what the state machine of each has found, by name."""
 
+    data = Path(".somrs")
+
     def __init__(self) -> None:
         self.devices: dict[str, Vda5050Vehicle] = {}
         self.heights: dict[str, float] = {}

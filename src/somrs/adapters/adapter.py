@@ -12,6 +12,10 @@ from somrs.service_manager.sdk.device import Device
 class Fleet(Protocol):
     """Runs the devices of an adapter: they join the system, and are started again when they fail."""
 
+    @property
+    def data(self) -> Path:
+        """The data folder of the running system, where an adapter may store data; it may not exist yet."""
+
     def add(self, device: Device) -> None:
         """Let a device join. One of this name takes the place of an earlier one."""
 

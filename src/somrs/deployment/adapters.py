@@ -172,7 +172,7 @@ class HostedFleet:
     get a certificate of their own."""
 
     def __init__(self, addresses: Addresses, data: Path, address: str, credentials: Credentials | None) -> None:
-        self._addresses, self._data, self._address, self._credentials = addresses, data, address, credentials
+        self._addresses, self.data, self._address, self._credentials = addresses, data, address, credentials
         self._listeners = Listeners(address, addresses.bus)
         self._running: dict[str, asyncio.Task[None]] = {}
         self._own_listeners: dict[str, Listeners] = {}
@@ -182,7 +182,7 @@ class HostedFleet:
     def add(self, device: Device) -> None:
         earlier = self._running.get(device.name)
         device.simulator = self._addresses.simulator or self._addresses.world
-        hosted = HostedDevice(device.name, lambda: device, self._data, self._addresses, self._listeners_for(device.name))
+        hosted = HostedDevice(device.name, lambda: device, self.data, self._addresses, self._listeners_for(device.name))
         hosted.first_start.add_done_callback(lambda start: start.cancelled() or start.exception())
         self._running[device.name] = asyncio.create_task(self._run(hosted, earlier))
 

@@ -27,6 +27,7 @@ from somrs.adapters.things.passages import passage_device
 from somrs.adapters.things.settings import HomeAssistantEntry, Settings
 from somrs.adapters.things.state import Payload, SourceKey
 from somrs.adapters.things.thing_device import thing_device
+from somrs.adapters.things.thing_names import ThingNames
 from somrs.adapters.things.thing_objects import area_problem
 from somrs.errors import InputError
 from somrs.ontology.files.loading import load
@@ -133,6 +134,7 @@ class _Run:
     def __init__(self, adapter: ThingsAdapter, fleet: Fleet, group: asyncio.TaskGroup, folder: Path) -> None:
         self._adapter, self._fleet, self._group, self._folder = adapter, fleet, group, folder
         self._hub = Hub()
+        self._names = ThingNames(fleet.data / "things" / f"{adapter.settings.gateway}.json")
         self._definitions: dict[DefinitionKey, Definition] = {}
         """That the gateway brings."""
         self._mapped_names = frozenset(adapter.names) | {thing.name for mapping in adapter.mappings for thing in mapping.things}
@@ -189,7 +191,7 @@ class _Run:
 
     async def _discover(self, entry: HomeAssistantEntry) -> None:
         """Let the things join that announce themselves at a broker, and leave again."""
-        discovery, changed = Discovery(entry.connection, entry.prefix), asyncio.Event()
+        discovery, changed = Discovery(entry.connection, entry.prefix, self._names), asyncio.Event()
 
         def received(key: SourceKey, payload: Payload) -> None:
             if key[0] == entry.connection and isinstance(payload, bytes) and discovery.received(key[1], payload):
@@ -241,9 +243,8 @@ class _Run:
         while True:
             try:
                 text, address = await load_description(place, self._folder)
-                resolved = resolve_description(
-                    text, address, self._adapter.common_ontology(), self._adapter.connections, self._mapped_names | {*self._hub.states}
-                )
+                ontology, connections = self._adapter.common_ontology(), self._adapter.connections
+                resolved = resolve_description(text, address, ontology, connections, self._names, self._mapped_names)
             except (aiohttp.ClientError, OSError, InputError) as error:
                 if str(error) != complaint:
                     log.warning("%s; it is tried again", error)

@@ -14,6 +14,7 @@ from somrs.adapters.things.home_assistant import Discovered
 from somrs.adapters.things.model import Connection, Thing
 from somrs.adapters.things.resolving import Resolver
 from somrs.adapters.things.thing_description import Described, read_description
+from somrs.adapters.things.thing_names import ThingNames
 from somrs.errors import InputError
 from somrs.ontology.types import Ontology
 
@@ -44,10 +45,15 @@ async def load_description(place: str, folder: Path) -> tuple[str, str]:
 
 
 def resolve_description(
-    text: str, address: str, ontology: Ontology, connections: Mapping[str, Connection], taken_names: frozenset[str] = frozenset()
+    text: str,
+    address: str,
+    ontology: Ontology,
+    connections: Mapping[str, Connection],
+    names: ThingNames | None = None,
+    taken_names: frozenset[str] = frozenset(),
 ) -> ResolvedThing:
     """The thing of a Thing Description. Connections of the settings with the same address are used. Raises InputError."""
-    described = read_description(text, address, ontology, taken_names)
+    described = read_description(text, address, ontology, names if names is not None else ThingNames(), taken_names)
     own_connections = {name: _named(name, parse_connection(name, entry), connections) for name, entry in described.connections.items()}
     return _resolved(described, ontology.extended(described.definitions), own_connections, address)
 

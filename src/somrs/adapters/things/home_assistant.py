@@ -16,7 +16,7 @@ from msgspec import Struct
 from somrs.adapters.things.components import Entity, entity_of
 from somrs.adapters.things.home_assistant_keys import full_keys
 from somrs.adapters.things.mapping import ThingEntry
-from somrs.adapters.things.naming import object_name
+from somrs.adapters.things.thing_names import ThingNames
 
 _TOPIC = re.compile(r"(?P<component>[^/]+)/(?:(?P<node>[^/]+)/)?(?P<object>[^/]+)/config")
 TYPES = ("Light", "Heater", "Cover", "Lock", "Fan", "Switch", "Sensor")
@@ -43,12 +43,11 @@ class Discovered(Struct, frozen=True, kw_only=True):
 class Discovery:
     """What the messages below one discovery prefix announce."""
 
-    def __init__(self, connection: str, prefix: str = "homeassistant") -> None:
+    def __init__(self, connection: str, prefix: str = "homeassistant", names: ThingNames | None = None) -> None:
         self._connection, self._prefix = connection, prefix
+        self._names = names if names is not None else ThingNames()
         self._announcements: dict[str, dict[str, Announcement]] = {}
         """By topics, and by entities."""
-        self._names: dict[str, str] = {}
-        """The names of the things, by what tells them apart: a name stays as it is."""
         self.complaints: list[str] = []
         """Messages that are not understood; whoever reads it empties it."""
 
@@ -92,11 +91,13 @@ class Discovery:
     def _announcement(self, component: str, identity: str, config: Mapping[str, Any], device: Mapping[str, Any]) -> Announcement:
         identifiers = device.get("identifiers") or device.get("connections") or []
         first_identifier = json.dumps(identifiers[0]) if isinstance(identifiers, list) and identifiers else str(identifiers or "")
-        name = str(config.get("name") or config.get("object_id") or config.get("unique_id") or identity)
+        texts = (config.get(key) for key in ("name", "object_id", "unique_id"))
+        name = next((text for text in texts if isinstance(text, str) and text), identity)
+        device_name = device.get("name")
         return Announcement(
             entity=entity_of(component, name, config),
             device=first_identifier or str(config.get("unique_id") or identity),
-            device_name=str(device.get("name") or name),
+            device_name=device_name if isinstance(device_name, str) and device_name else name,
             area=str(device.get("suggested_area") or ""),
         )
 
@@ -122,9 +123,7 @@ class Discovery:
             yield Discovered(name=self._name(f"{device}/{name}", name), entry=ThingEntry(type="Sensor"), unsupported=unsupported)
 
     def _name(self, identity: str, text: str) -> str:
-        if identity not in self._names:
-            self._names[identity] = object_name(text, self._names.values())
-        return self._names[identity]
+        return self._names.name(f"{self._connection}/{self._prefix}/{identity}", text)
 
     def _entry(self, entities: list[Entity], area: str) -> ThingEntry:
         types = {entity.type for entity in entities}

@@ -14,7 +14,8 @@ from urllib.parse import urljoin, urlsplit
 from msgspec import Struct
 
 from somrs.adapters.things.mapping import AttributeEntry, ConnectionEntry, InputEntry, ServiceEntry, ThingEntry, WriteEntry
-from somrs.adapters.things.naming import definition_name, is_unit, object_name
+from somrs.adapters.things.naming import definition_name, is_unit
+from somrs.adapters.things.thing_names import ThingNames
 from somrs.errors import InputError
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Definition, Kind, ObjectType, Ontology
@@ -64,7 +65,9 @@ class _Endpoint(Struct, frozen=True, kw_only=True):
     content_type: str = "application/json"
 
 
-def read_description(text: str, base_address: str, ontology: Ontology, taken_names: frozenset[str] = frozenset()) -> Described:
+def read_description(
+    text: str, base_address: str, ontology: Ontology, names: ThingNames, taken_names: frozenset[str] = frozenset()
+) -> Described:
     """What a Thing Description becomes. `base_address`: where it was read, to which its addresses are relative. Raises InputError."""
     try:
         document = json.loads(text)
@@ -72,7 +75,8 @@ def read_description(text: str, base_address: str, ontology: Ontology, taken_nam
         raise InputError(f"{base_address}: this is not JSON: {error}") from None
     if not isinstance(document, dict) or not isinstance(document.get("title"), str):
         raise InputError(f"{base_address}: this is no Thing Description, which has a title and properties (WoT TD 1.1)")
-    return _Reading(document, base_address, ontology).finish(taken_names)
+    name = names.name(str(document.get("id") or base_address), document["title"], taken_names)
+    return _Reading(document, base_address, ontology).finish(name)
 
 
 class _Reading:
@@ -85,18 +89,17 @@ class _Reading:
         self.attributes: dict[str, AttributeEntry] = {}
         self.services: dict[str, ServiceEntry] = {}
 
-    def finish(self, taken_names: frozenset[str]) -> Described:
+    def finish(self, name: str) -> Described:
         title = str(self.document["title"])
         self._check_security()
-        for name, schema in _entries(self.document.get("properties")):
-            self._property(name, schema)
-        for name, _ in _entries(self.document.get("actions")):
+        for key, schema in _entries(self.document.get("properties")):
+            self._property(key, schema)
+        for key, _ in _entries(self.document.get("actions")):
             self.unsupported.append(
-                f"the action {name}: the description does not say what holds after it; map it by a service in a mapping file"
+                f"the action {key}: the description does not say what holds after it; map it by a service in a mapping file"
             )
-        for name, _ in _entries(self.document.get("events")):
-            self.unsupported.append(f"the event {name}")
-        name = object_name(title, taken_names)
+        for key, _ in _entries(self.document.get("events")):
+            self.unsupported.append(f"the event {key}")
         entry = ThingEntry(type=self._type(title), attributes=self.attributes, services=self.services)
         return Described(
             name=name,

@@ -22,6 +22,8 @@ HERE = Path(__file__).parent
 class CollectingFleet:
     """A fleet that runs nothing."""
 
+    data = Path(".somrs")
+
     def __init__(self) -> None:
         self.devices: list[Device] = []
 
