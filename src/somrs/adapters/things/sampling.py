@@ -45,7 +45,9 @@ class Sampler:
         if _is_same(value, sample.reported, dead_band):
             self._pending.pop(key, None)
         else:
-            self._pending[key] = Pending(value=value, due=max(now, sample.reported_at + interval))
+            due, pending = max(now, sample.reported_at + interval), self._pending.get(key)
+            if pending is None or pending.value != value or pending.due > due:  # the same news waits no longer
+                self._pending[key] = Pending(value=value, due=due)
 
     def take_due(self, now: float, objects: Iterable[str] | None = None, limit: int = 100) -> dict[Key, Value]:
         """The values that are to be reported now, at most so many, as if they were reported: those of the `objects`, if given."""

@@ -83,3 +83,10 @@ def test_in_the_end_the_map_has_what_was_read_as_far_as_the_dead_band_allows(
     assert on_map is not None
     assert abs(on_map - steps[-1][1]) <= dead_band
     assert all(later - earlier >= interval - 1e-9 for earlier, later in itertools.pairwise(times))
+
+
+def test_the_same_news_waits_no_longer_when_it_comes_again() -> None:
+    sampler = Sampler()
+    for now in (5.0, 6.0, 7.0):
+        sampler.offer(("Lamp1", "Problem"), "cannot be reached", now)
+    assert sampler.next_due() == 5.0
