@@ -54,7 +54,7 @@ class Vda5050Adapter:
             self._address = broker_address(self._settings.broker, self._settings.certificates, folder)
         except UsageError as error:
             raise SettingsError("vda5050", [(("broker",), str(error))]) from None
-        self._frames, self._catalogue = self._settings.frames({}), ZoneCatalogue()
+        self._frames, self._catalogue = self._settings.frames({}), ZoneCatalogue(self._settings.zones)
         self.sessions: dict[VehicleAddress, VehicleSession] = {}
         """All vehicles that were heard, and the addresses at which those may be that the settings name."""
         self._waited: dict[VehicleAddress, int] = {}
@@ -72,6 +72,7 @@ class Vda5050Adapter:
     def misfits(self, map: Map) -> Iterable[Mistake]:
         """Robots that the map of the site does not have, and maps of the vehicles that may be those of any of its storeys."""
         yield from absent("vehicles", self._settings.vehicles, map)
+        yield from absent("zoneActions", self._settings.zone_actions, map)
         named = {*map.objects, *upper().types, *(object.type for object in map.objects.values())}
         for name in self._settings.station_types:
             if name not in named and (hint := nearest(name, named)):

@@ -14,8 +14,10 @@ from somrs.adapters.settings import Mistake, valid_settings
 from somrs.adapters.vda5050.control.policy import Policy
 from somrs.adapters.vda5050.control.provision import MapPackage
 from somrs.adapters.vda5050.frames import Frame, Frames
+from somrs.adapters.vda5050.messages.orders import ActionParameter, BlockingType, ZoneAction
 from somrs.adapters.vda5050.mqtt import Certificates
 from somrs.adapters.vda5050.topics import VehicleAddress
+from somrs.adapters.vda5050.zoning.site import ZoneActions
 from somrs.ontology.files.documents import Entry, Listed, WholeNumber
 
 VERSION = re.compile(r"v\d+")
@@ -57,11 +59,39 @@ class MapSettings(Entry):
     hash: str | None = None
 
 
+class ZoneActionSettings(_CamelEntry):
+    """An action in a zone, with its parameters by key."""
+
+    action_type: str
+    blocking_type: Literal["NONE", "SINGLE", "SOFT", "HARD"] = "NONE"
+    parameters: dict[str, str | float | bool] = {}
+
+    @property
+    def action(self) -> ZoneAction:
+        parameters = tuple(ActionParameter(key=key, value=value) for key, value in self.parameters.items())
+        return ZoneAction(
+            action_type=self.action_type, blocking_type=BlockingType(self.blocking_type), action_parameters=parameters or None
+        )
+
+
+class ActionZoneSettings(Entry):
+    """What vehicles do when they enter an area of the map, while they are in it, and when they leave it."""
+
+    entry: Listed[ZoneActionSettings] = ()
+    during: Listed[ZoneActionSettings] = ()
+    exit: Listed[ZoneActionSettings] = ()
+
+    @property
+    def actions(self) -> ZoneActions:
+        entry, during, exit_ = (tuple(item.action for item in items) for items in (self.entry, self.during, self.exit))
+        return ZoneActions(entry=entry, during=during, exit=exit_)
+
+
 class Settings(_CamelEntry):
     """`broker`: `mqtt://HOST:PORT` or `mqtts://USER@HOST:PORT`. `interface`: the first levels of the topics. `vehicles`: by their names on
     the map; others are named after manufacturer and serial number, unless `named_only`. `maps`: by mapId. `station_type`, `load_type`:
     parameters of `pick` and `drop`; `station_types`: those of some objects, by name or type. `retries`: how often an action is tried again
-    that can be. `hibernate_after`: seconds without anything to do."""
+    that can be. `hibernate_after`: seconds without anything to do. `zone_actions`: by the names of areas on the map."""
 
     broker: str = Field(examples=["mqtt://HOST:PORT", "own", "bus"])
     interface: Listed[str] | str = ("uagv", "vda5050")
@@ -74,6 +104,12 @@ class Settings(_CamelEntry):
     load_type: str | None = None
     retries: WholeNumber = Field(default=1, ge=0)
     hibernate_after: float | None = Field(default=None, ge=SHORTEST_REST, json_schema_extra={"unit": "s"})
+    zone_actions: dict[str, ActionZoneSettings] = {}
+
+    @property
+    def zones(self) -> dict[str, ZoneActions]:
+        """The actions of areas on the map, by the names of these."""
+        return {name: zone.actions for name, zone in self.zone_actions.items()}
 
     @property
     def interfaces(self) -> tuple[str, ...]:
@@ -175,6 +211,9 @@ def _mistakes(settings: Settings) -> Iterator[Mistake]:
             yield ("interface",), f"{interface!r} cannot begin a topic: write it as the vehicles do, such as uagv"
         elif VERSION.fullmatch(interface.rpartition("/")[2]):
             yield ("interface",), f"{interface!r} ends with the version, which follows by itself: leave it out"
+    for name, actions in settings.zones.items():
+        if not actions.all:
+            yield ("zoneActions", name), "say what vehicles do there: entry: [{actionType: ...}], during, or exit"
     for map_id, frame in settings.maps.items():
         if frame.version is None and (frame.link is not None or frame.hash is not None):
             yield ("maps", map_id), "give the `version` of what is to be downloaded"

@@ -9,6 +9,7 @@ import pytest
 
 from somrs.adapters.vda5050.adapter import Vda5050Adapter
 from somrs.adapters.vda5050.messages.header import Topic
+from somrs.adapters.vda5050.messages.orders import ActionParameter
 from somrs.adapters.vda5050.mqtt import Certificates, broker_address
 from somrs.adapters.vda5050.settings import made_name, read_settings
 from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
@@ -33,6 +34,8 @@ BROKER = {"broker": "mqtt://10.0.0.5:1883"}
             BROKER | {"vehicles": {name: {"manufacturer": "acme", "serialNumber": "1"} for name in ("Robot1", "Robot2")}},
             "vehicles.Robot2: is acme 1, as Robot1 is",
         ),
+        (BROKER | {"zoneActions": {"Crossing": {}}}, "zoneActions.Crossing: say what vehicles do there"),
+        (BROKER | {"zoneActions": {"Crossing": {"entry": [{"blockingType": "SOFT"}]}}}, "actionType"),
         ({"broker": "mqtts://10.0.0.5", "certificates": {"authority": "none.pem"}}, "certificates: "),
     ],
 )
@@ -40,6 +43,16 @@ def test_a_mistake_is_named(settings: dict[str, Any], problem: str) -> None:
     with pytest.raises(InputError) as error:
         Vda5050Adapter(settings, Path("/nowhere"))
     assert problem in str(error.value)
+
+
+def test_actions_of_areas_are_read_and_the_map_has_to_have_these() -> None:
+    adapter = Vda5050Adapter(BROKER | {"zoneActions": {"Crosing": {"exit": [{"actionType": "horn", "parameters": {"on": False}}]}}}, Path())
+    ((path, message),) = adapter.misfits(Map([Object(name="Crossing", type="Zone")]))
+    assert path == ("zoneActions", "Crosing")
+    assert "did you mean Crossing?" in message
+    (horn,) = adapter._settings.zones["Crosing"].exit
+    assert (horn.action_type, horn.blocking_type) == ("horn", "NONE")
+    assert horn.action_parameters == (ActionParameter(key="on", value=False),)
 
 
 def test_the_address_of_a_broker() -> None:

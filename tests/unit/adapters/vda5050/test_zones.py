@@ -14,13 +14,23 @@ from somrs.adapters.vda5050.control.exchange import BuildingChanged, Follow, Gav
 from somrs.adapters.vda5050.frames import Frame
 from somrs.adapters.vda5050.messages.encoding import encode
 from somrs.adapters.vda5050.messages.header import Topic, Version, seconds_of
-from somrs.adapters.vda5050.messages.orders import ControlPoint, GrantType, Responses, Trajectory, ZoneSet, ZoneType
-from somrs.adapters.vda5050.messages.states import MapStatus, RequestStatus, ZoneRequest
+from somrs.adapters.vda5050.messages.orders import (
+    ActionParameter,
+    BlockingType,
+    ControlPoint,
+    GrantType,
+    Responses,
+    Trajectory,
+    ZoneAction,
+    ZoneSet,
+    ZoneType,
+)
+from somrs.adapters.vda5050.messages.states import ActionStatus, MapStatus, RequestStatus, ZoneRequest
 from somrs.adapters.vda5050.shapes import comes_near, counterclockwise, curve_points, distance, overlap
 from somrs.adapters.vda5050.simulated.factsheet import factsheet
 from somrs.adapters.vda5050.simulated.zones import SUPPORTED, PendingRequest
 from somrs.adapters.vda5050.zoning.sets import zone_set
-from somrs.adapters.vda5050.zoning.site import SiteZone, ZoneCatalogue, site_zones
+from somrs.adapters.vda5050.zoning.site import SiteZone, ZoneActions, ZoneCatalogue, site_zones
 from somrs.ontology.files.loading import upper
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Fact, Object
@@ -108,6 +118,31 @@ def test_a_vehicle_that_takes_no_zone_set_is_named_once() -> None:
     assert isinstance(refused, Refused)
     assert "does not show that it has the zone set somrs-hall-" in refused.description
     assert len(pair.commands) < 20
+
+
+def horn(status: str) -> ZoneAction:
+    return ZoneAction(action_type="horn", blocking_type=BlockingType.NONE, action_parameters=(ActionParameter(key="status", value=status),))
+
+
+def test_a_vehicle_does_in_a_zone_what_it_has_for_that() -> None:
+    lamp = ZoneAction(action_type="lamp", blocking_type=BlockingType.SINGLE)
+    actions = ZoneActions(entry=(horn("on"), lamp), exit=(horn("off"),))
+    pair = zoned(zone(ZoneType.ACTION, 3.0, actions=actions), sheet=factsheet(zone_actions=("horn",)))
+    assert pair.of(Refused) == [Refused(description="does not have lamp in Zone1")]
+    pair.follow("A", "B", "C", "D")
+    pair.run(10)
+    done = pair.vehicle.state().zone_action_states or ()
+    assert [(state.action_type, state.action_status) for state in done] == [("horn", ActionStatus.FINISHED)] * 2
+    pair.follow(*"DBDBDBDBD", first=3)
+    pair.run(60)
+    assert "clearZoneActions" in pair.instant_actions()
+    assert len(pair.vehicle.state().zone_action_states or ()) < 20
+
+
+def test_a_vehicle_that_has_none_of_the_actions_gets_no_action_zone() -> None:
+    pair = zoned(zone(ZoneType.ACTION, 3.0, actions=ZoneActions(during=(horn("on"),))))
+    assert pair.orders() == []
+    assert [message for _, message in pair.commands if isinstance(message, ZoneSet)] == []
 
 
 # A vehicle asks for zones.
@@ -251,6 +286,22 @@ def test_a_slow_zone_is_driven_slowly_and_a_blocked_one_not_at_all() -> None:
 
 
 # Zones of the site.
+
+
+def test_areas_of_the_map_are_action_zones_where_the_settings_say_so() -> None:
+    area: dict[str, Value] = {
+        "PositionX": 3.0,
+        "PositionY": 1.0,
+        "PositionZ": 4.0,
+        "Shape.Form": "Box",
+        "Shape.Width": 2.0,
+        "Shape.Depth": 1.0,
+    }
+    actions = ZoneActions(entry=(horn("on"),))
+    map = Map([Object(name=name, type="Zone", values=area) for name in ("Crossing", "Yard")], [])
+    (made,) = site_zones(map, upper(), {"Crossing": actions, "Nowhere": actions})
+    assert (made.name, made.zone_type, made.level, made.actions) == ("Crossing", ZoneType.ACTION, 4.0, actions)
+    assert set(made.outline) == {(2.0, 0.5), (4.0, 0.5), (4.0, 1.5), (2.0, 1.5)}
 
 
 def site(*objects: Object, facts: tuple[Fact, ...] = ()) -> tuple[SiteZone, ...]:

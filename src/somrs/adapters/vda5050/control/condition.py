@@ -28,7 +28,7 @@ INSTANT = frozenset(
     {
         "cancelOrder", "startPause", "stopPause", "stateRequest", "factsheetRequest", "logReport", "stopCharging", "initializePosition",
         "clearInstantActions", "skipRetry", "retry", "enableMap", "downloadMap", "deleteMap", "enableZoneSet", "deleteZoneSet",
-        "startHibernation", "stopHibernation",
+        "startHibernation", "stopHibernation", "clearZoneActions",
     }
 )  # fmt: skip
 """Types of instant actions; none of them makes the vehicle drive."""

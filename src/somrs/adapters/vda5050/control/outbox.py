@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from somrs.adapters.vda5050.control.exchange import Effect, Send
 from somrs.adapters.vda5050.messages.factsheets import StringLengths
 from somrs.adapters.vda5050.messages.header import Topic
 from somrs.adapters.vda5050.messages.identifiers import fitting_id
 from somrs.adapters.vda5050.messages.orders import Action, ActionParameter, BlockingType, InstantActions
-from somrs.adapters.vda5050.messages.states import State
+from somrs.adapters.vda5050.messages.states import ActionState, State
 
 RESEND = 3.0
 """Seconds after which a message is sent again that the vehicle does not show to have received."""
@@ -18,7 +18,7 @@ UNHEEDED = 5
 """How often something is sent that the vehicle does not show to have received, although it says how it is, until that is given up."""
 
 FINISHED_ACTIONS = 10
-"""Finished instant actions in the state of a vehicle, after which it is told to drop them (3.0, 7.8)."""
+"""Finished actions of a kind in the state of a vehicle, after which it is told to drop them (3.0, 7.8)."""
 
 
 class Outbox:
@@ -29,7 +29,8 @@ class Outbox:
         self._make_id = make_id
         self.limits: StringLengths | None = None
         self.effects: list[Effect] = []
-        self._clearing: str | None = None
+        self._clearing: dict[str, str] = {}
+        """By type: the actions by which the vehicle is to drop others, and has not shown that yet."""
 
     def new_id(self) -> str:
         """An identifier that is never used again."""
@@ -50,12 +51,12 @@ class Outbox:
     def send_action(self, action: Action) -> None:
         self.add(Send(topic=Topic.INSTANT_ACTIONS, message=InstantActions(actions=(action,))))
 
-    def clear_instant_actions(self, state: State) -> None:
-        """Have the vehicle drop the instant actions that are finished. Not while it has others: it would drop them, too."""
-        if any(not action.action_status.is_final for action in state.instant_action_states):
+    def clear(self, action_type: str, state: State, actions: Sequence[ActionState]) -> None:
+        """Have the vehicle drop those of its actions that are finished. Not while it has others: it would drop them, too."""
+        if any(not action.action_status.is_final for action in actions):
             return
-        is_pending = self._clearing is not None and state.action(self._clearing) is None
-        if len(state.instant_action_states) < FINISHED_ACTIONS:
-            self._clearing = None
-        elif not is_pending:
-            self._clearing = self.instant("clearInstantActions")
+        clearing = self._clearing.get(action_type)
+        if len(actions) < FINISHED_ACTIONS:
+            self._clearing.pop(action_type, None)
+        elif clearing is None or state.action(clearing) is not None:
+            self._clearing[action_type] = self.instant(action_type)

@@ -27,6 +27,7 @@ from somrs.adapters.vda5050.control.exchange import (
     Input,
     Pause,
     Perform,
+    Refused,
     Resume,
     Subscribed,
     Tick,
@@ -46,7 +47,7 @@ from somrs.adapters.vda5050.frames import Frames
 from somrs.adapters.vda5050.messages.header import Version
 from somrs.adapters.vda5050.messages.orders import ActionParameter, BlockingType
 from somrs.adapters.vda5050.messages.states import ActionStatus, State
-from somrs.adapters.vda5050.zoning.sets import zone_set
+from somrs.adapters.vda5050.zoning.sets import impossible_actions, zone_set
 from somrs.adapters.vda5050.zoning.site import SiteZone
 
 
@@ -138,7 +139,9 @@ class VehicleControl:
         if self._charging is not None:
             self._see_charging(self._charging, state, now)
         if self.vehicle.hindrance is None and not state.paused:  # those of a pause say who has begun it
-            self._outbox.clear_instant_actions(state)
+            self._outbox.clear("clearInstantActions", state, state.instant_action_states)
+            if self.vehicle.can_perform("clearZoneActions"):
+                self._outbox.clear("clearZoneActions", state, state.zone_action_states or ())
 
     def _give_up(self, hindrance: str, state: State, now: float) -> None:
         """Drop what is wanted from a vehicle that cannot drive: it would go on by itself, when somebody has mended it."""
@@ -329,6 +332,8 @@ class VehicleControl:
         if vehicle.version is Version.V3_0 and vehicle.factsheet.type_specification.supported_zones:
             frames = vehicle.frames.all or (vehicle.frames.frame(vehicle.map_id),)
             self._provision.zone_sets = tuple(zone_set(frame, self._zones, vehicle.factsheet) for frame in frames)
+            if actions := impossible_actions(self._zones, vehicle.factsheet):
+                self._outbox.add(Refused(description=f"does not have {', '.join(actions)}"))
             self._requests.zone_sets |= {zones.zone_set_id: zones for zones in self._provision.zone_sets}
 
     def _repeat(self, now: float) -> None:

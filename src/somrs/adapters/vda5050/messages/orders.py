@@ -176,15 +176,28 @@ class Vertex(Struct, frozen=True, kw_only=True):
     y: float
 
 
+class ZoneAction(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True):
+    """An action that vehicles perform in a zone; each gives it an id by itself."""
+
+    action_type: str
+    blocking_type: BlockingType
+    action_descriptor: str | None = None
+    action_parameters: tuple[ActionParameter, ...] | None = None
+    retriable: bool | None = None
+
+
 class Zone(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True):
     """`zone_type`: one of ZoneType. `vertices`: counterclockwise. `maximum_speed`: of a SPEED_LIMIT zone. `release_loss_behavior`: of a
-    RELEASE zone."""
+    RELEASE zone. `entry_actions`, `during_actions`, `exit_actions`: of an ACTION zone, which has all three."""
 
     zone_id: str
     zone_type: str
     vertices: tuple[Vertex, ...]
     zone_descriptor: str | None = None
     maximum_speed: float | None = None
+    entry_actions: tuple[ZoneAction, ...] | None = None
+    during_actions: tuple[ZoneAction, ...] | None = None
+    exit_actions: tuple[ZoneAction, ...] | None = None
     release_loss_behavior: str | None = None
     priority_factor: float | None = None
     penalty_factor: float | None = None

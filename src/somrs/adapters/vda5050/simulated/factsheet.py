@@ -32,7 +32,7 @@ PARAMETERS = (
 INSTANT_ACTIONS = (
     "cancelOrder", "startPause", "stopPause", "stateRequest", "factsheetRequest", "stopCharging", "initializePosition",
     "clearInstantActions", "trigger", "downloadMap", "enableMap", "deleteMap", "enableZoneSet", "deleteZoneSet", "retry", "skipRetry",
-    "startHibernation", "stopHibernation",
+    "startHibernation", "stopHibernation", "clearZoneActions",
 )  # fmt: skip
 
 LOADS = LoadSet(set_name="DEFAULT", load_type="DEFAULT", pick_time=7.0, drop_time=8.0)
@@ -50,15 +50,17 @@ def factsheet(
     takes_trajectories: bool = False,
     finds_paths: bool = False,
     supported_zones: tuple[str, ...] = SUPPORTED,
+    zone_actions: tuple[str, ...] = (),
 ) -> Factsheet:
     """The factsheet of a vehicle. `handles`: it can pick and drop loads. `takes_trajectories`: edges may have them; it drives in
-    straight lines all the same. `finds_paths`: it says that it plans its paths by itself."""
+    straight lines all the same. `finds_paths`: it says that it plans its paths by itself. `zone_actions`: of 3.0."""
     parameters = [*PARAMETERS, *(["order.edges.trajectory"] if takes_trajectories else [])]
     types = [action_type for action_type in NODE_ACTIONS if handles or action_type not in ("pick", "drop")]
     actions = {
         action_type: [*_scope(action_type, INSTANT_ACTIONS, "INSTANT"), *_scope(action_type, types, "NODE")] for action_type in types
     }
     actions |= {action_type: ["INSTANT"] for action_type in INSTANT_ACTIONS if action_type not in actions}
+    actions |= {action_type: [*actions.get(action_type, []), "ZONE"] for action_type in zone_actions}
     return Factsheet(
         type_specification=TypeSpecification(
             series_name=series,

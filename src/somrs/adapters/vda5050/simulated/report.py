@@ -52,6 +52,7 @@ def state_of(
         maps=tuple(storage.maps),
         zone_sets=tuple(storage.zone_sets) if version is Version.V3_0 else None,
         zone_requests=zones.requests if version is Version.V3_0 else None,
+        zone_action_states=tuple(zones.actions.states.values()) if version is Version.V3_0 else None,
     )
 
 

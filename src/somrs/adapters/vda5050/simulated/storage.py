@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import msgspec
 
-from somrs.adapters.vda5050.messages.orders import Action, ZoneSetContent
+from somrs.adapters.vda5050.messages.orders import Action, ZoneSetContent, ZoneType
 from somrs.adapters.vda5050.messages.states import ActionStatus, MapStatus, StoredMap, StoredZoneSet
 from somrs.adapters.vda5050.simulated.problems import Problem
 
@@ -54,6 +54,8 @@ class Storage:
         for zone in content.zones:
             if zone.zone_type not in supported:
                 return Problem.MALFORMED, f"the zone {zone.zone_id} is {zone.zone_type}, which is not supported"
+            if zone.zone_type == ZoneType.ACTION and None in (zone.entry_actions, zone.during_actions, zone.exit_actions):
+                return Problem.MALFORMED, f"the zone {zone.zone_id} does not say which actions there are"
             if len(zone.vertices) < 3:
                 return Problem.MALFORMED, f"the zone {zone.zone_id} has less than three vertices"
         self.contents[content.zone_set_id] = content

@@ -204,8 +204,8 @@ class SimulatedVehicle:
             case "initializePosition":
                 self.map_id = str(action.parameter("mapId") or self.map_id)
                 self.progress.last_node_id = str(action.parameter("lastNodeId") or "")
-            case "clearInstantActions" if self.version is Version.V3_0:
-                self._instant.drop_ended()
+            case "clearInstantActions" | "clearZoneActions" if self.version is Version.V3_0:
+                (self._instant if action.action_type == "clearInstantActions" else self.zones.actions).drop_ended()
             case action_type if action_type in STORING and (self.version is Version.V3_0 or not action_type.endswith("ZoneSet")):
                 status, problem = self.storage.act(action, now)
                 if problem is not None:

@@ -25,11 +25,13 @@ from somrs.adapters.vda5050.messages.orders import (
 from somrs.adapters.vda5050.messages.states import RequestStatus, ZoneRequest
 from somrs.adapters.vda5050.shapes import Point, comes_near, distance
 from somrs.adapters.vda5050.simulated.problems import Problem
+from somrs.adapters.vda5050.simulated.zone_actions import ZoneActionLog
 
 SUPPORTED = tuple(
     zone_type.value
     for zone_type in (
-        ZoneType.BLOCKED, ZoneType.LINE_GUIDED, ZoneType.RELEASE, ZoneType.COORDINATED_REPLANNING, ZoneType.SPEED_LIMIT, ZoneType.DIRECTED
+        ZoneType.BLOCKED, ZoneType.LINE_GUIDED, ZoneType.RELEASE, ZoneType.COORDINATED_REPLANNING, ZoneType.SPEED_LIMIT, ZoneType.DIRECTED,
+        ZoneType.ACTION,
     )
 )  # fmt: skip
 
@@ -59,6 +61,7 @@ class ZoneGuard:
 
     contour: float
     pending: list[PendingRequest] = field(default_factory=list)
+    actions: ZoneActionLog = field(default_factory=ZoneActionLog)
     _zones: ZoneSetContent | None = None
     _position: Point = (0.0, 0.0)
     _laid_out: tuple[Stretch, ...] = ()
@@ -82,6 +85,8 @@ class ZoneGuard:
         if key != self._key:
             self._key, self._zones, self._refused = key, zones, set()
             self._laid_out = tuple(self._lay_out(map_id, nodes, edges))
+        on_map = zones.zones if zones is not None and zones.map_id == map_id else ()
+        self.actions.move({zone.zone_id: zone for zone in on_map if zone.zone_type == ZoneType.ACTION and self._covers(zone)})
         self._stretches = tuple(self._rest(stretch) if index == 0 else stretch for index, stretch in enumerate(self._laid_out))
         for pending in self.pending:
             if pending.request.request_status is RequestStatus.GRANTED and now > pending.expiry:
@@ -174,7 +179,10 @@ class ZoneGuard:
 
     def _is_inside(self, zone_id: str) -> bool:
         zones = self._zones.zones if self._zones is not None else ()
-        return any(zone.zone_id == zone_id and distance(_outline(zone), self._position) <= self.contour for zone in zones)
+        return any(zone.zone_id == zone_id and self._covers(zone) for zone in zones)
+
+    def _covers(self, zone: Zone) -> bool:
+        return distance(_outline(zone), self._position) <= self.contour
 
     def _has_lost(self, zone: Zone) -> bool:
         lost = (RequestStatus.EXPIRED, RequestStatus.REVOKED)

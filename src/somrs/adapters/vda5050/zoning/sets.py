@@ -10,7 +10,7 @@ import msgspec
 from somrs.adapters.vda5050.frames import Frame, sent_angle
 from somrs.adapters.vda5050.messages.factsheets import Factsheet
 from somrs.adapters.vda5050.messages.identifiers import fitting_id
-from somrs.adapters.vda5050.messages.orders import Vertex, Zone, ZoneSetContent, ZoneType
+from somrs.adapters.vda5050.messages.orders import Vertex, Zone, ZoneAction, ZoneSetContent, ZoneType
 from somrs.adapters.vda5050.zoning.site import SiteZone
 from somrs.space.shafts import SAME_FLOOR
 
@@ -19,6 +19,7 @@ OWN = "somrs-"
 
 IMPORTANCE = [
     ZoneType.BLOCKED, ZoneType.RELEASE, ZoneType.LINE_GUIDED, ZoneType.COORDINATED_REPLANNING, ZoneType.SPEED_LIMIT, ZoneType.DIRECTED,
+    ZoneType.ACTION,
 ]  # fmt: skip
 """Which zones come first: a vehicle may not be able to take all."""
 
@@ -30,7 +31,7 @@ def zone_set(frame: Frame, zones: Sequence[SiteZone], factsheet: Factsheet) -> Z
     on_floor = [zone for zone in zones if frame.level is None or abs(zone.level - frame.level) < SAME_FLOOR]
     limits = factsheet.protocol_limits.maximum_string_lengths
     written = [
-        _written(zone, zone_type, frame, fitting_id(zone.name, limits))
+        _written(zone, zone_type, frame, fitting_id(zone.name, limits), factsheet)
         for zone in on_floor
         if (zone_type := _type_for(zone, factsheet)) is not None
     ]
@@ -46,6 +47,8 @@ def _type_for(zone: SiteZone, factsheet: Factsheet) -> ZoneType | None:
 
     A vehicle that finds paths of its own keeps to the lines that it is given, or asks before it plans another path.
     """
+    if zone.zone_type is ZoneType.ACTION and not any(is_possible(action, factsheet) for action in zone.actions.all):
+        return None
     specification = factsheet.type_specification
     supported = specification.supported_zones or ()
     if zone.zone_type is not ZoneType.LINE_GUIDED:
@@ -57,15 +60,34 @@ def _type_for(zone: SiteZone, factsheet: Factsheet) -> ZoneType | None:
     return ZoneType.COORDINATED_REPLANNING if ZoneType.COORDINATED_REPLANNING in supported else None
 
 
-def _written(zone: SiteZone, zone_type: ZoneType, frame: Frame, zone_id: str) -> Zone:
+def is_possible(action: ZoneAction, factsheet: Factsheet) -> bool:
+    """Whether a vehicle has an action in zones."""
+    supported = factsheet.action(action.action_type)
+    return supported is not None and "ZONE" in supported.action_scopes
+
+
+def impossible_actions(zones: Sequence[SiteZone], factsheet: Factsheet) -> list[str]:
+    """The actions of zones that a vehicle does not have there, which are left out."""
+    unmet = [f"{action.action_type} in {zone.name}" for zone in zones for action in zone.actions.all if not is_possible(action, factsheet)]
+    return list(dict.fromkeys(unmet))
+
+
+def _written(zone: SiteZone, zone_type: ZoneType, frame: Frame, zone_id: str, factsheet: Factsheet) -> Zone:
     corners = [frame.from_site(*corner) for corner in zone.outline]
-    direction = zone.direction
+    direction, has_actions = zone.direction, zone_type is ZoneType.ACTION
+    entry, during, exit = (
+        tuple(action for action in actions if is_possible(action, factsheet)) if has_actions else None
+        for actions in (zone.actions.entry, zone.actions.during, zone.actions.exit)
+    )
     return Zone(
         zone_id=zone_id,
         zone_type=zone_type.value,
         zone_descriptor=zone.name,
         vertices=tuple(Vertex(x=round(x, CENTIMETRES), y=round(y, CENTIMETRES)) for x, y in corners),
         maximum_speed=zone.maximum_speed,
+        entry_actions=entry,
+        during_actions=during,
+        exit_actions=exit,
         release_loss_behavior="CONTINUE" if zone_type is ZoneType.RELEASE else None,
         direction=sent_angle(direction - frame.yaw) if direction is not None else None,
         directed_limitation="RESTRICTED" if zone_type is ZoneType.DIRECTED else None,
