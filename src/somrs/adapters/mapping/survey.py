@@ -138,9 +138,7 @@ class Survey:
 
     def next_view(self, position: Point) -> View | None:
         """From where to look next; None if there is nothing left that can be looked at."""
-        frontiers = [replace(frontier, reach=FARTHEST_VIEW) for frontier in frontiers_of(self.grid())]
-        frontiers = [replace(frontier, tried_stands=self._tried_stands(frontier)) for frontier in frontiers]
-        frontiers = [frontier for frontier in frontiers if len(frontier.tried_stands) < _TRIES]
+        frontiers = [frontier for frontier in self._with_tried_stands(frontiers_of(self.grid())) if len(frontier.tried_stands) < _TRIES]
         if not frontiers:
             return None
         reach = _FIRST_REACH
@@ -151,11 +149,15 @@ class Survey:
                 return view
             reach = worthwhile if worthwhile < _LONGEST_REACH else math.inf
 
-    def _tried_stands(self, frontier: Frontier) -> tuple[Point, ...]:
-        """From where the robot has looked at a frontier."""
-        x, y = frontier.middle
-        near = [pair for pair in self._looked_at if abs(pair[0][0] - x) <= SAME_FRONTIER and abs(pair[0][1] - y) <= SAME_FRONTIER]
-        return tuple(stand for middle, stand in near if math.dist(frontier.middle, middle) <= SAME_FRONTIER)
+    def _with_tried_stands(self, frontiers: Sequence[Frontier]) -> list[Frontier]:
+        """The frontiers, with the places from which the robot has looked at each."""
+        middles = np.array([frontier.middle for frontier in frontiers]).reshape(-1, 2)
+        earlier_middles = np.array([middle for middle, _ in self._looked_at]).reshape(-1, 2)
+        is_same = np.hypot(*(middles[:, None] - earlier_middles).transpose(2, 0, 1)) <= SAME_FRONTIER
+        return [
+            replace(frontier, reach=FARTHEST_VIEW, tried_stands=tuple(self._looked_at[number][1] for number in np.flatnonzero(row)))
+            for frontier, row in zip(frontiers, is_same, strict=True)
+        ]
 
     def next_door(self, position: Point, shut_doors: Sequence[DrivenDoor]) -> tuple[DrivenDoor, View] | None:
         """Which of the doors that are shut is to be opened next, and from where it is looked at, outside the swing of its leaf; None if
