@@ -82,10 +82,14 @@ class UsageError(InputError):
     """A command or call that cannot be carried out as given."""
 
 
+Mistake = tuple[tuple[str | int, ...], str]
+"""Where it is below the name of an adapter, and what to do about it."""
+
+
 class SettingsError(UsageError):
     """Settings of an adapter that are not valid. `mistakes`: of each, where it is below the name of the adapter, and what to do."""
 
-    def __init__(self, adapter: str, mistakes: Sequence[tuple[tuple[str | int, ...], str]]) -> None:
+    def __init__(self, adapter: str, mistakes: Sequence[Mistake]) -> None:
         self.adapter, self.mistakes = adapter, mistakes
         super().__init__(adapter, mistakes)
 

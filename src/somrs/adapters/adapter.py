@@ -50,7 +50,7 @@ class Adapter(Protocol):
         """Be the other end of the protocol for these, with the simulator at this address, until it is cancelled. It runs in a process of
         its own. `storeys`: as of `Fleet.storeys`."""
 
-    # An adapter may have `misfits(map: Map) -> Iterable[Mistake]` besides: what of its settings does not fit the map of the site.
+    # An adapter may have `misfits(site: Site) -> Iterable[Mistake]` besides: what of its settings does not fit the map of the site.
 
     async def run(self, fleet: Fleet) -> None:
         """Connect, and add a device for each robot or thing, until it is cancelled. That a broker or a robot is not there yet is no

@@ -7,16 +7,10 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
-from somrs.entish.parse import nearest
-from somrs.errors import SettingsError
+from somrs.errors import Mistake, SettingsError
 from somrs.ontology.files.documents import follows, read_document
-from somrs.ontology.files.nodes import Path
-from somrs.ontology.map import Map
 
 M = TypeVar("M", bound=BaseModel)
-
-Mistake = tuple[Path, str]
-"""Where it is below the name of the adapter, and what to do about it."""
 
 
 def no_mistakes(_: object) -> Iterator[Mistake]:
@@ -40,11 +34,3 @@ def checked(data: Mapping[str, Any], model: type[M], check: Callable[[M], Iterab
     if document.content is not None:
         mistakes += [mistake for mistake in check(document.content) if not follows(mistake[0], document)]
     return document.content, mistakes
-
-
-def absent(section: str, names: Iterable[str], map: Map) -> Iterator[Mistake]:
-    """The names in a section that are not those of objects on the map."""
-    for name in names:
-        if name not in map.objects:
-            hint = nearest(name, map.objects) or "put it there, under `objects`, with its type and where it stands"
-            yield (section, name), f"there is no {name} on the map; {hint}"

@@ -40,6 +40,7 @@ def check(files: Sequence[Path], *, json: bool) -> int:
     from somrs.deployment.adapter_checks import adapter_problems
     from somrs.ontology.files.loading import load
     from somrs.ontology.service_kinds import planning_notes
+    from somrs.sites.references import Site
 
     notes: list[str] = []
     try:
@@ -48,7 +49,8 @@ def check(files: Sequence[Path], *, json: bool) -> int:
         problems = error.problems
     else:
         notes = [f"{name}: {note}" for name, service in loaded.ontology.services.items() for note in planning_notes(service)]
-        adapters = adapter_problems(loaded.adapters, loaded.map)
+        site = Site(loaded.map, loaded.ontology) if loaded.map is not None else None
+        adapters = adapter_problems(loaded.adapters, site)
         geometry = geometry_problems(loaded)
         if geometry is None:
             notes.append("the geometry was not checked, because numpy or scipy is missing: pip install 'somrs[simulator]'")

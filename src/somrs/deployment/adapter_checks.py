@@ -3,32 +3,38 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from somrs.deployment.adapters import BUS_BROKER, OWN_BROKER, AdapterSettings
-from somrs.errors import InputError, ModelError, Problem, SettingsError
+from somrs.errors import InputError, Mistake, ModelError, Problem, SettingsError
 from somrs.ontology.files.loaded import AdapterEntry
-from somrs.ontology.map import Map
+from somrs.ontology.files.nodes import Path
 from somrs.ports import host_and_port
+from somrs.sites.references import Site
 
 RULE = "adapter"
 ANY_BROKER = "mqtt://127.0.0.1"
 """In place of a broker whose address is not known before the system is started."""
 
 
-def adapter_problems(entries: Mapping[str, AdapterEntry], map: Map | None) -> list[Problem]:
-    """What is wrong with the adapters of site files. `map`: the one of the site, if it has one."""
-    return [problem for entry in entries.values() for problem in sorted(_problems(entry, map), key=lambda problem: problem.line or 0)]
+def adapter_problems(entries: Mapping[str, AdapterEntry], site: Site | None) -> list[Problem]:
+    """What is wrong with the adapters of site files. `site`: its map, if it has one."""
+    problems: list[Problem] = []
+    owners: dict[str, str] = {}
+    for entry in entries.values():
+        problems += sorted(_problems(entry, site, owners), key=lambda problem: problem.line or 0)
+    return problems
 
 
-def misfits_of(name: str, adapter: object, map: Map) -> SettingsError | None:
+def misfits_of(name: str, adapter: object, site: Site) -> SettingsError | None:
     """What of the settings of an adapter does not fit the map; None: all does, or it does not say."""
     misfits = getattr(adapter, "misfits", None)
-    mistakes = [*misfits(map)] if misfits is not None else []
+    mistakes = [*misfits(site)] if misfits is not None else []
     return SettingsError(name, mistakes) if mistakes else None
 
 
-def _problems(entry: AdapterEntry, map: Map | None) -> Iterator[Problem]:
+def _problems(entry: AdapterEntry, site: Site | None, owners: dict[str, str]) -> Iterator[Problem]:
+    """`owners`: the adapters by the objects that they serve; those of this one are added."""
     settings = AdapterSettings(entry.name, dict(entry.settings), str(entry.folder.resolve()))
     try:
         if place := settings.own_broker():
@@ -36,18 +42,26 @@ def _problems(entry: AdapterEntry, map: Map | None) -> Iterator[Problem]:
         for broker in (OWN_BROKER, BUS_BROKER):
             settings = settings.with_broker(broker, ANY_BROKER)
         adapter = settings.make()
-        if map is not None and (misfits := misfits_of(entry.name, adapter, map)) is not None:
+        yield from (_problem(entry, path, message) for path, message in _served_twice(entry, adapter.names, owners))
+        if site is not None and (misfits := misfits_of(entry.name, adapter, site)) is not None:
             raise misfits
     except SettingsError as error:
-        for path, message in error.mistakes:
-            file, line = entry.written(path)
-            yield Problem(
-                file=file, line=line, subject=".".join(str(step) for step in ("adapters", entry.name, *path)), rule=RULE, message=message
-            )
+        yield from (_problem(entry, path, message) for path, message in error.mistakes)
     except ModelError as error:
         yield from error.problems
     except InputError as error:
-        file, line = entry.written(())
         prefix = re.compile(rf"adapters(: |\.){re.escape(entry.name)}(: |\.)|adapters: ")
-        for text in str(error).splitlines():
-            yield Problem(file=file, line=line, subject=f"adapters.{entry.name}", rule=RULE, message=prefix.sub("", text, count=1))
+        yield from (_problem(entry, (), prefix.sub("", text, count=1)) for text in str(error).splitlines())
+
+
+def _served_twice(entry: AdapterEntry, names: Collection[str], owners: dict[str, str]) -> Iterator[Mistake]:
+    for name in names:
+        if (owner := owners.setdefault(name, entry.name)) != entry.name:
+            sections = (section for section, entries in entry.settings.items() if isinstance(entries, dict) and name in entries)
+            yield (*sections, name), f"{name} is served by the adapter {owner}, too; name it in one of them"
+
+
+def _problem(entry: AdapterEntry, path: Path, message: str) -> Problem:
+    file, line = entry.written(path)
+    subject = ".".join(str(step) for step in ("adapters", entry.name, *path))
+    return Problem(file=file, line=line, subject=subject, rule=RULE, message=message)

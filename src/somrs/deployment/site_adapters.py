@@ -14,7 +14,7 @@ from somrs.ports import Reservation, host_and_port
 
 if TYPE_CHECKING:
     from somrs.adapters.adapter import Adapter
-    from somrs.ontology.files.loaded import AdapterEntry
+    from somrs.ontology.files.loaded import AdapterEntry, LoadedModel
 
 PIONEER = "PioneerP3DX"
 """The type of the robots that the simulator drives by ARCOS, if it is to."""
@@ -39,23 +39,25 @@ class SiteAdapters:
     def check(self, *, is_fresh: bool) -> None:
         """Read the settings of the files. `is_fresh`: the map will be made of the files, too. Raises ModelError with all mistakes."""
         from somrs.deployment.adapter_checks import adapter_problems
+        from somrs.sites.references import Site
 
-        entries, map = self._read()
+        loaded = self._read()
+        entries = loaded.adapters if loaded is not None else {}
+        site = Site(loaded.map, loaded.ontology) if is_fresh and loaded is not None and loaded.map is not None else None
         merged = {name: replace(entry, settings={**entry.settings, **self._chosen.get(name, {})}) for name, entry in entries.items()}
-        problems = adapter_problems(merged, map if is_fresh else None)
+        problems = adapter_problems(merged, site)
         if problems:
             raise ModelError(problems)
         self._entries = entries
 
-    def _read(self) -> tuple[Mapping[str, AdapterEntry], Map | None]:
-        """The adapters of the files, and their map."""
+    def _read(self) -> LoadedModel | None:
+        """The content of the files; None: there are none, or they cannot be read."""
         from somrs.ontology.files.loading import load
 
         try:
-            loaded = load(self._site) if self._site else None
+            return load(self._site) if self._site else None
         except InputError:  # the map of an earlier run needs the files no more; for another one, the Repository says what is wrong
-            loaded = None
-        return (loaded.adapters, loaded.map) if loaded is not None else ({}, None)
+            return None
 
     def prepare(self, map: Map, ontology: Ontology, mqtt: str | None) -> set[str]:
         """Read the settings, and make what the programs read. Returns the objects of the map that adapters serve. Raises InputError.
@@ -71,7 +73,7 @@ class SiteAdapters:
             ports = dict(zip(pioneers, self._reservation.ports[1:], strict=True))
             robots = {name: {"port": f"tcp://{self._host}:{port}", "simulated": True} for name, port in ports.items()}
             chosen["arcos"] = {**chosen.get("arcos", {}), "robots": robots}
-        entries = adapters_of(self._entries if self._entries is not None else self._read()[0], chosen)
+        entries = adapters_of(self._file_entries(), chosen)
         broker_places = {place for entry in entries if (place := entry.own_broker()) is not None}
         self.needs_broker = bool(broker_places)
         if self.needs_broker:
@@ -81,6 +83,12 @@ class SiteAdapters:
         self._labels = {entry.name: entry.label for entry in entries}
         self._adapters = {entry.name: entry.at_bus(mqtt).make() for entry in entries}
         return {name for adapter in self._adapters.values() for name in adapter.names}
+
+    def _file_entries(self) -> Mapping[str, AdapterEntry]:
+        if self._entries is not None:
+            return self._entries
+        loaded = self._read()
+        return loaded.adapters if loaded is not None else {}
 
     @property
     def _preferred_ports(self) -> Sequence[int]:
@@ -101,11 +109,13 @@ class SiteAdapters:
         self.broker_place = (self._host, self._reservation.ports[0])
         self._reservation.release(self._reservation.ports[0])
 
-    def misfits(self, map: Map) -> list[str]:
+    def misfits(self, map: Map, ontology: Ontology) -> list[str]:
         """What of the settings does not fit the map as it is now, for people."""
         from somrs.deployment.adapter_checks import misfits_of
+        from somrs.sites.references import Site
 
-        return [str(error) for name, adapter in self._adapters.items() if (error := misfits_of(name, adapter, map)) is not None]
+        site = Site(map, ontology)
+        return [str(error) for name, adapter in self._adapters.items() if (error := misfits_of(name, adapter, site)) is not None]
 
     def programs(self) -> Iterator[tuple[str, list[str]]]:
         """The labels of the programs to start, and their arguments: the other ends first."""

@@ -202,7 +202,7 @@ class System:
         async with Client(self.addresses) as client:
             ontology, map = await client.ontology(), await client.map()
         adapted = await asyncio.to_thread(self._adapters.prepare, map, ontology, self.addresses.mqtt)
-        for problem in self._adapters.misfits(map):
+        for problem in self._adapters.misfits(map, ontology):
             self._report_problem(problem)
         own_devices = [device for device in devices(map, ontology) if device[0] not in adapted]
         driven = self._selected(await asyncio.to_thread(self._device_programs.select, own_devices))

@@ -15,7 +15,7 @@ from tests.support.paths import ROOT
 SITE = """\
 objects:
   Hall: {type: Building, parts: {Ground: {type: Storey, parts: \
-{Floor1: {type: Floor, at: [5, 5, 0], Shape: {Form: Box, Width: 9, Depth: 9, Height: 0.1}}}}}}
+{Floor1: {type: Floor, at: [5, 5, 0], Shape: {Form: Box, Width: 9, Depth: 9, Height: 0.1}}, Pioneer1: {type: PioneerP3DX, at: [3, 3, 0]}}}}}
   Lifter1: {type: MobileManipulator, at: [1, 1, 0], Shape: {Form: Cylinder, Radius: 0.5, Height: 1}}
 adapters:
 """
@@ -25,11 +25,13 @@ def problems(folder: Path, adapters: str) -> list[str]:
     """What is said about a site with these adapters, without the name of its file."""
     file = folder / "hall.yaml"
     file.write_text(SITE + adapters)
+    (folder / "robot.yaml").write_text("attributes: {Sped: {topic: odom, type: nav_msgs/msg/Odometry}}\n")
+    (folder / "things.yaml").write_text("things: {Lifter1: {type: Light, attributes: {On: {topic: a}}}}\n")
     site = SiteAdapters([file], folder, "127.0.0.1", {}, with_arcos=False)
     try:
         site.check(is_fresh=True)
     except ModelError as error:
-        return [f"{problem.line}: {problem.subject}: {problem.message}" for problem in error.problems]
+        return [f"{problem.line}: {problem.subject}: {problem.message}".replace(f"{folder}/", "") for problem in error.problems]
     return []
 
 
@@ -74,6 +76,43 @@ MISTAKES = {
             "12: adapters.vda5050.maps.hall.turned: turned should be a number in degrees, not '90 deg'",
         ],
     ),
+    "a vehicle is no robot on the map": (
+        vehicle(name="Floor1"),
+        ["8: adapters.vda5050.vehicles.Floor1: Floor1 is a Floor on the map, and no MobileRobot; correct the name, or the type on the map"],
+    ),
+    "a floor is not on the map": (
+        vehicle(more="    maps: {hall: {level: 4}}\n"),
+        ["9: adapters.vda5050.maps.hall.level: there is no floor at 4 m; there are floors at 0 m"],
+    ),
+    "a robot is served twice": (
+        vehicle() + "  arcos: {robots: {Lifter1: {port: /dev/ttyUSB0, start: [50, 5, 0]}}}\n",
+        [
+            "9: adapters.arcos.robots.Lifter1: Lifter1 is served by the adapter vda5050, too; name it in one of them",
+            "9: adapters.arcos.robots.Lifter1.start: (50, 5) is 40 m beside all floors of the map; give metres on the map",
+        ],
+    ),
+    "files and programs are not there": (
+        "  ros2:\n    python: /none/python\n    setup: none.bash\n    robots:\n      Lifter1: {binding: none.yaml}\n",
+        [
+            "6: adapters.ros2.python: there is no /none/python; name the Python of your ROS, or its `setup` file",
+            "7: adapters.ros2.setup: there is no file none.bash; name the one of your ROS, such as /opt/ros/jazzy/setup.bash",
+            "9: adapters.ros2.robots.Lifter1.binding: there is no file none.yaml; correct the path, which is relative to the site file",
+        ],
+    ),
+    "an attribute of a robot is misspelt": (
+        "  ros2: {robots: {Lifter1: {binding: robot.yaml}}}\n",
+        [
+            "5: adapters.ros2.robots.Lifter1.binding: robot.yaml binds attributes.Sped, which Lifter1, a MobileManipulator, does not have; "
+            "did you mean Speed or Shape or Paused?"
+        ],
+    ),
+    "a thing is a robot on the map": (
+        "  things: {broker: mqtt://b, mappings: [things.yaml]}\n",
+        [
+            "5: adapters.things.mappings: Lifter1: is a MobileManipulator on the map, and a Light here; name another object, or correct "
+            "one of the types"
+        ],
+    ),
     "there is no such adapter": ("  vda550: {broker: own}\n", ["5: adapters.vda550: there is no adapter vda550; did you mean vda5050?"]),
     "of another adapter": (
         "  arcos: {robots: {Lifter1: {port: 'tcp://b', speed: 0, baud: fast}}}\n",
@@ -96,7 +135,7 @@ def test_each_mistake_has_its_line(tmp_path: Path, adapters: str, expected: list
 @pytest.mark.parametrize("broker", ["own", "bus", "mqtt://b"])
 def test_settings_without_a_mistake(tmp_path: Path, broker: str) -> None:
     assert (
-        problems(tmp_path, vehicle(broker=f"broker: {broker}") + "  arcos: {robots: {Lifter1: {port: /dev/ttyUSB0, baud: 9600}}}\n") == []
+        problems(tmp_path, vehicle(broker=f"broker: {broker}") + "  arcos: {robots: {Pioneer1: {port: /dev/ttyUSB0, baud: 9600}}}\n") == []
     )
 
 

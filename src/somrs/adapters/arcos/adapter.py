@@ -11,8 +11,8 @@ from somrs.adapters.adapter import Fleet
 from somrs.adapters.arcos.robot import ArcosRobot
 from somrs.adapters.arcos.settings import read_settings, robot_parameters
 from somrs.adapters.arcos.simulated.link_body import serve_simulated
-from somrs.adapters.settings import Mistake, absent
-from somrs.ontology.map import Map
+from somrs.errors import Mistake
+from somrs.sites.references import Site
 
 
 class ArcosAdapter:
@@ -26,9 +26,12 @@ class ArcosAdapter:
     def names(self) -> Collection[str]:
         return self._robots.keys()
 
-    def misfits(self, map: Map) -> Iterable[Mistake]:
-        """Robots that the map of the site does not have."""
-        return absent("robots", self._robots, map)
+    def misfits(self, site: Site) -> Iterable[Mistake]:
+        """Robots and positions that the map of the site does not have."""
+        yield from site.named("robots", self._robots, "MobileRobot")
+        for name, robot in self._robots.items():
+            if robot.start is not None:
+                yield from site.position(("robots", name, "start"), *robot.start[:2])
 
     @property
     def simulated(self) -> Collection[str]:

@@ -13,8 +13,8 @@ from pydantic import Field, Strict
 from somrs.adapters.arcos.driver import Battery
 from somrs.adapters.arcos.odometry import Pose
 from somrs.adapters.arcos.parameters import Parameters, read_parameters
-from somrs.adapters.settings import Mistake, valid_settings
-from somrs.errors import SettingsError, UsageError
+from somrs.adapters.settings import valid_settings
+from somrs.errors import Mistake, SettingsError, UsageError
 from somrs.ontology.files.documents import Entry, WholeNumber
 from somrs.ports import host_and_port
 

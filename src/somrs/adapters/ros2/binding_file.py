@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path as FilePath
 
 from somrs.adapters.ros2.settings import AROUND_CORNERS, POSE_NAMES, Binding, unknown_in_steps, unknown_names
-from somrs.adapters.settings import Mistake, checked
+from somrs.adapters.settings import checked
 from somrs.entish.parse import nearest
-from somrs.errors import InputError, ModelError, Problem
+from somrs.errors import InputError, Mistake, ModelError, Problem
 from somrs.ontology.files.nodes import Path, Source
 
 POSES = {

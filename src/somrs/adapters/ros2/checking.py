@@ -6,7 +6,6 @@ Nothing is sent to the robots.
 from __future__ import annotations
 
 import asyncio
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,10 +16,10 @@ from somrs.adapters.ros2.binding_file import read_binding
 from somrs.adapters.ros2.frames import Pose
 from somrs.adapters.ros2.lines import EndpointKind, Examine, Examined
 from somrs.adapters.ros2.poses import goal_values
-from somrs.adapters.ros2.process import BridgeProcess
+from somrs.adapters.ros2.process import BridgeProcess, missing_programs
 from somrs.adapters.ros2.settings import Binding, Level, RobotSettings, Step, Topic, full_name, read_settings
 from somrs.adapters.ros2.templates import fill_in
-from somrs.errors import InputError
+from somrs.errors import InputError, SettingsError
 
 PAUSE = 0.5
 """Seconds between two looks for what is not there yet."""
@@ -117,17 +116,16 @@ async def check_bindings(settings: Mapping[str, Any], folder: Path, patience: fl
     endpoints = [
         endpoint for name, robot in read.robots.items() for endpoint in endpoints_of(name, robot, read_binding(folder / robot.binding))
     ]
+    if mistakes := [*missing_programs(read, folder)]:
+        raise SettingsError("ros2", mistakes)
     bridge = BridgeProcess(read, folder)
-    python = bridge.python
-    if read.setup is None and shutil.which(python) is None:
-        raise InputError(f"adapters.ros2.python: there is no {python}; name the Python of your ROS, or its `setup` file")
     running = asyncio.create_task(bridge.run_once())
     checking = asyncio.create_task(_rows(bridge, endpoints, patience))
     try:
         await asyncio.wait({running, checking}, return_when=asyncio.FIRST_COMPLETED)
         if not checking.done():
             raise InputError(
-                f"adapters.ros2: the bridge to ROS 2 does not run with {python}; what it says is above; is it the Python of your ROS?"
+                f"adapters.ros2: the bridge does not run with {bridge.python}; what it says is above; is it the Python of your ROS?"
             )
         return checking.result()
     finally:

@@ -6,13 +6,15 @@ import asyncio
 import contextlib
 import logging
 import os
+import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 from somrs.adapters.ros2.lines import Ready, Request, decode_report, encode_request
 from somrs.adapters.ros2.session import Session
 from somrs.adapters.ros2.settings import Settings
 from somrs.adapters.wires import WireRecord
-from somrs.errors import WireError
+from somrs.errors import Mistake, WireError
 
 log = logging.getLogger(__name__)
 
@@ -99,6 +101,15 @@ class BridgeProcess:
 def python_of(settings: Settings, folder: Path) -> str:
     """The Python of the installed ROS. `folder`: what paths of settings refer to."""
     return str(folder / settings.python) if "/" in settings.python else settings.python
+
+
+def missing_programs(settings: Settings, folder: Path) -> Iterator[Mistake]:
+    """What the bridge needs, and this computer does not have. `folder`: what paths of settings refer to."""
+    python = python_of(settings, folder)
+    if settings.setup is not None and not (folder / settings.setup).is_file():
+        yield ("setup",), f"there is no file {folder / settings.setup}; name the one of your ROS, such as /opt/ros/jazzy/setup.bash"
+    if (settings.setup is None or "/" in settings.python) and shutil.which(python) is None:
+        yield ("python",), f"there is no {python}; name the Python of your ROS, or its `setup` file"
 
 
 def ros_command(settings: Settings, folder: Path, *arguments: str) -> list[str]:

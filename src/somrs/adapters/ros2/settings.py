@@ -13,7 +13,8 @@ from pydantic import Field, model_validator
 from somrs.adapters.ros2.frames import Pose
 from somrs.adapters.ros2.names import ActionType, FieldPath, MessageType, RosName, checked_type
 from somrs.adapters.ros2.templates import placeholders
-from somrs.adapters.settings import Mistake, valid_settings
+from somrs.adapters.settings import valid_settings
+from somrs.errors import Mistake
 from somrs.ontology.files.documents import Entry, Listed, WholeNumber
 from somrs.ontology.files.nodes import Path
 from somrs.ontology.types import Value

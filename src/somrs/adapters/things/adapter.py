@@ -11,7 +11,7 @@ from typing import Any
 import aiohttp
 
 from somrs.adapters.adapter import Fleet
-from somrs.adapters.settings import Mistake, valid_settings
+from somrs.adapters.settings import valid_settings
 from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.adapters.things.described_things import ResolvedThing, load_description, resolve_description, resolve_discovered
@@ -28,13 +28,13 @@ from somrs.adapters.things.settings import HomeAssistantEntry, Settings
 from somrs.adapters.things.state import Payload, SourceKey
 from somrs.adapters.things.thing_device import thing_device
 from somrs.adapters.things.thing_names import ThingNames
-from somrs.adapters.things.thing_objects import area_problem
-from somrs.errors import InputError
+from somrs.adapters.things.thing_objects import area_problem, type_problem
+from somrs.errors import InputError, Mistake
 from somrs.ontology.files.loading import load
-from somrs.ontology.map import Map
 from somrs.ontology.naming import DefinitionKey, key_of
 from somrs.ontology.types import Definition, Ontology
 from somrs.service_manager.sdk.device import Device
+from somrs.sites.references import Site
 
 log = logging.getLogger(__name__)
 
@@ -91,11 +91,12 @@ class ThingsAdapter:
     def names(self) -> Collection[str]:
         return [self.settings.gateway, *(thing.name for mapping in self.mappings for thing in mapping.things if thing.is_device)]
 
-    def misfits(self, map: Map) -> Iterable[Mistake]:
-        """Things whose area the map of the site does not have."""
+    def misfits(self, site: Site) -> Iterable[Mistake]:
+        """Things whose area the map of the site does not have, and those that are something else there."""
         for mapping in self.mappings:
             for thing in mapping.things:
-                if (problem := area_problem(thing, map, mapping.ontology)) is not None:
+                problem = area_problem(thing, site.map, mapping.ontology) or type_problem(thing, site.map, mapping.ontology, site.ontology)
+                if problem is not None:
                     yield ("mappings",), f"{thing.name}: {problem}"
 
     @property

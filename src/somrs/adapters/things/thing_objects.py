@@ -68,6 +68,16 @@ def area_problem(thing: Thing, map: Map, ontology: Ontology) -> str | None:
     return f"area: {thing.area} is a {candidates[0].type}, and no room and no storey; write that in which it is"
 
 
+def type_problem(thing: Thing, map: Map, *ontologies: Ontology) -> str | None:
+    """Why a thing is not the object of its name on the map; None if it may be."""
+    object = map.objects.get(thing.name)
+    if object is None or any(
+        ontology.is_subtype(object.type, thing.type) or ontology.is_subtype(thing.type, object.type) for ontology in ontologies
+    ):
+        return None
+    return f"is a {object.type} on the map, and a {thing.type} here; name another object, or correct one of the types"
+
+
 async def whereabouts(map: MapReader, thing: Thing) -> str | None:
     """What says where a thing is when it comes onto the map: its situation; else, without a position, what it is a part of."""
     if thing.situation is not None or "PositionX" in thing.values:

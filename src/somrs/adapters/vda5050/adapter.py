@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from somrs.adapters.adapter import Fleet
-from somrs.adapters.settings import Mistake, absent
 from somrs.adapters.vda5050.control.exchange import Tick
 from somrs.adapters.vda5050.messages.header import Topic, Version
 from somrs.adapters.vda5050.mqtt import Connection, Message, broker_address
@@ -21,10 +20,9 @@ from somrs.adapters.vda5050.simulated.link_body import serve_simulated
 from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
 from somrs.adapters.vda5050.zoning.site import ZoneCatalogue
 from somrs.entish.parse import nearest
-from somrs.errors import SettingsError, UsageError
-from somrs.ontology.files.loading import upper
-from somrs.ontology.map import Map
-from somrs.space.storeys import elevation_of
+from somrs.errors import Mistake, SettingsError, UsageError
+from somrs.sites.references import Site
+from somrs.space.storeys import storey_heights
 
 log = logging.getLogger(__name__)
 
@@ -69,18 +67,22 @@ class Vda5050Adapter:
     def names(self) -> Collection[str]:
         return self._settings.vehicles.keys()
 
-    def misfits(self, map: Map) -> Iterable[Mistake]:
-        """Robots that the map of the site does not have, and maps of the vehicles that may be those of any of its storeys."""
-        yield from absent("vehicles", self._settings.vehicles, map)
-        yield from absent("zoneActions", self._settings.zone_actions, map)
-        named = {*map.objects, *upper().types, *(object.type for object in map.objects.values())}
+    def misfits(self, site: Site) -> Iterable[Mistake]:
+        """Robots, zones and floors that the map of the site does not have, and maps of the vehicles that may be those of any of its storeys."""
+        yield from site.named("vehicles", self._settings.vehicles, "MobileRobot")
+        yield from site.named("zoneActions", self._settings.zone_actions, "Zone")
+        named = {*site.map.objects, *site.ontology.types}
         for name in self._settings.station_types:
-            if name not in named and (hint := nearest(name, named)):
-                yield ("stationTypes", name), f"there is no object and no type {name} on the map; {hint}"
-        storeys = {storey: elevation_of(storey, map, upper()) for storey in sorted(map.of_type("Storey"))}
+            if name not in named:
+                hint = nearest(name, named) or "name those at which vehicles pick and drop"
+                yield ("stationTypes", name), f"there is no object and no type {name}; {hint}"
+        storeys = storey_heights(site.map, site.ontology)
         for map_id in self._settings.floorless(storeys):
             heights = ", ".join(f"{storey} at {height:g} m" for storey, height in storeys.items())
             yield ("maps", map_id), f"give the `level` of its floor, in metres: the building has several storeys, {heights}"
+        for map_id, frame in self._settings.maps.items():
+            if frame.level is not None:
+                yield from site.level(("maps", map_id, "level"), frame.level)
 
     @property
     def simulated(self) -> Collection[str]:

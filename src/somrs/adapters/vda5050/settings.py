@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, Strict
 from pydantic.alias_generators import to_camel
 
-from somrs.adapters.settings import Mistake, valid_settings
+from somrs.adapters.settings import valid_settings
 from somrs.adapters.vda5050.control.policy import Policy
 from somrs.adapters.vda5050.control.provision import MapPackage
 from somrs.adapters.vda5050.frames import Frame, Frames
@@ -18,6 +18,7 @@ from somrs.adapters.vda5050.messages.orders import ActionParameter, BlockingType
 from somrs.adapters.vda5050.mqtt import Certificates
 from somrs.adapters.vda5050.topics import VehicleAddress
 from somrs.adapters.vda5050.zoning.site import ZoneActions
+from somrs.errors import Mistake
 from somrs.ontology.files.documents import Entry, Listed, WholeNumber
 
 VERSION = re.compile(r"v\d+")

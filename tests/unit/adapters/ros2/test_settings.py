@@ -95,7 +95,7 @@ def test_an_adapter_serves_the_robots_that_its_settings_name(tmp_path: Path) -> 
     (tmp_path / "robot.yaml").write_text("odometry: {}\n")
     robot = {"binding": "robot.yaml"}
     assert {*Ros2Adapter({"robots": {"Robot1": robot, "Robot2": robot}}, tmp_path).names} == {"Robot1", "Robot2"}
-    with pytest.raises(InputError, match=r"nothing\.yaml cannot be read: No such file"):
+    with pytest.raises(InputError, match=r"robots\.Robot1\.binding: there is no file .*nothing\.yaml"):
         Ros2Adapter({"robots": {"Robot1": {"binding": "nothing.yaml"}}}, tmp_path)
 
 

@@ -14,8 +14,10 @@ from somrs.adapters.vda5050.mqtt import Certificates, broker_address
 from somrs.adapters.vda5050.settings import made_name, read_settings
 from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
 from somrs.errors import InputError
+from somrs.ontology.files.loading import upper
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Object
+from somrs.sites.references import Site
 
 BROKER = {"broker": "mqtt://10.0.0.5:1883"}
 
@@ -103,7 +105,7 @@ def test_maps_are_on_the_floors_of_the_storeys_with_their_names(
 def test_a_map_that_may_be_that_of_any_storey_is_a_mistake_in_the_settings() -> None:
     adapter = Vda5050Adapter({**BROKER, "maps": {"hall": {}, "L2": {}}}, Path())
     storeys = [Object(name="L1", type="Storey"), Object(name="L2", type="Storey", values={"Elevation": 8.0})]
-    ((path, message),) = adapter.misfits(Map(storeys))
+    ((path, message),) = adapter.misfits(Site(Map(storeys), upper()))
     assert path == ("maps", "hall")
     assert message == "give the `level` of its floor, in metres: the building has several storeys, L1 at 0 m, L2 at 8 m"
-    assert [*adapter.misfits(Map(storeys[:1]))] == []
+    assert [*adapter.misfits(Site(Map(storeys[:1]), upper()))] == []
