@@ -137,7 +137,10 @@ def _handle_stop_signals() -> asyncio.Queue[str]:
 
 
 def say_ready(name: str, address: str, problems: tuple[str, ...] = ()) -> None:
-    print(msgspec.json.encode(Ready(ready=name, address=address, problems=problems)).decode(), flush=True)
+    """Print the ready line. Whoever ends a system while it starts reads it no more, and ends this program, too."""
+    line = msgspec.json.encode(Ready(ready=name, address=address, problems=problems)) + b"\n"
+    with contextlib.suppress(BrokenPipeError):
+        os.write(sys.stdout.fileno(), line)  # `print` would keep the line, and fail again when the interpreter ends
 
 
 def load_site(site: Sequence[Path]) -> LoadedModel:

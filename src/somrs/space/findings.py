@@ -24,7 +24,7 @@ from somrs.space.fitting import TOLERANCE, is_in_the_way, overlaps
 from somrs.space.lanes import MapLane, lanes_of
 from somrs.space.reachability import Ground
 from somrs.space.solids import Point, Role, Solid, area_of, solid_of
-from somrs.space.standing import BESIDE, beside_supports, beside_text
+from somrs.space.standing import BESIDE, above_supports, beside_supports, beside_text
 from somrs.space.way_back import lanes_without_way_back
 from somrs.space.zones import NO_GO_ZONE, zone_objects
 
@@ -61,6 +61,8 @@ def find_mistakes(map: Map, ontology: Ontology) -> list[Finding]:
         or [
             *site.in_walls(),
             *site.beside_supports(),
+            *site.above_supports(),
+            *site.standing_still(),
             *site.without_floor(),
             *site.small_lifts(),
             *site.in_shafts(),
@@ -211,6 +213,20 @@ class _Site:
         """Things that are beside what they are on."""
         for name, support, distance in beside_supports(self.map, self.ontology, self.map.objects):
             yield Finding(subject=name, rule=BESIDE, message=beside_text(support, distance))
+
+    def above_supports(self) -> Iterator[Finding]:
+        """Things that float above what they are on."""
+        for name, support, distance in above_supports(self.map, self.ontology, self.map.objects):
+            text = f"it is on {support}, and its position is {distance:.2f} m above that; correct PositionZ, or what it is on"
+            yield Finding(subject=name, rule="floating", message=text)
+
+    def standing_still(self) -> Iterator[Finding]:
+        """Robots that would never arrive."""
+        for robot in self.robots:
+            if robot.speed <= 0:
+                yield Finding(
+                    subject=robot.name, rule="speed", message="its Speed is 0, so it never moves; give how fast it drives, in m/s"
+                )
 
     def without_floor(self) -> Iterator[Finding]:
         """Robots and places that are on no floor."""

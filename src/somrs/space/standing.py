@@ -15,6 +15,9 @@ ON = "isOn"
 EDGE = 0.05
 """How far beside its support the middle of a thing may be, m: positions are measured."""
 
+FLOATING = 0.1
+"""How far above its support the underside of a thing may be, m."""
+
 BESIDE = "beside"
 """The name of the rule."""
 
@@ -36,6 +39,18 @@ def beside_supports(map: Map, ontology: Ontology, names: Iterable[str]) -> Itera
         for _, support in map.facts_with(ON, 0, name):
             solid = _solid(support, map, ontology)
             if solid is not None and solid.role is not Role.MARK and (distance := solid.distance(x, y)) > EDGE:
+                yield name, support, distance
+
+
+def above_supports(map: Map, ontology: Ontology, names: Iterable[str]) -> Iterator[tuple[str, str, float]]:
+    """Which of the objects are on something above which they float: the object, what it is on, and the distance in metres."""
+    for name in names:
+        z = value_of(name, "PositionZ", map, ontology)
+        if not isinstance(z, float | int):
+            continue
+        for _, support in map.facts_with(ON, 0, name):
+            solid = _solid(support, map, ontology)
+            if solid is not None and (distance := z - solid.top) > FLOATING:
                 yield name, support, distance
 
 

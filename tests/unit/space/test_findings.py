@@ -272,3 +272,16 @@ def test_a_thing_beside_what_it_is_on_is_found(place: str, distance: str | None)
     found = [finding for finding in mistakes(text) if finding.subject == "Jar1"]
     message = f"it is on Shelf1, and its position is {distance} m beside that; correct PositionX and PositionY, or what it is on"
     assert found == ([Finding(subject="Jar1", rule="beside", message=message)] if distance is not None else [])
+
+
+@pytest.mark.parametrize(("height", "distance"), [(1.05, None), (3.0, "2.00")])
+def test_a_thing_that_floats_above_what_it_is_on_is_found(height: float, distance: str | None) -> None:
+    text = HALL.replace("facts:\n", f"  Jar1: {{type: Jar, at: [1.3, 5.1, {height}]}}\nfacts:\n  - Jar1 isOn Shelf1\n")
+    reported = [mistake for mistake in mistakes(text) if mistake.subject == "Jar1"]
+    message = f"it is on Shelf1, and its position is {distance} m above that; correct PositionZ, or what it is on"
+    assert reported == ([Finding(subject="Jar1", rule="floating", message=message)] if distance is not None else [])
+
+
+def test_a_robot_that_would_never_arrive_is_found() -> None:
+    text = HALL.replace("facts:\n", "  Robot9: {type: Vehicle, at: [3, 3, 0], Speed: 0}\nfacts:\n")
+    assert [mistake.rule for mistake in mistakes(text) if mistake.subject == "Robot9"] == ["speed"]

@@ -15,6 +15,15 @@ from somrs.ontology.schema import ENTRIES, AttributeEntry, ConstraintEntry, File
 from somrs.ontology.services import Handler, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, ObjectType, Part, RelationType, Value
 
+_MAPPING = "a mapping file, which is named under `adapters: {things: {mappings: [FILE]}}` of a site"
+_BINDING = "the binding of a robot, which is named under `adapters: {ros2: {robots: {NAME: {binding: FILE}}}}` of a site"
+OTHER_FILES = {
+    "things": _MAPPING,
+    "connections": _MAPPING,
+    **dict.fromkeys(("pose", "transform", "odometry", "navigate", "pick", "drop"), _BINDING),
+}
+"""What sections of files belong to that are no files of a site."""
+
 
 def structure_problems(source: Source, further_sections: Collection[str] = ()) -> tuple[list[Problem], set[str]]:
     """The problems of the file's structure, and the names of the definitions and objects that cannot be used because of them.
@@ -33,6 +42,8 @@ def structure_problems(source: Source, further_sections: Collection[str] = ()) -
         owner = _owner(path)
         if owner is not None:
             broken.add(owner)
+        if kind == "extra_forbidden" and len(path) == 1 and path[0] in OTHER_FILES:
+            message = f"{path[0]} belongs into {OTHER_FILES[str(path[0])]}"
         subject, line = owner or (str(path[0]) if path else "file"), source.line(path)
         problem = Problem(file=source.file, line=line, subject=subject, rule="structure", message=message)
         problems.setdefault((line, str(path) if kind in ("missing", "extra_forbidden") else subject), problem)

@@ -22,6 +22,11 @@ ANY_KEY = f"there are {', '.join(File.model_fields)}"
         ("ontology: x\n", set(), []),
         ("- a\n", set(), [(1, "file", f"a file is a list of keys ({', '.join(File.model_fields)}) with values")]),
         ("map: x\nontologie: x\n", set(), [(2, "ontologie", "unknown key ontologie; did you mean ontology?")]),
+        (
+            "map: x\nthings: {}\n",
+            set(),
+            [(2, "things", "things belongs into a mapping file, which is named under `adapters: {things: {mappings: [FILE]}}` of a site")],
+        ),
         ("map: x\nqwertz: x\n", set(), [(2, "qwertz", f"unknown key qwertz; {ANY_KEY}")]),
         ("map: x\ntypes: [a]\n", set(), [(2, "types", "types should be keys with values (types: {...}), not ['a']")]),
         ("types:\n  Vase: 3\n", {"Vase"}, [(2, "Vase", "Vase should be keys with values (Vase: {...}), not 3")]),
