@@ -269,9 +269,9 @@ def test_door_is_a_way_between_floors_that_end_at_its_wall() -> None:
 )
 def test_a_thing_beside_what_it_is_on_is_found(place: str, distance: str | None) -> None:
     text = HALL.replace("facts:\n", f"  Jar1: {{type: Jar, at: {place}}}\nfacts:\n  - Jar1 isOn Shelf1\n")
-    found = [finding for finding in mistakes(text) if finding.subject == "Jar1"]
+    reported = [mistake for mistake in mistakes(text) if mistake.subject == "Jar1"]
     message = f"it is on Shelf1, and its position is {distance} m beside that; correct PositionX and PositionY, or what it is on"
-    assert found == ([Finding(subject="Jar1", rule="beside", message=message)] if distance is not None else [])
+    assert reported == ([Finding(subject="Jar1", rule="beside", message=message)] if distance is not None else [])
 
 
 @pytest.mark.parametrize(("height", "distance"), [(1.05, None), (3.0, "2.00")])

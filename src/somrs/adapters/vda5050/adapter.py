@@ -21,6 +21,7 @@ from somrs.adapters.vda5050.topics import VehicleAddress, read_topic
 from somrs.adapters.vda5050.zoning.site import ZoneCatalogue
 from somrs.entish.parse import nearest
 from somrs.errors import Mistake, SettingsError, UsageError
+from somrs.ontology.types import ROOT
 from somrs.sites.references import Site
 from somrs.space.storeys import storey_heights
 
@@ -68,9 +69,9 @@ class Vda5050Adapter:
         return self._settings.vehicles.keys()
 
     def misfits(self, site: Site) -> Iterable[Mistake]:
-        """Robots, zones and floors that the map of the site does not have, and maps of the vehicles that may be those of any of its storeys."""
+        """Robots, zones and floors that the map of the site does not have, and maps that may be those of any of its storeys."""
         yield from site.named("vehicles", self._settings.vehicles, "MobileRobot")
-        yield from site.named("zoneActions", self._settings.zone_actions, "Zone")
+        yield from site.named("zoneActions", self._settings.zone_actions, ROOT)
         named = {*site.map.objects, *site.ontology.types}
         for name in self._settings.station_types:
             if name not in named:

@@ -49,7 +49,7 @@ def test_a_mistake_is_named(settings: dict[str, Any], problem: str) -> None:
 
 def test_actions_of_areas_are_read_and_the_map_has_to_have_these() -> None:
     adapter = Vda5050Adapter(BROKER | {"zoneActions": {"Crosing": {"exit": [{"actionType": "horn", "parameters": {"on": False}}]}}}, Path())
-    ((path, message),) = adapter.misfits(Map([Object(name="Crossing", type="Zone")]))
+    ((path, message),) = adapter.misfits(Site(Map([Object(name="Crossing", type="Zone")]), upper()))
     assert path == ("zoneActions", "Crosing")
     assert "did you mean Crossing?" in message
     (horn,) = adapter._settings.zones["Crosing"].exit
