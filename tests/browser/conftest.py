@@ -348,14 +348,14 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
 
 def wait_until_still(drawn: Locator) -> None:
     """Wait until the page's fonts are loaded and the element stays in place for five frames and 300 ms, which is longer than Quasar waits
-    before it lays out the header."""
+    before it lays out the header. Not all frames are looked at: each has the whole page drawn."""
     script = """async (drawn) => {
         await document.fonts.ready;
-        for (let [same, since, before] = [0, 0, ""]; (same < 5 || performance.now() - since < 300) && drawn.isConnected; ) {
+        for (let [same, before] = [0, ""]; same < 5 && drawn.isConnected; ) {
+            await new Promise((resolve) => setTimeout(resolve, 60));
             await new Promise(requestAnimationFrame);
             const now = JSON.stringify(drawn.getBoundingClientRect());
-            if (now === before) same++;
-            else [same, since, before] = [0, performance.now(), now];
+            [same, before] = [now === before ? same + 1 : 0, now];
         }
         return drawn.isConnected;
     }"""

@@ -32,7 +32,7 @@ def change_map(system: RunningSystem, *changes: dict[str, Any]) -> None:
 def open_page(system: RunningSystem, window: Callable[..., Page]) -> Callable[..., Page]:
     def open_(size: str = "1280", *, effect: str = "", dark: bool = False, may_reload: bool = False) -> Page:
         query = f"?effect={quote(effect)}" if effect else ""
-        page = window(f"{system.url}/define{query}", size, dark=dark, may_reload=may_reload)
+        page = window(f"{system.url}/define{query}", size, dark=dark, may_reload=may_reload, webgl=False)
         page.locator("[data-name=Jar003]").first.wait_for(state="attached")
         return page
 

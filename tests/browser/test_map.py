@@ -604,6 +604,7 @@ def test_an_object_of_which_nothing_is_known_is_marked(restored_system: RunningS
 
 def test_the_plan_and_the_scene_show_the_same_choice(system: RunningSystem, window: OpenWindow) -> None:
     page = open_map(window, system, "?object=Robot1")
+    page.set_viewport_size({"width": 640, "height": 480})  # quickly drawn, even without a graphics card
     page.get_by_role("button", name="3D", exact=True).click()
     expect(page.locator(".somrs-map-stage canvas").first).to_be_visible()
     expect(plan(page)).to_be_hidden()

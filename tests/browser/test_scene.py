@@ -22,6 +22,8 @@ pytestmark = pytest.mark.long
 OpenWindow = Callable[..., Page]
 SMALL = "640"
 """Quickly drawn, even without a graphics card."""
+POLLING = 100
+"""Milliseconds between two looks at the scene: Playwright would look in each frame, and so have all of them drawn."""
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +43,7 @@ def open_page(system: RunningSystem, window: OpenWindow, size: str = "1280", *, 
 def open_scene(system: RunningSystem, page: Page) -> None:
     page.goto(f"{system.url}/map")
     page.get_by_role("button", name="3D", exact=True).click()
-    page.wait_for_function("window.somrsScene?.drawn() && somrsScene.names().length > 20 && somrsScene.frames() > 0")
+    page.wait_for_function("window.somrsScene?.drawn() && somrsScene.names().length > 20 && somrsScene.frames() > 0", polling=POLLING)
 
 
 def wait_until_at_rest(page: Page) -> None:
@@ -52,6 +54,7 @@ def wait_until_at_rest(page: Page) -> None:
             if (frames !== window.before) [window.before, window.since] = [frames, performance.now()];
             return somrsScene.refined() && performance.now() - window.since > 700;
         }""",
+        polling=POLLING,
     )
 
 
@@ -126,9 +129,7 @@ def test_a_jar_is_seen_on_its_way_to_the_platform_by_all_who_look(system: Runnin
         places = {tuple(frame[robot][axis] for robot in ("one", "two") for axis in "xy") for frame in trace}
         assert len(places) > 10, "the robot is seen on its way"
     assert scene_position(pages[0], "Jar002") == pytest.approx(scene_position(pages[1], "Jar002"), abs=0.005), "both see the same"
-    pages[0].set_viewport_size({"width": 1280, "height": 800})
-    wait_until_at_rest(pages[0])
-    take_screenshot(pages[0], "scene-jar-1280-light")
+    take_screenshot(pages[0], "scene-jar-640-light")
 
 
 MOTION_SCRIPT = """async ([late]) => {
@@ -185,7 +186,7 @@ def screen_point(page: Page, name: str) -> tuple[float, float]:
 
 
 def test_the_camera_is_moved_by_keys_and_buttons(system: RunningSystem, window: OpenWindow) -> None:
-    page = open_page(system, window)
+    page = open_page(system, window, SMALL)
     wait_until_at_rest(page)
     view = page.get_by_role("application")
     middle = (view.bounding_box() or {"width": 0})["width"] / 2
@@ -219,7 +220,7 @@ def test_the_camera_is_moved_by_keys_and_buttons(system: RunningSystem, window: 
 
 
 def test_things_are_chosen_by_clicking_and_found_by_their_names(system: RunningSystem, window: OpenWindow) -> None:
-    page = open_page(system, window)
+    page = open_page(system, window, SMALL)
     wait_until_at_rest(page)
     box = page.get_by_role("application").bounding_box()
     assert box is not None

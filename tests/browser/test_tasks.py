@@ -90,7 +90,7 @@ def message(page: Page, type: str) -> Locator:
 
 
 def show_floor_plan(page: Page) -> None:
-    """Show the floor plan, which is drawn in a moment, instead of the scene; that is remembered."""
+    """Show the floor plan instead of the scene; that is remembered."""
     page.get_by_role("button", name="Floor plan").click()
     expect(page.locator(".somrs-task-floor")).to_be_visible()  # so the server has heard of it
 
@@ -116,7 +116,7 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
     with system.paused("simulator"):  # the robot stays on its way until everything about it has been seen
         expect(row).to_contain_text("of 1 step")
         expect(row).to_contain_text("Urgent (3)")
-        page = window(f"{system.url}/tasks")
+        page = window(f"{system.url}/tasks", webgl=False)
         page.get_by_role("link", name="Jar002 isOn Platform001").first.focus()
         page.keyboard.press("Enter")
         expect(page.get_by_role("heading", name="Jar002 isOn Platform001")).to_be_visible()
@@ -196,7 +196,7 @@ def _every_size(page: Page, name: str) -> None:
 
 @pytest.mark.usefixtures("jar_at_home")
 def test_a_task_is_cancelled_and_undone(system: RunningSystem, window: OpenPage) -> None:
-    page = window(f"{system.url}/tasks/{submit_task(system, 'Shelf001 isOn Platform001')}")
+    page = window(f"{system.url}/tasks/{submit_task(system, 'Shelf001 isOn Platform001')}", webgl=False)
     show_floor_plan(page)
     goal = "Jar003 isOn Shelf001 AND Carton001 isOn Shelf001"
     task = submit_task(system, goal)  # by the cheaper robot, one after the other: time enough to change one's mind
@@ -233,7 +233,8 @@ def test_a_task_that_waits_names_the_other_task_and_links_to_it(system: RunningS
     with system.paused("simulator"):
         second = submit_task(system, f"{thing} isOn Platform001")
         wait_for_task(system, second, lambda task_state: task_state["view"]["phase"] == "waiting")
-        page = window(f"{system.url}/tasks/{second}")
+        page = window(f"{system.url}/tasks/{second}", webgl=False)
+        show_floor_plan(page)
         for place in (page.locator("header").filter(has_text=f"{thing} isOn Platform001"), panel(page, "Story")):
             expect(place).to_contain_text(f"Waits for {goal}, which has reserved {thing}")
             expect(place).not_to_contain_text("urn:uuid")
@@ -373,7 +374,7 @@ def with_two_managers(tmp_path: Path) -> Iterator[RunningSystem]:
 def test_tasks_of_two_task_managers_are_one_list_and_one_that_does_not_answer_is_named(
     with_two_managers: RunningSystem, window: OpenPage
 ) -> None:
-    page = window(f"{with_two_managers.url}/tasks")
+    page = window(f"{with_two_managers.url}/tasks", webgl=False)
     tasks = [submit_task(with_two_managers, f"{jar} isOn Platform001", priority=2) for jar in ("Jar002", "Jar003")]
     owners = {row["task_manager"]: row["effect"] for row in call(with_two_managers, "/tasks")["rows"]}
     assert {*owners} == {"TaskManager1", "TaskManager2"}
