@@ -10,6 +10,7 @@ from typing import Any
 from msgspec import Struct
 
 from somrs.adapters.things.mapping import AttributeEntry, AvailabilityEntry, InputEntry, ServiceEntry, WriteEntry
+from somrs.adapters.things.model import AvailabilityMode
 from somrs.adapters.things.naming import is_unit
 from somrs.ontology.units import convert_unit
 
@@ -36,7 +37,8 @@ class Entity(Struct, kw_only=True):
     type: str = "Sensor"
     attributes: dict[str, AttributeEntry] = {}
     services: dict[str, ServiceEntry] = {}
-    available: AvailabilityEntry | None = None
+    available: list[AvailabilityEntry] = []
+    availability_mode: AvailabilityMode = AvailabilityMode.LATEST
     unsupported: tuple[str, ...] = ()
 
     @property
@@ -51,13 +53,17 @@ class _Unsupported(Exception):
 
 def entity_of(component: str, name: str, config: Config) -> Entity:
     """What an entity becomes. What cannot be mapped is said in `unsupported`."""
-    entity = Entity(name=name, attributes={}, services={}, available=_availability(config))
+    entity = Entity(name=name, attributes={}, services={})
     read = COMPONENTS.get(component)
     if read is None:
         entity.unsupported = (f"an entity of the kind {component}",)
         return entity
+    noted = _NotedConfig(config)
     try:
-        read(entity, config)
+        read(entity, noted)
+        _read_availability(entity, noted)
+        if unread := sorted(key for key in noted.keys() - noted.read_keys if key.endswith(_PLACES) and key not in _OF_NO_EFFECT):
+            entity.unsupported = (*entity.unsupported, f"its {', '.join(unread)}")
     except _Unsupported as error:
         entity.unsupported = (*entity.unsupported, str(error))
     except (ArithmeticError, TypeError, ValueError) as error:
@@ -69,12 +75,20 @@ def _sensor(entity: Entity, config: Config) -> None:
     unit, device_class = config.get("unit_of_measurement"), str(config.get("device_class") or "")
     path = SENSOR_ATTRIBUTES.get(device_class, "Reading" if unit is not None or config.get("state_class") is not None else "State")
     has_unit = path in SENSOR_ATTRIBUTES.values() and isinstance(unit, str) and is_unit(unit)
-    entity.attributes[path] = _attribute(config, "state_topic", "value_template", unit=unit if has_unit else None)
+    value = _attribute(config, "state_topic", "value_template", unit=unit if has_unit else None)
+    entity.attributes[path] = value.model_copy(update=_lapses(config))
 
 
 def _binary_sensor(entity: Entity, config: Config) -> None:
     path = "Open" if config.get("device_class") in OPENINGS else "Detected"
-    entity.attributes[path] = _attribute(config, "state_topic", "value_template", values=_switch_values(config))
+    value = _attribute(config, "state_topic", "value_template", values=_switch_values(config))
+    entity.attributes[path] = value.model_copy(update=_lapses(config))
+
+
+def _lapses(config: Config) -> dict[str, float]:
+    """After how many seconds a value goes back to FALSE, and is not known any more. 0: never."""
+    keys = [key for key in ("off_delay", "expire_after") if config.get(key)]
+    return {key: float(config[key]) for key in keys}
 
 
 def _switch(entity: Entity, config: Config, type: str = "Switch") -> None:
@@ -117,7 +131,8 @@ def _json_light(entity: Entity, config: Config) -> None:
         entity.attributes["On"] = AttributeEntry(topic=topic, json="state", values={"ON": True, "OFF": False})
     entity.services["SwitchOn"] = _service(config, "command_topic", '{"state": "ON"}', is_read=is_read)
     entity.services["SwitchOff"] = _service(config, "command_topic", '{"state": "OFF"}', is_read=is_read)
-    if config.get("brightness") is True:
+    modes = config.get("supported_color_modes")
+    if config.get("brightness") is True or (isinstance(modes, list) and not {*map(str, modes)} <= {"onoff", "unknown"}):
         scale = 100 / float(config.get("brightness_scale", 255))
         if isinstance(topic, str):
             entity.attributes["Brightness"] = AttributeEntry(topic=topic, json="brightness", scale=scale)
@@ -278,16 +293,35 @@ def _json_text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def _availability(config: Config) -> AvailabilityEntry | None:
+def _read_availability(entity: Entity, config: Config) -> None:
+    """Where an entity says whether it works: in a list, or at one topic."""
     entries = config.get("availability")
-    entry = entries[0] if isinstance(entries, list) and entries and isinstance(entries[0], dict) else None
-    topic = entry.get("topic") if entry is not None else config.get("availability_topic")
-    source = entry if entry is not None else config
-    if not isinstance(topic, str):
-        return None
-    template = source.get("value_template" if entry is not None else "availability_template")
-    match = _TEMPLATE.fullmatch(str(template).strip()) if template is not None else None
-    if template is not None and match is None:
-        return None
-    path = f"${match[2]}" if match is not None and match[2] is not None else None
-    return AvailabilityEntry(topic=topic, json=path, online=str(source.get("payload_available", "online")))
+    places = [(place, "value_template") for place in entries if isinstance(place, dict)] if isinstance(entries, list) else []
+    if not places and isinstance(topic := config.get("availability_topic"), str):
+        places = [({**config, "topic": topic}, "availability_template")]
+    for place, key in places:
+        topic, online = _topic(place, "topic"), str(place.get("payload_available", "online"))
+        entity.available.append(AvailabilityEntry(topic=topic, json=_json_path(place, key), online=online))
+    entity.availability_mode = AvailabilityMode(config.get("availability_mode", AvailabilityMode.LATEST))
+
+
+class _NotedConfig(dict[str, Any]):
+    """An announcement that notes which of its keys are read."""
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        self.read_keys: set[str] = {"availability_topic", "availability_template", "availability"}
+
+    def get(self, key: str, default: Any = None) -> Any:
+        self.read_keys.add(key)
+        return super().get(key, default)
+
+    def __getitem__(self, key: str) -> Any:
+        self.read_keys.add(key)
+        return super().__getitem__(key)
+
+
+_PLACES = ("_topic", "_t")
+"""How keys end that say where something more is read or written; the latter of those that are abbreviated."""
+_OF_NO_EFFECT = ("json_attributes_topic", "json_attr_t", "last_reset_topic", "lrst_t")
+"""Those that say only what people are shown besides."""

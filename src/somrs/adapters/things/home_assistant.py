@@ -127,12 +127,13 @@ class Discovery:
 
     def _entry(self, entities: list[Entity], area: str) -> ThingEntry:
         types = {entity.type for entity in entities}
-        available = next((entity.available for entity in entities if entity.available is not None), None)
+        heeded = next((entity for entity in entities if entity.available), entities[0])
         return ThingEntry(
             type=next(type for type in TYPES if type in types),
             connection=self._connection,
             area=area,
-            available=available,
+            availability=heeded.available,
+            availability_mode=heeded.availability_mode.value,
             attributes={path: attribute for entity in entities for path, attribute in entity.attributes.items()},
             services={type: service for entity in entities for type, service in entity.services.items()},
         )

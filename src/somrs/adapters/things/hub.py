@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterable, Mapping
 
 from somrs.adapters.things.connector import Connector
 from somrs.adapters.things.http import HttpConnector
+from somrs.adapters.things.lapsing import Lapses
 from somrs.adapters.things.messages import render
-from somrs.adapters.things.model import Command, Connection, Source, Thing
+from somrs.adapters.things.model import Command, Connection, Signal, Source, Thing
 from somrs.adapters.things.mqtt import MqttConnector
 from somrs.adapters.things.sampling import Sampler
-from somrs.adapters.things.state import News, Payload, Router, SourceKey, ThingState, source_key
+from somrs.adapters.things.state import News, Payload, Router, SourceKey, ThingState, readers_of, source_key
 from somrs.ontology.types import PROBLEM, WORKING, Ontology, Value
 
 log = logging.getLogger(__name__)
@@ -42,6 +43,7 @@ class Hub:
         self.sampled = asyncio.Event()
         """Set when there may be something to report to the map."""
         self._router = Router()
+        self._lapses = Lapses(self._reset, self._expire)
         self._observers: dict[str, dict[Observer, None]] = {}
         self._message_observers: dict[SourceKey, MessageObserver] = {}
         self.any_message_observers: list[MessageObserver] = []
@@ -84,6 +86,7 @@ class Hub:
             return
         self._router.remove(state)
         self.sampler.drop(name)
+        self._lapses.drop(name)
         for source in sources_of(state.thing):
             if not self._router.reads(source_key(source)):
                 self.connectors[source.connection].unfollow(source)
@@ -97,6 +100,7 @@ class Hub:
             names: dict[str, None] = {}
             for news in self._router.received(key, payload, time.time()):
                 self._take(news)
+                self._lapses.heard(news)
                 names[news.state.thing.name] = None
             for name in names:
                 self._judge(self.states[name])
@@ -106,6 +110,19 @@ class Hub:
         else:
             for any_observer in self.any_message_observers:
                 any_observer(key, payload)
+
+    def _reset(self, state: ThingState, signal: Signal) -> None:
+        """A value that was TRUE for its time is FALSE."""
+        state.values[signal.path], state.heard_at[signal.path] = False, time.time()
+        self._take(News(state=state, signal=signal, value=False))
+        self._tell(state.thing.name)
+
+    def _expire(self, state: ThingState, signal: Signal) -> None:
+        """A value of which nothing was heard for its time is not known any more."""
+        state.values.pop(signal.path, None)
+        state.expired.add(signal.path)
+        self._judge(state)
+        self._tell(state.thing.name)
 
     def _take(self, news: News) -> None:
         """Have the map told of the news, in time."""
@@ -143,7 +160,7 @@ class Hub:
         says_whether_they_work = self._connections[connection].kind != "mqtt"  # that the broker is away says nothing of the things
         for state in self.states.values():
             thing = state.thing
-            is_only_connection = thing.availability is None and connections_of(thing) == {connection}
+            is_only_connection = not thing.availabilities and connections_of(thing) == {connection}
             if says_whether_they_work and is_only_connection and state.is_online != is_reached:
                 state.is_online = is_reached
                 self._sample(thing, WORKING, is_reached)
@@ -159,12 +176,14 @@ class Hub:
         if lost := sorted(connections_of(state.thing) & self.lost_connections):
             return f"cannot be reached: its connection {lost[0]} is not there"
         if state.is_online is False:
-            source = state.thing.availability.source if state.thing.availability is not None else None
-            return f"does not work: it says so at {source}" if source is not None else "does not work"
-        if not state.values:
+            places = [place.source for place, is_online in state.availability.items() if not is_online]
+            return f"does not work: it says so at {places[0]}" if places else "does not work"
+        if not state.values and not state.expired:
             return "has not said anything yet"
-        if state.values.keys() <= state.misread:
+        if state.values.keys() <= state.misread and state.misread:
             return f"says of {', '.join(sorted(state.misread))} what is not understood"
+        if state.values.keys() <= state.doubtful:
+            return f"has said nothing of {', '.join(sorted(state.expired))} for too long"
         return None
 
     def _judge(self, state: ThingState) -> None:
@@ -211,10 +230,7 @@ class Hub:
 
 def sources_of(thing: Thing) -> Iterable[Source]:
     """Where the messages of a thing come from, each once."""
-    sources = [signal.source for signal in thing.signals]
-    if thing.availability is not None:
-        sources.append(thing.availability.source)
-    return dict.fromkeys(sources)
+    return dict.fromkeys(reader.source for reader in readers_of(thing))
 
 
 def connections_of(thing: Thing) -> set[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import ConfigDict, Field
 
 from somrs.ontology.files.documents import Entry
@@ -75,6 +77,8 @@ class AttributeEntry(_Place, ConversionEntry):
         default=None, ge=0, description="Smaller changes of a number are no news; by default the attribute's tolerance"
     )
     interval: Amount = Field(default=0.0, description="The shortest time between two reports of it to the map")
+    off_delay: Amount | None = Field(default=None, description="After which TRUE goes back to FALSE")
+    expire_after: Amount | None = Field(default=None, description="After which, without a message, the value is not known any more")
 
 
 class AvailabilityEntry(_Place):
@@ -149,6 +153,10 @@ class ThingEntry(_Entry):
     situation: str | None = Field(default=None, description="What holds of it, if it is not on the map yet: Lamp1 isPartOf Hall")
     connection: str | None = Field(default=None, description="That of all its entries without one")
     available: AvailabilityEntry | None = None
+    availability: list[AvailabilityEntry] = Field(default=[], description="Several places where it is read whether it works")
+    availability_mode: Literal["all", "any", "latest"] = Field(
+        default="all", description="Which of several places have to say that it works"
+    )
     attributes: dict[str, AttributeEntry] = {}
     services: dict[str, ServiceEntry] = {}
     door: DoorEntry | None = None

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Collection, Iterator, Sequence
 
-from somrs.adapters.things.mapping import KeyPath
+from somrs.adapters.things.mapping import KeyPath, Plain
 from somrs.adapters.things.messages import PLACEHOLDER
 from somrs.adapters.things.model import Command, Signal, Thing
+from somrs.entish.formula import Attribute, Comparison, Variable, literals, terms
+from somrs.entish.parse import parse
+from somrs.ontology.services import PROVIDER
 
 
 def thing_problems(thing: Thing) -> Iterator[tuple[KeyPath, str]]:
@@ -69,3 +73,29 @@ def _is_same_place(command: Command, signal: Signal) -> bool:
         places = [(register.table, register.address) for register in (command.register, source.register)]
         return command.connection == source.connection and places[0] == places[1]
     return (command.connection, command.place) == (source.connection, source.place)
+
+
+def fits_register(payload: Plain) -> bool:
+    """Whether a payload can be written to a register, as far as is known without inputs."""
+    if not isinstance(payload, str) or PLACEHOLDER.search(payload) or payload.strip().lower() in ("true", "false"):
+        return True
+    try:
+        return math.isfinite(float(payload))
+    except ValueError:
+        return False
+
+
+def unread(formula: str, read_paths: Collection[str]) -> list[str]:
+    """What a formula speaks of, besides attributes of ?Provider whose values are read."""
+    parsed = parse(formula)
+    relations = [str(literal) for literal in literals(parsed) if not isinstance(literal, Comparison)]
+    attributes = [term for term in terms(parsed) if isinstance(term, Attribute)]
+    provider_attributes = {
+        attribute for attribute in attributes if isinstance(attribute.owner, Variable) and attribute.owner.name == PROVIDER
+    }
+    unread = [
+        attribute.path if attribute in provider_attributes else str(attribute)
+        for attribute in attributes
+        if attribute not in provider_attributes or attribute.path not in read_paths
+    ]
+    return [*unread, *relations]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+
 from msgspec import Struct
 
 from somrs.adapters.brokers import Server, addresses_text
@@ -55,7 +57,11 @@ class Source(Struct, frozen=True, kw_only=True):
 
 
 class Signal(Struct, frozen=True, kw_only=True):
-    """The value of an attribute in messages. `dead_band`: in the attribute's unit. `interval`: seconds between two reports at least."""
+    """The value of an attribute in messages. `dead_band`: in the attribute's unit. `interval`: seconds between two reports at least.
+
+    `off_delay`: seconds after which TRUE goes back to FALSE (None: never). `expire_after`: seconds without a message after which the value
+    is not known any more (None: it stays).
+    """
 
     path: str
     source: Source
@@ -63,6 +69,19 @@ class Signal(Struct, frozen=True, kw_only=True):
     steps: Steps | None = None
     dead_band: float = 0.0
     interval: float = 0.0
+    off_delay: float | None = None
+    expire_after: float | None = None
+
+
+class AvailabilityMode(StrEnum):
+    """When a thing works that says so at several places."""
+
+    ALL = "all"
+    """It says everywhere that it does."""
+    ANY = "any"
+    """It says so somewhere."""
+    LATEST = "latest"
+    """It said so last."""
 
 
 class Availability(Struct, frozen=True, kw_only=True):
@@ -142,7 +161,8 @@ class Thing(Struct, frozen=True, kw_only=True):
     situation: str | None = None
     area: str = ""
     signals: tuple[Signal, ...] = ()
-    availability: Availability | None = None
+    availabilities: tuple[Availability, ...] = ()
+    availability_mode: AvailabilityMode = AvailabilityMode.ALL
     services: tuple[ThingService, ...] = ()
     door: Door | None = None
     session: Session | None = None

@@ -133,9 +133,10 @@ def _kind(thing: Thing) -> str:
 
 
 def _availability(thing: Thing) -> str:
-    if thing.availability is None:
-        return "-"
-    return f"{thing.availability.source} = {thing.availability.online}"
+    places = [f"{place.source} = {place.online}" for place in thing.availabilities]
+    if len(places) > 1:
+        places.append(f"({thing.availability_mode})")
+    return "\n".join(places) or "-"
 
 
 def _attribute_row(name: str, signal: Signal) -> AttributeRow:
@@ -145,6 +146,10 @@ def _attribute_row(name: str, signal: Signal) -> AttributeRow:
     news = [f"change of more than {signal.dead_band:g}{unit}"] if signal.dead_band else ["each change"]
     if signal.interval:
         news.append(f"every {signal.interval:g} s at most")
+    if signal.off_delay is not None:
+        news.append(f"FALSE after {signal.off_delay:g} s")
+    if signal.expire_after is not None:
+        news.append(f"unknown after {signal.expire_after:g} s")
     return AttributeRow(name, signal.path, f"{signal.source}{f' {path}' if path else ''}", _conversion(conversion), ", ".join(news))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 from somrs.adapters.things.conversion import Conversion
 from somrs.adapters.things.endpoints import Endpoints
@@ -14,16 +14,26 @@ from somrs.adapters.things.mapping import (
     ConversionEntry,
     InputEntry,
     KeyPath,
-    Plain,
     ServiceEntry,
     ThingEntry,
     WriteEntry,
 )
-from somrs.adapters.things.mapping_checks import thing_problems
+from somrs.adapters.things.mapping_checks import fits_register, thing_problems, unread
 from somrs.adapters.things.messages import PLACEHOLDER
-from somrs.adapters.things.model import Availability, Command, Connection, Door, Session, Signal, Source, Thing, ThingService
+from somrs.adapters.things.model import (
+    Availability,
+    AvailabilityMode,
+    Command,
+    Connection,
+    Door,
+    Session,
+    Signal,
+    Source,
+    Thing,
+    ThingService,
+)
 from somrs.adapters.things.thing_objects import definitions_for, initial_values
-from somrs.entish.formula import Attribute, Comparison, Variable, literals, terms
+from somrs.entish.formula import Attribute, Comparison, Variable, literals
 from somrs.entish.parse import nearest, parse
 from somrs.errors import FormulaError, InputError
 from somrs.ontology.check import check
@@ -73,7 +83,8 @@ class Resolver:
             situation=self._formula(("situation",), entry.situation) if entry.situation is not None else None,
             area=entry.area,
             signals=signals,
-            availability=self._availability(entry.available) if entry.available is not None else None,
+            availabilities=self._availabilities(entry),
+            availability_mode=AvailabilityMode(entry.availability_mode),
             services=services,
             door=self._door(entry),
             session=self._session(entry) if entry.session is not None else None,
@@ -100,18 +111,28 @@ class Resolver:
         if source is None or conversion is None:
             return None
         dead_band = attribute.tolerance if entry.dead_band is None else entry.dead_band
-        return Signal(
-            path=path, source=source, conversion=conversion, steps=self._steps(key, entry.json_path), dead_band=dead_band, interval=interval
-        )
+        lapses = {
+            name: self._seconds((*key, name), amount)
+            for name, amount in (("off_delay", entry.off_delay), ("expire_after", entry.expire_after))
+            if amount is not None
+        }
+        if entry.off_delay is not None and attribute.kind is not Kind.TRUTH:
+            self._problem((*key, "off_delay"), f"{path} is no truth value, which could go back to FALSE")
+        steps = self._steps(key, entry.json_path)
+        return Signal(path=path, source=source, conversion=conversion, steps=steps, dead_band=dead_band, interval=interval, **lapses)
 
-    def _availability(self, entry: AvailabilityEntry) -> Availability | None:
-        if WORKING not in self._attributes:
-            self._problem(
-                ("available",), f"objects of its type have no attribute {WORKING}; let it be a StationaryDevice, or leave this out"
-            )
-        source = self._source(("available",), entry)
-        steps = self._steps(("available",), entry.json_path)
-        return Availability(source=source, steps=steps, online=entry.online) if source is not None else None
+    def _availabilities(self, entry: ThingEntry) -> tuple[Availability, ...]:
+        entries: list[tuple[KeyPath, AvailabilityEntry]] = [(("available",), entry.available)] if entry.available is not None else []
+        entries += [(("availability", index), place) for index, place in enumerate(entry.availability)]
+        if entries and WORKING not in self._attributes:
+            text = f"objects of its type have no attribute {WORKING}; let it be a StationaryDevice, or leave this out"
+            self._problem(entries[0][0], text)
+        places = []
+        for key, place in entries:
+            source, steps = self._source(key, place), self._steps(key, place.json_path)
+            if source is not None:
+                places.append(Availability(source=source, steps=steps, online=place.online))
+        return tuple(places)
 
     def _source(self, key: KeyPath, entry: AttributeEntry | AvailabilityEntry) -> Source | None:
         places = {"topic": entry.topic, "path": entry.path, "register": entry.register_}
@@ -188,7 +209,7 @@ class Resolver:
             self._formula((*key, "demand"), entry.demand, variables)
         self._check_outputs(key, entry, definition, read_paths)
         done_when = entry.done_when
-        if done_when is None and (missing := _unread(definition.effect, read_paths)):
+        if done_when is None and (missing := unread(definition.effect, read_paths)):
             self._problem(key, f"no message says {', '.join(missing)}; write done_when: and what is read, or {SENT_ALL}")
         if not entry.write:
             self._problem(key, "sends nothing; write write: and its messages")
@@ -250,7 +271,7 @@ class Resolver:
             self._problem((*key, "register"), f"{endpoint.place} can only be read; write to a coil or to a holding register")
         if register is not None and register.encoding.startswith("bit"):
             self._problem((*key, "as"), "one bit of a register cannot be written alone; write the whole register, or a coil")
-        if register is not None and not _fits_register(entry.payload):
+        if register is not None and not fits_register(entry.payload):
             self._problem((*key, "payload"), "a register gets a number, true or false, or an input of the service: payload: '?Temperature'")
         placeholders = dict.fromkeys(PLACEHOLDER.findall(entry.payload)) if isinstance(entry.payload, str) else {}
         for variable in placeholders:
@@ -333,7 +354,7 @@ class Resolver:
         """Check a formula about what messages say."""
         if self._formula(key, text, variables) is None:
             return
-        if missing := _unread(text, read_paths):
+        if missing := unread(text, read_paths):
             self._problem(key, f"no message says {', '.join(missing)}; say under attributes: where it is read")
 
     def _amounts(self, key: KeyPath, entry: ServiceEntry) -> None:
@@ -358,29 +379,3 @@ class Resolver:
 
     def _problem(self, key: KeyPath, message: str) -> None:
         self.problems.append((key, message))
-
-
-def _fits_register(payload: Plain) -> bool:
-    """Whether a payload can be written to a register, as far as is known without inputs."""
-    if not isinstance(payload, str) or PLACEHOLDER.search(payload) or payload.strip().lower() in ("true", "false"):
-        return True
-    try:
-        return math.isfinite(float(payload))
-    except ValueError:
-        return False
-
-
-def _unread(formula: str, read_paths: Collection[str]) -> list[str]:
-    """What a formula speaks of, besides attributes of ?Provider whose values are read."""
-    parsed = parse(formula)
-    relations = [str(literal) for literal in literals(parsed) if not isinstance(literal, Comparison)]
-    attributes = [term for term in terms(parsed) if isinstance(term, Attribute)]
-    provider_attributes = {
-        attribute for attribute in attributes if isinstance(attribute.owner, Variable) and attribute.owner.name == PROVIDER
-    }
-    unread = [
-        attribute.path if attribute in provider_attributes else str(attribute)
-        for attribute in attributes
-        if attribute not in provider_attributes or attribute.path not in read_paths
-    ]
-    return [*unread, *relations]

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from somrs.adapters.things.conversion import raw_text
 from somrs.adapters.things.json_path import Steps, json_value
-from somrs.adapters.things.model import Availability, Signal, Source, Thing
+from somrs.adapters.things.model import Availability, AvailabilityMode, Signal, Source, Thing
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, conjunction
 from somrs.ontology.map import Map
 from somrs.ontology.objects import Object
@@ -29,16 +29,42 @@ def source_key(source: Source) -> SourceKey:
     return source.connection, source.place, source.register
 
 
+def readers_of(thing: Thing) -> tuple[Signal | Availability, ...]:
+    """What is read in the messages of a thing."""
+    return (*thing.signals, *thing.availabilities)
+
+
 class ThingState:
     """The values of a thing by paths, as it said them last. `heard_at`: when, in seconds since 1970. `is_online` None: it has not said
-    whether it works. `misread`: the paths whose last message was not understood, or not believed."""
+    whether it works. `misread`: the paths whose last message was not understood, or not believed; `expired`: those of which nothing was
+    heard for too long."""
 
     def __init__(self, thing: Thing, ontology: Ontology) -> None:
         self.thing, self._ontology = thing, ontology
         self.values: dict[str, Value] = {}
         self.heard_at: dict[str, float] = {}
         self.misread: set[str] = set()
+        self.expired: set[str] = set()
+        self.availability: dict[Availability, bool] = {}
+        """Whether it works, by where it says so."""
         self.is_online: bool | None = None
+
+    def heard_available(self, place: Availability, is_online: bool) -> None:
+        """Take in that the thing says at this place whether it works."""
+        self.availability[place] = is_online
+        words = [self.availability.get(place) for place in self.thing.availabilities]
+        match self.thing.availability_mode:
+            case AvailabilityMode.LATEST:
+                self.is_online = is_online
+            case AvailabilityMode.ALL:
+                self.is_online = False if False in words else None if None in words else True
+            case AvailabilityMode.ANY:
+                self.is_online = True if True in words else None if None in words else False
+
+    @property
+    def doubtful(self) -> set[str]:
+        """The paths whose values are not known any more."""
+        return self.misread | self.expired
 
     def holds(self, formula: Formula) -> bool:
         """Whether the formula holds with what the thing said. It is not, if it is about something that the thing has not said."""
@@ -48,9 +74,9 @@ class ThingState:
     @property
     def known_at(self) -> float | None:
         """When it was known last how it is, in seconds since 1970: at its last message; or at that before the first that was not
-        understood. None: never."""
-        misread_times = [self.heard_at[path] for path in self.misread if path in self.heard_at]
-        return min(misread_times) if misread_times else max(self.heard_at.values(), default=None)
+        understood, or did not come. None: never."""
+        doubtful_times = [self.heard_at[path] for path in self.doubtful if path in self.heard_at]
+        return min(doubtful_times) if doubtful_times else max(self.heard_at.values(), default=None)
 
     def situation(self, paths: Iterable[str] | None = None) -> Formula | None:
         """What the thing said, as a formula; None if it said nothing."""
@@ -88,7 +114,7 @@ class Router:
     def add(self, state: ThingState) -> None:
         """Let a thing receive messages."""
         thing = state.thing
-        for reader in (*thing.signals, *((thing.availability,) if thing.availability is not None else ())):
+        for reader in readers_of(thing):
             self._readers.setdefault(source_key(reader.source), []).append((state, reader))
 
     def remove(self, state: ThingState) -> None:
@@ -117,6 +143,7 @@ class Router:
             if news is None:
                 continue
             state.misread.discard(_name_of(reader))
+            state.expired.discard(_name_of(reader))
             if isinstance(reader, Signal):
                 state.heard_at[reader.path] = now
             yield news
@@ -133,8 +160,8 @@ def _news(state: ThingState, reader: Signal | Availability, raw: object) -> News
     if raw is None:
         return None
     if isinstance(reader, Availability):
-        state.is_online = raw_text(raw) == reader.online
-        return News(state=state, value=state.is_online)
+        state.heard_available(reader, raw_text(raw) == reader.online)
+        return News(state=state, value=state.is_online) if state.is_online is not None else None
     value = reader.conversion.read(raw)
     if value is None:
         return None

@@ -51,8 +51,9 @@ class ThingDevice(Device):
             raise Refusal(f"{self.name} has gone", not_now=True)
         if state.is_online is False:
             raise Refusal(f"{self.name} does not work", not_now=True)
-        if state.is_online is None and self.thing.availability is not None:
-            raise Refusal(f"{self.name} has not said yet that it works, at {self.thing.availability.source}", not_now=True)
+        if state.is_online is None and self.thing.availabilities:
+            places = [str(place.source) for place in self.thing.availabilities if not state.availability.get(place)]
+            raise Refusal(f"{self.name} has not said yet that it works, at {', '.join(places)}", not_now=True)
         for connection in dict.fromkeys(command.connection for command in plan.commands):
             if connection in self.hub.lost_connections:
                 raise Refusal(f"the connection {connection} of {self.name} is not there", not_now=True)
@@ -83,7 +84,8 @@ class ThingDevice(Device):
             while any(path not in state.values for path in plan.outputs.values()):
                 await news.wait()
                 news.clear()
-            if done is None or (plan.done_when == plan.effect and state.holds(done)):
+            has_failed = failed is not None and state.holds(failed)  # which may be of before: the next message tells
+            if done is None or (plan.done_when == plan.effect and state.holds(done) and not has_failed):
                 return
             while True:
                 await news.wait()

@@ -66,8 +66,7 @@ def test_a_lamp_with_a_json_schema() -> None:
     assert values_after(lamp, ("zigbee2mqtt/hall", '{"state": "ON", "brightness": 255}')) == {"On": True, "Brightness": 100.0}
     assert sent(lamp, "SwitchOff") == ("zigbee2mqtt/hall/set", '{"state": "OFF"}')
     assert sent(lamp, "SetBrightness", Brightness="50") == ("zigbee2mqtt/hall/set", '{"state": "ON", "brightness": 128}')
-    assert lamp.availability is not None
-    assert lamp.availability.source.place == "zigbee2mqtt/hall/availability"
+    assert [place.source.place for place in lamp.availabilities] == ["zigbee2mqtt/hall/availability"]
 
 
 def test_entities_of_one_device_are_one_thing() -> None:
@@ -168,7 +167,7 @@ def test_a_cover_that_says_its_position_only_is_open_at_one_end_and_shut_at_the_
 
 
 @pytest.mark.parametrize(
-    ("config", "asked", "expected"),
+    ("config", "temperature", "expected"),
     [
         ({"max_temp": 30, "min_temp": 5, "temp_step": 0.5}, "99", "99 degC is beyond range: 5 to 30 degC"),
         ({"max_temp": 30, "min_temp": 5, "temp_step": 0.5}, "20.3", "the nearest is 20.5 degC"),
@@ -179,10 +178,12 @@ def test_a_cover_that_says_its_position_only_is_open_at_one_end_and_shut_at_the_
     ],
 )
 @pytest.mark.parametrize("topics", [{}, {"temp_stat_t": "t"}])
-def test_a_thermostat_is_set_to_what_it_can_be_set_to(config: dict[str, Any], asked: str, expected: str, topics: dict[str, str]) -> None:
+def test_a_thermostat_is_set_to_what_it_can_be_set_to(
+    config: dict[str, Any], temperature: str, expected: str, topics: dict[str, str]
+) -> None:
     (heater,) = announced({"climate/x": {"temp_cmd_t": "set", **config, **topics}})
     try:
-        outcome = payload_text(sent(heater, "SetTemperature", Temperature=asked)[1])
+        outcome = payload_text(sent(heater, "SetTemperature", Temperature=temperature)[1])
     except InputError as error:
         outcome = str(error)
     assert expected in outcome
@@ -195,11 +196,11 @@ def test_a_lamp_is_no_brighter_than_it_can_be() -> None:
 
 
 @pytest.mark.parametrize(
-    ("device_class", "unit", "said"), [("temperature", "°F", "-500"), ("humidity", "%", "500"), ("humidity", "%", "-5")]
+    ("device_class", "unit", "reading"), [("temperature", "°F", "-500"), ("humidity", "%", "500"), ("humidity", "%", "-5")]
 )
-def test_what_a_sensor_cannot_measure_is_not_believed(device_class: str, unit: str, said: str) -> None:
+def test_what_a_sensor_cannot_measure_is_not_believed(device_class: str, unit: str, reading: str) -> None:
     (sensor,) = announced({"sensor/x": {"state_topic": "s", "device_class": device_class, "unit_of_measurement": unit}})
-    assert values_after(sensor, ("s", said)) == {}
+    assert values_after(sensor, ("s", reading)) == {}
 
 
 def test_a_thing_that_says_nothing_is_done_when_its_message_is_sent() -> None:
@@ -213,6 +214,10 @@ def test_a_thing_that_says_nothing_is_done_when_its_message_is_sent() -> None:
         ("button", {"command_topic": "c"}, "an entity of the kind button"),
         ("sensor", {"state_topic": "s", "value_template": "{{ value_json.a * 2 }}"}, "which is more than a path"),
         ("switch", {"state_topic": "s"}, "it says no command_topic"),
+        ("cover", {"command_topic": "c", "tilt_cmd_t": "t", "json_attributes_topic": "j"}, ": its tilt_cmd_t"),
+        ("light", {"command_topic": "c", "rgb_command_topic": "t", "rgb_state_topic": "s"}, ": its rgb_command_topic, rgb_state_topic"),
+        ("switch", {"command_topic": "c", "avty": [{"t": "a", "val_tpl": "{{ value == 1 }}"}]}, "which is more than a path"),
+        ("switch", {"command_topic": "c", "avty_t": "a", "avty_mode": "some"}, "'some' is not a valid AvailabilityMode"),
     ],
 )
 def test_what_cannot_be_mapped_is_said(component: str, config: dict[str, str], expected: str) -> None:
@@ -232,6 +237,33 @@ def test_a_thing_leaves_when_its_announcement_is_withdrawn() -> None:
     assert not discovery.received("homeassistant/switch/x/config", b'{"command_topic": "c"}')
     assert discovery.received("homeassistant/switch/x/config", b"")
     assert discovery.things() == []
+
+
+@pytest.mark.parametrize(
+    ("mode", "messages", "is_working"),
+    [
+        ("all", ["a=online"], None),
+        ("all", ["a=online", "b=offline"], False),
+        ("all", ["a=online", "b=online"], True),
+        ("any", ["a=offline"], None),
+        ("any", ["a=offline", "b=online"], True),
+        ("any", ["a=offline", "b=offline"], False),
+        ("latest", ["a=online", "b=offline", "a=online"], True),
+    ],
+)
+def test_a_thing_works_as_it_says_at_several_topics(mode: str, messages: list[str], is_working: bool | None) -> None:
+    places = [{"t": "a"}, {"topic": "b"}]
+    (lamp,) = announced({"switch/x": {"command_topic": "c", "avty": places, "avty_mode": mode}})
+    state, router = ThingState(lamp, ontology()), Router()
+    router.add(state)
+    for topic, word in (message.split("=") for message in messages):
+        list(router.received(("house", topic, None), word.encode(), 0.0))
+    assert state.is_online is is_working
+
+
+def test_sensors_say_when_their_values_lapse() -> None:
+    (motion,) = announced({"binary_sensor/x": {"state_topic": "s", "device_class": "motion", "off_dly": 30, "exp_aft": "60"}})
+    assert [(signal.off_delay, signal.expire_after) for signal in motion.signals] == [(30.0, 60.0)]
 
 
 @given(st.text(max_size=30) | st.recursive(st.none() | st.booleans() | st.integers() | st.text(max_size=5), st.lists).map(json.dumps))

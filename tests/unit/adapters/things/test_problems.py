@@ -93,3 +93,32 @@ def test_what_an_earlier_run_has_left_on_the_map_is_taken_back(tmp_path: Path) -
         hub.note_problem("Heater1", "has not said anything yet")
 
     assert reported(tmp_path, begin_again) == [""]
+
+
+def sensor_of(folder: Path, play: Callable[[Hub], None], seconds: float) -> tuple[dict[tuple[str, str], Value], str | None]:
+    """What the map is told of a sensor whose values lapse, some seconds after the test has played, and why it is not known how it is."""
+    (folder / "things.yaml").write_text("""
+connections: {house: {url: mqtt://broker}}
+things: {Sensor1: {type: Sensor, attributes: {Detected: {topic: motion, off_delay: 30 s, expire_after: 60 s}}}}
+""")
+
+    async def run() -> tuple[dict[tuple[str, str], Value], str | None]:
+        loaded, hub = read_mapping(folder / "things.yaml"), Hub()
+        hub.connect(loaded.connections["house"])
+        hub.add(loaded.things[0], loaded.ontology)
+        play(hub)
+        hub.sampler.take_due(asyncio.get_running_loop().time())
+        await asyncio.sleep(seconds)
+        return hub.sampler.take_due(asyncio.get_running_loop().time()), hub.silence("Sensor1")
+
+    return in_virtual_time(run())
+
+
+def test_values_lapse_when_nothing_more_is_heard(tmp_path: Path) -> None:
+    def move(hub: Hub) -> None:
+        hub.received(("house", "motion", None), b"on")
+
+    assert sensor_of(tmp_path, move, 29.0) == ({}, None)
+    assert sensor_of(tmp_path, move, 31.0) == ({("Sensor1", "Detected"): False}, None)
+    problem = "has said nothing of Detected for too long"
+    assert sensor_of(tmp_path, move, 66.0) == ({("Sensor1", "Detected"): False, ("Sensor1", PROBLEM): problem}, problem)
