@@ -72,6 +72,6 @@ class ProblemReporter:
 
 
 def _brief(problem: str) -> str:
-    """A problem as a line of no more than so many characters."""
-    line = " ".join(problem.split())
+    """A problem as a line of no more than so many characters, all of which can be printed."""
+    line = "".join(character if character.isprintable() else "?" for character in " ".join(problem.split()))
     return line if len(line) <= LONGEST else f"{line[: LONGEST - 3]}..."
