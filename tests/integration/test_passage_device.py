@@ -132,8 +132,7 @@ def test_a_lift_is_called_when_no_robot_has_it_and_robots_come_after_it() -> Non
     run(test())
 
 
-def test_a_dead_lift_stands_nowhere_until_it_says_where_it_is() -> None:
-    """Seen with a lift whose controller had died: the map had it at a storey still."""
+def test_the_map_has_where_a_lift_says_that_it_stands_and_that_a_dead_one_stands_nowhere() -> None:
 
     async def test() -> None:
         repository = Repository(
@@ -151,11 +150,13 @@ def test_a_dead_lift_stands_nowhere_until_it_says_where_it_is() -> None:
             return [str(row["Storey"]) for row in await lift.map.query("Lift1 standsAt ?Storey")]
 
         lift.observer = report
-        # Its last will; it works; it says itself that it is out of order, and where it is; its last will; it works, and knows where it is.
-        for level, is_working in ((None, False), (HEIGHT, True), (HEIGHT, False), (None, False), (None, True), (HEIGHT, True)):
+        # Its last will; it works; it says itself that it is out of order, and where it is; its last will; it works, and knows where it is;
+        # a person rides down.
+        levels = ((None, False), (HEIGHT, True), (HEIGHT, False), (None, False), (None, True), (HEIGHT, True), (None, True), (0.0, True))
+        for level, is_working in levels:
             lift.status(level=level, working=is_working)
             known_storeys.append(await storeys())
-        assert known_storeys == [[], ["Storey2"], ["Storey2"], [], [], ["Storey2"]]
+        assert known_storeys == [[], ["Storey2"], ["Storey2"], [], [], ["Storey2"], ["Storey2"], ["Storey1"]]
 
     run(test())
 

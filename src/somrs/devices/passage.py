@@ -102,7 +102,7 @@ def _check_working(device: PassageDevice) -> None:
 
 
 class LiftDevice(PassageDevice):
-    """A lift. The map learns at which storey its cabin stands when no robot has it any more, and that it stands at none when the lift does
+    """A lift. The map learns at which storey its cabin stands when no robot has it, and that it stands at none when the lift does
     not work and does not know where its cabin is."""
 
     type = "Lift"
@@ -115,7 +115,7 @@ class LiftDevice(PassageDevice):
 
     def status(self, *, level: float | None = None, working: bool = True, shared: bool = False, problem: str | None = None) -> None:
         super().status(level=level, working=working, shared=shared, problem=problem)
-        if not working or self._reported_level is None:
+        if not working or (level is not None and level != self._reported_level):
             report = asyncio.get_running_loop().create_task(self._report_whereabouts())
             self._reports.add(report)
             report.add_done_callback(self._reports.discard)

@@ -153,13 +153,20 @@ class SessionLink:
         try:
             repeated = self.session.heard(payload if isinstance(payload, bytes) else str(payload).encode(), self._now())
         except ValueError as error:
-            if str(error) != self._last_complaint:
-                log.warning("%s: %s", self._device.name, error)
-            self._last_complaint = str(error)
+            self._complain(str(error))
             return
+        if (level := self.session.unknown_level) is not None:
+            expected = ", ".join(self._settings.levels.values())
+            self._complain(f"its cabin stands at the level {level!r}, which is none of {expected}; if it has a storey, correct levels:")
         if repeated is not None:
             self._send_soon(repeated)
         self._tell()
+
+    def _complain(self, text: str) -> None:
+        """Log what is wrong, once until something else is."""
+        if text != self._last_complaint:
+            log.warning("%s: %s", self._device.name, text)
+        self._last_complaint = text
 
     def _tell(self) -> None:
         state = self._hub.states.get(self._device.name)

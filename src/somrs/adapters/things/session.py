@@ -65,6 +65,12 @@ class PassageSession:
             return False
         return not self._levels or state.level == self._level(call.level)
 
+    @property
+    def unknown_level(self) -> str | None:
+        """The level at which the cabin stands, if it is none of those of the storeys."""
+        level = self.state.level if self.state is not None and self._levels else None
+        return level if level not in self._levels.values() else None
+
     def status(self) -> PassageStatus:
         """How the passage is, for traffic."""
         state = self.state

@@ -40,10 +40,18 @@ def test_robots_can_come_when_the_cabin_is_there_with_open_doors_in_this_session
     assert not session.is_ready
 
 
+@pytest.mark.parametrize(("level", "unknown_level"), [('"G"', None), ("null", None), ('"EG"', "EG")])
+def test_a_level_that_no_storey_has_is_noticed(level: str, unknown_level: str | None) -> None:
+    session = lift()
+    session.heard(state(level=level), 0)
+    assert session.unknown_level == unknown_level
+
+
 def test_a_door_has_no_levels() -> None:
     door = PassageSession("somrs-Door1", {})
     assert door.called(PassageCall(), 0) == SessionRequest(session="somrs-Door1")
     door.heard(b'{"doors": "open", "session": "somrs-Door1"}', 0)
+    assert door.unknown_level is None
     assert door.is_ready
 
 
