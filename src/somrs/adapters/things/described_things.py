@@ -54,8 +54,17 @@ def resolve_description(
 ) -> ResolvedThing:
     """The thing of a Thing Description. Connections of the settings with the same address are used. Raises InputError."""
     described = read_description(text, address, ontology, names if names is not None else ThingNames(), taken_names)
-    own_connections = {name: _named(name, parse_connection(name, entry), connections) for name, entry in described.connections.items()}
-    return _resolved(described, ontology.extended(described.definitions), own_connections, address)
+    used_connections: dict[str, Connection] = {}
+    for name, entry in described.connections.items():
+        connection, security = parse_connection(name, entry), described.securities.get(name)
+        configured = _configured(connection, security, connections)
+        used_connections[name] = configured if configured is not None else connection
+        if configured is None and security not in (None, "nosec"):
+            need = _NEEDS.get(str(security))
+            advice = f"name a connection with the address {connection} in the settings, with {need}" if need else "it is not supported"
+            text = f"the security scheme {security}: {advice}"
+            described = structs.replace(described, unsupported=(*described.unsupported, text))
+    return _resolved(described, ontology.extended(described.definitions), used_connections, address)
 
 
 def resolve_discovered(discovered: Discovered, ontology: Ontology, connections: Mapping[str, Connection]) -> ResolvedThing:
@@ -63,12 +72,24 @@ def resolve_discovered(discovered: Discovered, ontology: Ontology, connections: 
     return _resolved(discovered, ontology, connections, "Home Assistant's discovery")
 
 
-def _named(name: str, connection: Connection, connections: Mapping[str, Connection]) -> Connection:
-    """The connection of the settings to the same server, which may have a password, under this name; else the connection itself."""
+_NEEDS = {"basic": "user and password_file", "bearer": "password_file, which has the token, and no user"}
+"""What a connection has for the security schemes that are supported."""
+
+
+def _configured(connection: Connection, security: str | None, connections: Mapping[str, Connection]) -> Connection | None:
+    """The connection of the settings to the same server that has what the security scheme needs; None if there is none.
+
+    A password is only sent to what asks for it: several things with passwords of their own may be behind one address.
+    """
     for configured in connections.values():
         if (configured.scheme, configured.host, configured.port) == (connection.scheme, connection.host, connection.port):
-            return structs.replace(configured, name=name, path="")
-    return connection
+            has_user, has_password = configured.user is not None, configured.password_file is not None
+            fits = {"basic": has_user, "bearer": has_password and not has_user, "nosec": not has_password or connection.kind == "mqtt"}
+            if security is None or fits.get(security, False):
+                # What a description names has paths of its own, and no other connection has this name.
+                name = configured.name if not configured.path else f"{connection.name} as {configured.name}"
+                return structs.replace(configured, name=name, path="")
+    return None
 
 
 def _resolved(described: Described | Discovered, ontology: Ontology, connections: Mapping[str, Connection], source: str) -> ResolvedThing:

@@ -51,6 +51,8 @@ class Described(Struct, frozen=True, kw_only=True):
     name: str
     entry: ThingEntry
     connections: Mapping[str, ConnectionEntry]
+    securities: Mapping[str, str | None] = {}
+    """By connections, the security scheme that its forms name (WoT TD 1.1, 5.3.3); None: they name none."""
     definitions: tuple[Definition, ...] = ()
     unsupported: tuple[str, ...] = ()
 
@@ -84,6 +86,7 @@ class _Reading:
         self.document, self.ontology = document, ontology
         self.base = urljoin(base_address, str(document.get("base", "")))
         self.connections: dict[str, ConnectionEntry] = {}
+        self.securities: dict[str, str | None] = {}
         self.definitions: dict[str, Definition] = {}
         self.unsupported: list[str] = []
         self.attributes: dict[str, AttributeEntry] = {}
@@ -91,7 +94,6 @@ class _Reading:
 
     def finish(self, name: str) -> Described:
         title = str(self.document["title"])
-        self._check_security()
         for key, schema in _entries(self.document.get("properties")):
             self._property(key, schema)
         for key, _ in _entries(self.document.get("actions")):
@@ -105,18 +107,18 @@ class _Reading:
             name=name,
             entry=entry,
             connections=self.connections,
+            securities=self.securities,
             definitions=tuple(self.definitions.values()),
             unsupported=tuple(self.unsupported),
         )
 
-    def _check_security(self) -> None:
-        definitions = self.document.get("securityDefinitions")
-        schemes = {scheme.get("scheme") for _, scheme in _entries(definitions)}
-        if needed := sorted(str(scheme) for scheme in schemes - {"nosec", None}):
-            text = (
-                f"the security scheme {', '.join(needed)}: name a connection with this address in the settings, with user and password_file"
-            )
-            self.unsupported.append(text)
+    def _security(self, form: Mapping[str, Any]) -> str | None:
+        """The security scheme of a form: its own one, or that of the thing; None if neither is said."""
+        names = form.get("security", self.document.get("security"))
+        name = names[0] if isinstance(names, list) and names else names
+        definitions = dict(_entries(self.document.get("securityDefinitions")))
+        definition = definitions.get(name) if isinstance(name, str) else None
+        return str(definition.get("scheme")) if definition is not None else None
 
     def _type(self, title: str) -> str:
         """The type of the thing: one of those for things, or one below it, if it has attributes that no other thing has."""
@@ -228,14 +230,16 @@ class _Reading:
     def _place(self, href: str, form: Mapping[str, Any], writes: bool) -> _Endpoint:
         parts = urlsplit(href)
         is_mqtt = parts.scheme.startswith("mqtt")
-        address = f"{parts.scheme}://{parts.netloc}"
-        self.connections.setdefault(address, ConnectionEntry(url=address))
+        address, security = f"{parts.scheme}://{parts.netloc}", self._security(form)
+        name = address if security in (None, "nosec") else f"{address} with {security}"
+        self.connections.setdefault(name, ConnectionEntry(url=address))
+        self.securities[name] = security
         method = str(form.get("htv:methodName", "PUT")) if writes and not is_mqtt else ""
         place = str(form.get("mqv:topic") or form.get("mqv:filter") or parts.path.removeprefix("/")) if is_mqtt else parts.path or "/"
         if parts.query and not is_mqtt:
             place = f"{place}?{parts.query}"
         return _Endpoint(
-            connection=address,
+            connection=name,
             place=place,
             is_mqtt=is_mqtt,
             method="POST" if method == "POST" else "PUT" if method else "",

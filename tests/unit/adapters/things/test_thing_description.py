@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -100,10 +101,39 @@ def test_a_connection_of_the_settings_to_the_same_server_is_used() -> None:
     assert [connection.user for connection in thing.connections.values()] == ["somrs"]
 
 
+@pytest.mark.parametrize(
+    ("scheme", "user", "is_missing"), [("basic", "ann", False), ("bearer", None, False), ("nosec", None, False), ("digest", None, True)]
+)
+def test_each_thing_at_an_address_gets_the_connection_with_its_security(
+    tmp_path: Path, scheme: str, user: str | None, is_missing: bool
+) -> None:
+    (tmp_path / "secret").write_text("secret")
+    entries = {"door": ConnectionEntry(url="http://house.local", user="ann", password_file="secret")}
+    if not is_missing:
+        entries["blind"] = ConnectionEntry(url="http://house.local", password_file="secret")
+    connections = {name: parse_connection(name, entry, tmp_path) for name, entry in entries.items()}
+    document = {
+        "title": "Thing",
+        "securityDefinitions": {"sc": {"scheme": scheme}},
+        "security": "sc",
+        "properties": {"on": {"type": "boolean", "forms": form("/on")}},
+    }
+    resolved_thing = resolve_description(json.dumps(document), ADDRESS, upper(2).extended(library()), connections)
+    (connection,) = resolved_thing.connections.values()
+    assert connection.user == user
+    assert (connection.password_file is not None) is (scheme in ("basic", "bearer"))
+    assert any("security scheme" in text for text in resolved_thing.thing.unsupported) is is_missing
+
+
 def test_what_cannot_be_mapped_is_said() -> None:
     thing = resolved(
         securityDefinitions={"basic_sc": {"scheme": "basic"}},
-        properties={"colour": {"type": "object", "forms": form("/c")}, "on": {"type": "boolean", "forms": form("coap://lamp/on")}},
+        security=["basic_sc"],
+        properties={
+            "colour": {"type": "object", "forms": form("/c")},
+            "on": {"type": "boolean", "forms": form("coap://lamp/on")},
+            "locked": {"type": "boolean", "forms": form("/locked")},
+        },
         actions={"fade": {"forms": form("/fade")}},
         events={"overheated": {"forms": form("/hot")}},
     ).thing
