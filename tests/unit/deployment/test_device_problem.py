@@ -16,9 +16,10 @@ from somrs.repository.state import Contents
 from tests.support.virtual_devices import make_ask
 
 
-def on_map(*problems: str | None, left: str | None = None) -> Value | None:
-    """What the map has when a device has had problems one after the other, and has joined. `left`: what an earlier run has left there."""
-    values: dict[str, Value] = {"PositionX": 0.0, "PositionY": 0.0, **({PROBLEM: left} if left is not None else {})}
+def on_map(*problems: str | None, stored_problem: str | None = None) -> Value | None:
+    """What the map has when a device has had problems one after the other, and has joined. `stored_problem`: what an earlier run has left
+    there."""
+    values: dict[str, Value] = {"PositionX": 0.0, "PositionY": 0.0, **({PROBLEM: stored_problem} if stored_problem is not None else {})}
     repository = Repository(
         "http://here/repository", Contents(ontology=upper(), map=Map([Object(name="Robot1", type="MobileRobot", values=values)]))
     )
@@ -48,6 +49,6 @@ def test_whatever_a_device_says_is_a_line_on_the_map(words: str, text: str) -> N
 
 def test_the_last_problem_counts() -> None:
     assert on_map("cannot drive: a", "cannot drive: b") == "cannot drive: b"
-    assert on_map("cannot drive: a", None, left="cannot drive: c") == ""
-    assert on_map(left="cannot drive: c") == "", "an earlier run has left it"
+    assert on_map("cannot drive: a", None, stored_problem="cannot drive: c") == ""
+    assert on_map(stored_problem="cannot drive: c") == "", "an earlier run has left it"
     assert on_map() is None
