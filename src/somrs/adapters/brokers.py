@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from urllib.parse import urlsplit
 
@@ -32,7 +33,7 @@ def read_broker_url(text: str) -> BrokerUrl:
     first = urls[0]
     servers: list[Server] = []
     for url in urls:
-        if url.scheme not in PORTS or not url.hostname or url.path not in ("", "/"):
+        if url.scheme not in PORTS or not url.hostname or re.search(r"\s", url.netloc) or url.path not in ("", "/"):
             raise ValueError(f"{text!r} is no address of a broker")
         if (url.scheme, url.username) != (first.scheme, first.username):
             raise ValueError(f"{text!r} has servers with different schemes or users")

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 
 from somrs.deployment.adapters import BUS_BROKER, OWN_BROKER, AdapterSettings
-from somrs.errors import InputError, Mistake, ModelError, Problem, SettingsError
+from somrs.errors import InputError, Mistake, ModelError, Problem, SettingsError, UsageError
 from somrs.ontology.files.loaded import AdapterEntry
 from somrs.ontology.files.nodes import Path
 from somrs.ports import host_and_port
@@ -34,11 +34,17 @@ def misfits_of(name: str, adapter: object, site: Site) -> SettingsError | None:
 
 
 def _problems(entry: AdapterEntry, site: Site | None, owners: dict[str, str]) -> Iterator[Problem]:
-    """`owners`: the adapters by the objects that they serve; those of this one are added."""
+    """`owners`: the adapters by the objects that they serve, and the place of the own broker; those of this one are added."""
     settings = AdapterSettings(entry.name, dict(entry.settings), str(entry.folder.resolve()))
     try:
         if place := settings.own_broker():
-            host_and_port(place)
+            try:
+                host_and_port(place)
+            except UsageError as error:
+                raise SettingsError(entry.name, [(("broker",), str(error))]) from None
+            if (earlier := owners.setdefault("the broker of the system", place)) != place:
+                text = f"there is one broker of the system, and another adapter has it at {earlier}; write the same place, or `own`"
+                raise SettingsError(entry.name, [(("broker",), text)])
         for broker in (OWN_BROKER, BUS_BROKER):
             settings = settings.with_broker(broker, ANY_BROKER)
         adapter = settings.make()

@@ -113,6 +113,25 @@ MISTAKES = {
             "one of the types"
         ],
     ),
+    "files and connections of things are not there": (
+        "  things: {broker: mqtt://b, gateway: my gateway, mappings: [none.yaml], descriptions: [none.json]}\n",
+        [
+            "5: adapters.things.mappings.0: there is no file none.yaml; correct the name, which is relative to the site file",
+            "5: adapters.things.descriptions.0: there is no file none.json; correct the name, which is relative to the site file",
+        ],
+    ),
+    "settings of things do not fit one another": (
+        "  things: {broker: mqtt://b, gateway: my gateway, home_assistant: [{connection: brokr}], simulated: {Lift9: {G: 0}}}\n",
+        [
+            "5: adapters.things.gateway: 'my gateway' is not a name of an object: write a letter, and then letters, digits, _ or -",
+            "5: adapters.things.simulated.Lift9: no mapping has Lift9 with a session; correct the name",
+            "5: adapters.things.home_assistant.0.connection: brokr is no connection to an MQTT broker; did you mean broker?",
+        ],
+    ),
+    "there are two places of one broker": (
+        vehicle(broker="broker: own 127.0.0.1:1883") + "  things: {broker: own 127.0.0.1}\n",
+        ["9: adapters.things.broker: '127.0.0.1' is no address: write HOST:PORT, such as 10.0.0.7:8883"],
+    ),
     "there is no such adapter": ("  vda550: {broker: own}\n", ["5: adapters.vda550: there is no adapter vda550; did you mean vda5050?"]),
     "of another adapter": (
         "  arcos: {robots: {Lifter1: {port: 'tcp://b', speed: 0, baud: fast}}}\n",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from msgspec.structs import replace
+from pydantic import Field
 
 from somrs.adapters.arcos.actions import RunningAction, begin, is_standing
 from somrs.adapters.arcos.course import Course
@@ -65,8 +66,8 @@ BATTERY_SHARE = 0.05
 class Battery(Entry):
     """The voltages of an empty and of a full battery, V."""
 
-    empty: float = 11.5
-    full: float = 13.0
+    empty: float = Field(default=11.5, gt=0, le=60, json_schema_extra={"unit": "V"})
+    full: float = Field(default=13.0, gt=0, le=60, json_schema_extra={"unit": "V"})
 
 
 class Driver:

@@ -20,6 +20,8 @@ from somrs.ports import host_and_port
 
 FASTEST = 2.5
 """m/s: no robot with ARCOS drives faster."""
+FARTHEST_REACH = 2.0
+"""m: no paddles are farther from the centre of a robot."""
 REACH, SIMULATED_REACH = 0.35, 0.56
 """From the centre of a robot to the middle of its paddles, and to where the arm of a robot of the simulator puts things, m."""
 
@@ -39,7 +41,7 @@ class RobotSettings(Entry):
     start: Annotated[tuple[float, float, float], Strict(False)] | None = Field(default=None, examples=["[2, 1.5, 90]"])
     parameters: str | None = None
     speed: float | None = Field(default=None, gt=0, le=FASTEST, json_schema_extra={"unit": "m/s"})
-    reach: float | None = Field(default=None, ge=0, json_schema_extra={"unit": "m"})
+    reach: float | None = Field(default=None, ge=0, le=FARTHEST_REACH, json_schema_extra={"unit": "m"})
     battery: Battery = Battery()
     dock: bool = False
     simulated: bool = False

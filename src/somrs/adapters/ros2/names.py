@@ -24,7 +24,7 @@ def _checked_path(path: str) -> str:
 
 
 def _checked_name(name: str) -> str:
-    if name and not _NAME.fullmatch(name):
+    if not _NAME.fullmatch(name):
         raise ValueError(f"{name!r} is no name of ROS 2: write letters, digits and _ between slashes, such as robot1/odom")
     return name
 

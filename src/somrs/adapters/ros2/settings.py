@@ -231,7 +231,7 @@ class Level(Entry):
     frame: str = "map"
     x: float = Field(default=0.0, json_schema_extra={"unit": "m"})
     y: float = Field(default=0.0, json_schema_extra={"unit": "m"})
-    yaw: float = Field(default=0.0, json_schema_extra={"unit": "rad"})
+    yaw: float = Field(default=0.0, ge=-6.3, le=6.3, json_schema_extra={"unit": "rad"})
     enter: Listed[Step] = ()
 
     @property
@@ -244,7 +244,7 @@ class RobotSettings(Entry):
     """A robot. `binding`: its binding file; `levels`: the first is the one on which it starts; `simulated`: it is a robot of the
     simulator, and its nodes are started with the system."""
 
-    namespace: RosName = ""
+    namespace: RosName | Literal[""] = ""
     binding: str = Field(examples=["robot.yaml"])
     levels: Listed[Level] = Field(default=(Level(),), min_length=1)
     simulated: bool = False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +14,13 @@ from somrs.adapters.adapter import Fleet
 from somrs.adapters.settings import valid_settings
 from somrs.adapters.things.connections import parse_connection
 from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE
-from somrs.adapters.things.described_things import ResolvedThing, load_description, resolve_description, resolve_discovered
+from somrs.adapters.things.described_things import ADDRESS, ResolvedThing, load_description, resolve_description, resolve_discovered
 from somrs.adapters.things.gateway import gateway
 from somrs.adapters.things.home_assistant import Discovery
 from somrs.adapters.things.hub import Hub
 from somrs.adapters.things.library import library, ontology_below
 from somrs.adapters.things.mapping import ConnectionEntry
-from somrs.adapters.things.mapping_file import LoadedMapping, read_mapping
+from somrs.adapters.things.mapping_file import read_mapping
 from somrs.adapters.things.model import Connection, Session, Thing
 from somrs.adapters.things.mqtt import MqttConnector
 from somrs.adapters.things.passages import passage_device
@@ -29,8 +29,9 @@ from somrs.adapters.things.state import Payload, SourceKey
 from somrs.adapters.things.thing_device import thing_device
 from somrs.adapters.things.thing_names import ThingNames
 from somrs.adapters.things.thing_objects import area_problem, type_problem
-from somrs.errors import InputError, Mistake
-from somrs.ontology.files.loading import load
+from somrs.entish.parse import nearest
+from somrs.errors import InputError, Mistake, SettingsError
+from somrs.ontology.files.loading import NAME, load
 from somrs.ontology.naming import DefinitionKey, key_of
 from somrs.ontology.types import Definition, Ontology
 from somrs.service_manager.sdk.device import Device
@@ -42,6 +43,11 @@ SETTLING = 1.0
 """Seconds after an announcement in which further ones of the same thing are waited for."""
 
 
+def _reject(mistakes: Sequence[Mistake]) -> None:
+    if mistakes:
+        raise SettingsError("things", mistakes)
+
+
 class ThingsAdapter:
     """Connects things over MQTT, HTTP and Modbus TCP (somrs.adapters.adapter.Adapter)."""
 
@@ -51,41 +57,48 @@ class ThingsAdapter:
         self.connections: dict[str, Connection] = {}
         url, certificates = self.settings.broker, self.settings.certificates
         broker = {"broker": ConnectionEntry(url=url, certificates=certificates)} if url is not None else {}
+        mistakes = [*self._absent_files()]
         for name, entry in {**broker, **self.settings.connections}.items():
             try:
                 self.connections[name] = parse_connection(name, entry, folder)
             except InputError as error:
-                raise InputError(f"adapters: things: connections.{name}: {error}") from error
-        self.mappings = [self._read(Path(name)) for name in self.settings.mappings]
-        for mapping in self.mappings:
-            self._adopt_connections(mapping)
-        self._check()
+                mistakes.append((("connections", name) if name in self.settings.connections else ("broker",), str(error)))
+        _reject(mistakes)
+        self.mappings = [read_mapping(folder / file, self.connections, self._used_files) for file in self.settings.mappings]
+        for index, mapping in enumerate(self.mappings):
+            for name, connection in mapping.connections.items():
+                if self.connections.setdefault(name, connection) != connection:
+                    mistakes.append((("mappings", index), f"another file has another connection {name}; give one another name"))
+        _reject([*mistakes, *self._mistakes()])
 
-    def _read(self, name: Path) -> LoadedMapping:
-        path = self._folder / name
-        if not path.is_file():
-            raise InputError(f"adapters: things: mappings: there is no file {path}; correct the name, which is relative to the site file")
-        return read_mapping(path, self.connections, self._used_files)
+    def _absent_files(self) -> Iterator[Mistake]:
+        settings = self.settings
+        for key, files in (("mappings", settings.mappings), ("uses", settings.uses), ("descriptions", settings.descriptions)):
+            for index, file in enumerate(files):
+                path = self._folder / file
+                if not ADDRESS.match(file) and not path.is_file():
+                    yield (key, index), f"there is no file {path}; correct the name, which is relative to the site file"
 
-    def _adopt_connections(self, mapping: LoadedMapping) -> None:
-        for name, connection in mapping.connections.items():
-            if self.connections.setdefault(name, connection) != connection:
-                raise InputError(f"adapters: things: two files have different connections {name}; give one another name")
-
-    def _check(self) -> None:
+    def _mistakes(self) -> Iterator[Mistake]:
+        """What of the settings does not fit the things of the mapping files."""
+        if NAME.fullmatch(self.settings.gateway) is None:
+            yield ("gateway",), f"{self.settings.gateway!r} is not a name of an object: write a letter, and then letters, digits, _ or -"
+        if self.settings.broker is not None and self.connections["broker"].kind != "mqtt":
+            yield ("broker",), f"{self.settings.broker!r} is no broker: write mqtt://HOST:PORT, or name it under connections"
         names = [thing.name for mapping in self.mappings for thing in mapping.things] + [self.settings.gateway]
         if repeated := sorted({name for name in names if names.count(name) > 1}):
-            raise InputError(f"adapters: things: {', '.join(repeated)}: several things have this name; give each another one")
+            yield ("mappings",), f"several things are called {', '.join(repeated)}; give each a name of its own"
         for name, heights in self.settings.simulated.items():
             session = self._sessions.get(name)
             if session is None:
-                raise InputError(f"adapters: things: simulated: no mapping has {name} with a session; correct the name")
-            if lacking := [level for level in session.levels.values() if level not in heights]:
-                raise InputError(f"adapters: things: simulated: {name}: write the heights of its levels: {', '.join(lacking)}")
-        for entry in self.settings.home_assistant:
-            connection = self.connections.get(entry.connection)
-            if connection is None or connection.kind != "mqtt":
-                raise InputError(f"adapters: things: home_assistant: {entry.connection} is no connection to an MQTT broker; name one")
+                yield ("simulated", name), f"no mapping has {name} with a session; {nearest(name, self._sessions) or 'correct the name'}"
+            elif lacking := [level for level in session.levels.values() if level not in heights]:
+                yield ("simulated", name), f"write the heights of its levels: {', '.join(lacking)}"
+        brokers = [name for name, connection in self.connections.items() if connection.kind == "mqtt"]
+        for index, entry in enumerate(self.settings.home_assistant):
+            if entry.connection not in brokers:
+                hint = nearest(entry.connection, brokers) or "name one"
+                yield ("home_assistant", index, "connection"), f"{entry.connection} is no connection to an MQTT broker; {hint}"
 
     @property
     def names(self) -> Collection[str]:
@@ -93,6 +106,8 @@ class ThingsAdapter:
 
     def misfits(self, site: Site) -> Iterable[Mistake]:
         """Things whose area the map of the site does not have, and those that are something else there."""
+        if self.settings.gateway in site.map.objects:
+            yield from site.named("gateway", [self.settings.gateway], "Device")
         for mapping in self.mappings:
             for thing in mapping.things:
                 problem = area_problem(thing, site.map, mapping.ontology) or type_problem(thing, site.map, mapping.ontology, site.ontology)

@@ -39,7 +39,7 @@ class _Place(_Entry):
     """Where a value is read or written."""
 
     connection: str | None = Field(default=None, description="A name under connections; needed if there are several")
-    topic: str | None = Field(default=None, description="Of MQTT")
+    topic: str | None = Field(default=None, min_length=1, description="Of MQTT")
     register_: str | None = Field(
         default=None, alias="register", description="Of Modbus: coil, discrete, input or holding, and the address from 0"
     )

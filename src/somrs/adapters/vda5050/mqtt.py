@@ -72,7 +72,9 @@ def _security(certificates: Certificates, folder: Path) -> ssl.SSLContext:
             key = str(folder / certificates.key) if certificates.key else None
             context.load_cert_chain(str(folder / certificates.certificate), key)
     except (OSError, ssl.SSLError) as error:
-        raise UsageError(f"certificates: {error}: give `authority`, `certificate` and `key` as paths of PEM files") from None
+        files = ", ".join(str(folder / file) for file in (certificates.authority, certificates.certificate, certificates.key) if file)
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+        raise UsageError(f"certificates: {files}: {reason}: give `authority`, `certificate` and `key` as paths of PEM files") from None
     return context
 
 

@@ -225,6 +225,12 @@ def _mistakes(settings: Settings) -> Iterator[Mistake]:
         if not vehicle.serial_number:
             yield ("vehicles", name), "give its manufacturer and serialNumber, as they are in its topics"
             continue
+        for key, text in (("manufacturer", vehicle.manufacturer), ("serialNumber", vehicle.serial_number)):
+            if any(character in text for character in "+#/"):
+                yield (
+                    ("vehicles", name, key),
+                    f"{text!r} has one of + # /, which parts of topics cannot have: write it as in the topics",
+                )
         twin = serials.setdefault((vehicle.manufacturer, vehicle.serial_number), name)
         if twin != name:
             yield ("vehicles", name), f"is {vehicle.manufacturer} {vehicle.serial_number}, as {twin} is: give each its own serialNumber"

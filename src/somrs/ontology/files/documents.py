@@ -169,6 +169,7 @@ _EXPECTED = {
     "less_than": "less than {lt:g}",
     "less_than_equal": "at most {le:g}",
     "too_short": "a list with at least {min_length} items",
+    "string_too_short": "a text that is not empty",
     "too_long": "a list with at most {max_length} items",
     "literal_error": "{expected}",
     "enum": "{expected}",
@@ -205,7 +206,11 @@ def _expected(key: str, kind: Any, detail: ErrorDetails) -> str:
     if get_origin(kind) is tuple and Ellipsis not in get_args(kind):
         return f"a list of {len(get_args(kind))} numbers"
     context = detail.get("ctx", {})
-    return _EXPECTED.get(detail["type"], detail["msg"].removeprefix("Input should be ").removeprefix("a valid ")).format(**context)
+    return (
+        _EXPECTED.get(detail["type"], detail["msg"].removeprefix("Input should be ").removeprefix("a valid "))
+        .format(**context)
+        .replace(" 1 items", " 1 item")
+    )
 
 
 def _example(field: FieldInfo | None) -> str:

@@ -81,7 +81,7 @@ class Source:
                 loader.dispose()
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            self._problem(mark.line + 1 if mark else None, "syntax", f"this is not YAML: {error.problem or error.context}")
+            self._problem(mark.line + 1 if mark else None, "syntax", f"this is not YAML: {_advice(error.problem or error.context or '')}")
         except (yaml.YAMLError, ValueError, RecursionError) as error:
             self._problem(None, "syntax", f"this is not YAML: {error}")
 
@@ -144,6 +144,15 @@ class Source:
             else:
                 stack.extend(node.value)
         return not aliased
+
+
+def _advice(problem: str) -> str:
+    """What the parser says of a problem, and what is mostly the matter."""
+    if "cannot start any token" in problem:
+        return f"{problem}; lines begin with spaces, not with tabs, and texts that begin with @, ` or % are quoted"
+    if "constructor for the tag" in problem:
+        return "tags such as !name are not used here; leave it out, or quote the text"
+    return problem
 
 
 def _repeated(node: yaml.MappingNode) -> Iterator[tuple[yaml.ScalarNode, int]]:

@@ -68,6 +68,10 @@ def test_an_empty_binding_is_a_robot_with_nav2_that_only_drives(tmp_path: Path) 
         ),
         ("pose: {type: geometry_msgs/msg/PoseStamped}\n", "write field: pose"),
         ("pose: {}\ntransform: {}\n", "robot.yaml:2: transform: is not read, because there is a `pose`"),
+        (
+            "odometry:\n\ttopic: odom\n",
+            "robot.yaml:2: file: this is not YAML: found character that cannot start any token; lines begin with spaces",
+        ),
         ("moves: {speed: .inf}\n", "speed should be a finite number in m/s, not inf"),
         ("- pose\n", "robot.yaml:1: file: a binding is a list of keys (pose, "),
         ("pose: [\n", "robot.yaml:2: file: this is not YAML"),

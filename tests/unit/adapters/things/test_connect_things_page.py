@@ -41,4 +41,5 @@ def test_settings_of_the_page_are_right(tmp_path: Path, block: str) -> None:
         settings["broker"] = "mqtt://localhost"
     passages = next(block for block in BLOCKS if "Lift1: {type: Lift" in block)
     (tmp_path / "things.yaml").write_text(passages)
+    (tmp_path / "scale.td.json").touch()
     ThingsAdapter(settings, tmp_path)

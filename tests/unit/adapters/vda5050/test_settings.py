@@ -29,6 +29,8 @@ BROKER = {"broker": "mqtt://10.0.0.5:1883"}
         ({"broker": "10.0.0.5"}, "'10.0.0.5' is no address of a broker"),
         ({"broker": "mqtt://10.0.0.5:port"}, "has no valid port: write mqtt://HOST:PORT"),
         ({"broker": "mqtt://me:secret@10.0.0.5"}, "SOMRS_MQTT_PASSWORD"),
+        ({"broker": "mqtt:// 10.0.0.5"}, "is no address of a broker"),
+        (BROKER | {"vehicles": {"Robot1": {"manufacturer": "acme", "serialNumber": "a/7"}}}, "Robot1.serialNumber: 'a/7' has one of + # /"),
         (BROKER | {"interface": "uagv/#"}, "interface: 'uagv/#'"),
         (BROKER | {"vehicle": {}}, "vehicle: unknown key vehicle; did you mean vehicles?"),
         (BROKER | {"vehicles": {"Robot1": {"manufacturer": "acme"}}}, "serialNumber"),
