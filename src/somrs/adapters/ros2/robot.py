@@ -18,6 +18,10 @@ UNSEEN = 0.25
 """How far a robot may drive until its localisation says so, m: AMCL's `update_min_d`."""
 
 
+MOST_CHARGE = 110.0
+"""Percent: gauges of full batteries may say a little more than 100, and what is scaled wrongly says much more."""
+
+
 class Ros2Robot(CarryingRobot):
     """A robot with ROS 2, in the traffic of its building."""
 
@@ -25,6 +29,7 @@ class Ros2Robot(CarryingRobot):
         super().__init__(name)
         self.can_charge, self.can_carry = binding.charge is not None, bool(binding.pick)
         self._full = binding.charge.full if binding.charge is not None else 100.0
+        self._is_misread = False
         self._moves, self.deviation = binding.moves, binding.navigate.corridor + UNSEEN
         self._connection = RobotConnection(name, settings, binding, session, self)
 
@@ -79,7 +84,12 @@ class Ros2Robot(CarryingRobot):
     def measured(self, attribute: str, value: Value) -> None:
         """An attribute of the robot has this value."""
         if attribute == "Charge":
-            self.battery = self._charge(float(value)) if isinstance(value, int | float) else None
+            level = float(value) if isinstance(value, int | float) else None
+            self.battery = self._charge(level) if level is not None and 0 <= level <= MOST_CHARGE else None
+            if level is not None and self.battery is None and not self._is_misread:
+                self._is_misread = True
+                advice = "correct the `scale` of attributes.Charge in its binding, which makes percent of what the topic says"
+                self.hindered(f"its battery cannot have a charge of {level:g} %, so that it is not known: {advice}")
         else:
             self.observed(f"{self.name}.{attribute} = {as_term(value)}")
 

@@ -259,10 +259,12 @@ async def test_a_battery_that_is_charged_no_further_is_full() -> None:
     binding = Binding.model_validate({"pose": {}, "charge": {"full": 80}, "attributes": {"Charge": CHARGE}})
     robot = Ros2Robot("Robot1", settings, binding, Session(list[Request]().append, lambda problem: None))
     levels: list[float | None] = []
-    for level in (40.0, 80.0, 85.0):
+    for level in (40.0, 80.0, 85.0, 9000.0):
         robot.measured("Charge", level)
         levels.append(robot.battery)
-    assert levels == [50.0, 100.0, 100.0]
+    assert levels == [50.0, 100.0, 100.0, None]
+    assert robot.remark is not None
+    assert "cannot have a charge of 9000 %, so that it is not known: correct the `scale` of attributes.Charge" in robot.remark
 
 
 @in_event_loop
