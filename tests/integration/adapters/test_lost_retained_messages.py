@@ -46,6 +46,9 @@ class Ear:
         if not self.heard.done():
             self.heard.set_result((key, payload))
 
+    def unreadable(self, key: SourceKey, problem: str) -> None:
+        raise AssertionError("a broker refuses no reading")
+
     def reached(self, connection: str, is_reached: bool) -> None:
         pass
 

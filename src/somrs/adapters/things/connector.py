@@ -30,6 +30,9 @@ class Listener(Protocol):
     def received(self, key: SourceKey, payload: Payload) -> None:
         """A message of a source."""
 
+    def unreadable(self, key: SourceKey, problem: str) -> None:
+        """A source cannot be read, for a reason that stays: the other end refuses it. Its next message is the end of this."""
+
     def reached(self, connection: str, is_reached: bool) -> None:
         """The connection is there, or it is refused or lost. That it does not answer is neither."""
 
@@ -60,3 +63,7 @@ class ConnectionNotes:
         if text != self._last_text:
             log.log(logging.WARNING if is_bad else logging.INFO, "%s (%s): %s", self._connection.name, self._connection, text)
             self._last_text = text
+
+    def forget(self) -> None:
+        """Log the next text, whatever it is."""
+        self._last_text = ""

@@ -11,6 +11,7 @@ from somrs.adapters.things.connector import FIRST_PAUSE, ConnectionNotes, Listen
 from somrs.adapters.things.conversion import Raw
 from somrs.adapters.things.messages import payload_text
 from somrs.adapters.things.model import Command, Connection, Source
+from somrs.adapters.things.state import SourceKey
 
 PATIENCE = 10.0
 """Seconds after which a reading without an answer is begun anew."""
@@ -25,6 +26,7 @@ class HttpConnector:
         self._connection, self._listener = connection, listener
         self._password = read_password(connection)
         self._notes = ConnectionNotes(connection)
+        self._place_notes: dict[str, ConnectionNotes] = {}
         self._sources: dict[str, Source] = {}
         self._pollers: dict[str, asyncio.Task[None]] = {}
         self._session: aiohttp.ClientSession | None = None
@@ -104,12 +106,14 @@ class HttpConnector:
 
     async def _read(self, source: Source) -> None:
         assert self._session is not None, "pollers run while the connection is open"
+        key: SourceKey = (self._connection.name, source.place, None)
+        place_notes = self._place_notes.setdefault(source.place, ConnectionNotes(self._connection))
         try:
             async with asyncio.timeout(PATIENCE), self._session.get(self.url(source.place)) as answer:
                 payload = await answer.content.read(MOST_BYTES)
                 status = answer.status
         except TimeoutError:
-            self._notes.note("does not answer; it is tried again")  # which says nothing of the thing
+            place_notes.note(f"does not answer for {source.place}; it is tried again")  # which says nothing of the thing
             return
         except aiohttp.ClientError as error:
             self._notes.note(f"is not there ({error}); it is tried again")
@@ -117,8 +121,10 @@ class HttpConnector:
             await asyncio.sleep(FIRST_PAUSE)
             return
         if status >= 400:
-            self._notes.note(f"answers {status} for {source.place}; correct the path, or the rights")
+            place_notes.note(f"answers {status} for {source.place}; correct the path, or the rights")
+            self._listener.unreadable(key, f"{self.url(source.place)} answers {status}")
             return
+        place_notes.forget()
         self._notes.note("answers", is_bad=False)
         self._listener.reached(self._connection.name, True)
-        self._listener.received((self._connection.name, source.place, None), payload)
+        self._listener.received(key, payload)

@@ -42,6 +42,8 @@ class Hub:
         self.sampler = Sampler()
         self.sampled = asyncio.Event()
         """Set when there may be something to report to the map."""
+        self._unreadable: dict[SourceKey, str] = {}
+        """The sources that cannot be read, and why."""
         self._router = Router()
         self._lapses = Lapses(self._reset, self._expire)
         self._observers: dict[str, dict[Observer, None]] = {}
@@ -96,7 +98,10 @@ class Hub:
     def received(self, key: SourceKey, payload: Payload) -> None:
         if (observer := self._message_observers.get(key)) is not None:
             observer(key, payload)
-        elif self._router.reads(key):
+            return
+        if self._unreadable.pop(key, None) is not None:
+            self._judge_readers(key)
+        if self._router.reads(key):
             names: dict[str, None] = {}
             for news in self._router.received(key, payload, time.time()):
                 self._take(news)
@@ -149,6 +154,16 @@ class Hub:
             for path, value in state.values.items():
                 self._sample(state.thing, path, value)
 
+    def unreadable(self, key: SourceKey, problem: str) -> None:
+        if self._unreadable.get(key) != problem:
+            self._unreadable[key] = problem
+            self._judge_readers(key)
+
+    def _judge_readers(self, key: SourceKey) -> None:
+        for state in self._router.states_of(key):
+            self._judge(state)
+            self._tell(state.thing.name)
+
     def reached(self, connection: str, is_reached: bool) -> None:
         if is_reached and connection in self._reached_connections:
             return
@@ -175,6 +190,8 @@ class Hub:
             return "has gone"
         if lost := sorted(connections_of(state.thing) & self.lost_connections):
             return f"cannot be reached: its connection {lost[0]} is not there"
+        if problems := [problem for source in sources_of(state.thing) if (problem := self._unreadable.get(source_key(source)))]:
+            return f"cannot be read: {problems[0]}"
         if state.is_online is False:
             places = [place.source for place, is_online in state.availability.items() if not is_online]
             return f"does not work: it says so at {places[0]}" if places else "does not work"

@@ -56,6 +56,8 @@ class ModbusConnector:
     def __init__(self, connection: Connection, listener: Listener) -> None:
         self._connection, self._listener = connection, listener
         self._notes = ConnectionNotes(connection)
+        self._block_notes: dict[Block, ConnectionNotes] = {}
+        """Of those that the device refuses to read."""
         self._sources: dict[tuple[str, Register], Source] = {}
         self._changed, self._prompt = asyncio.Event(), asyncio.Event()
         self._client: AsyncModbusTcpClient | None = None
@@ -110,7 +112,7 @@ class ModbusConnector:
         except ModbusException as error:
             raise Rejection(f"{command.place} of {self._connection.name} could not be written: {error}", is_received=True) from error
         if answer.isError():
-            raise Rejection(f"{self._connection.name} refuses to write {command.place}: {answer}", is_received=True)
+            raise Rejection(f"{self._connection.name} refuses to write {command.place}: {_reason(answer)}", is_received=True)
         self._prompt.set()
 
     async def _serve(self, client: AsyncModbusTcpClient) -> None:
@@ -152,8 +154,12 @@ class ModbusConnector:
                     raise ConnectionException(str(error)) from error
                 return
         if answer.isError():
-            self._notes.note(f"refuses to read {block.table} {block.address} to {block.address + block.count - 1}: {answer}")
+            problem = f"refuses to read {block.table} {block.address} to {block.address + block.count - 1}: {_reason(answer)}"
+            self._block_notes.setdefault(block, ConnectionNotes(self._connection)).note(problem)
+            for source in block.sources:
+                self._listener.unreadable((self._connection.name, source.place, _register(source)), f"{self._connection.name} {problem}")
             return
+        self._block_notes.pop(block, None)
         self._listener.reached(self._connection.name, True)
         values: Sequence[int] = answer.bits if block.table.has_bits else answer.registers
         for source in block.sources:
@@ -162,6 +168,24 @@ class ModbusConnector:
             self._listener.received(
                 (self._connection.name, source.place, register), register.decode(values[start : start + register.count])
             )
+
+
+_REASONS = {
+    1: "it does not know this table",
+    2: "it has no such register; correct the address, which counts from 0",
+    3: "it does not read so many registers at once",
+    4: "it has failed",
+    5: "it is busy",
+    6: "it is busy",
+    10: "the gateway has no way to the unit; correct the number of the unit in the url",
+    11: "the unit does not answer behind the gateway; correct its number in the url, or switch it on",
+}
+"""What exceptions of a device mean (MODBUS Application Protocol 1.1b3, chapter 7)."""
+
+
+def _reason(answer: ModbusPDU) -> str:
+    code = answer.exception_code
+    return f"{_REASONS.get(code, 'for a reason of its own')} (exception {code})"
 
 
 async def _request(client: AsyncModbusTcpClient, block: Block, unit: int) -> ModbusPDU:

@@ -123,6 +123,10 @@ class Router:
             if not self._readers[key]:
                 del self._readers[key]
 
+    def states_of(self, key: SourceKey) -> list[ThingState]:
+        """The things that need the messages of a source."""
+        return [*{id(state): state for state, _ in self._readers.get(key, ())}.values()]
+
     def reads(self, key: SourceKey) -> bool:
         """Whether a thing needs the messages of a source."""
         return key in self._readers

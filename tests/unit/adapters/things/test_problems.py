@@ -87,6 +87,19 @@ def test_a_thing_whose_broker_is_away_for_a_while_cannot_be_reached(tmp_path: Pa
     assert reported(tmp_path, lose_it_for_a_moment) == []
 
 
+def test_a_thing_that_cannot_be_read_has_a_problem_until_it_can(tmp_path: Path) -> None:
+    def refuse_it(hub: Hub) -> None:
+        hub.received(HEATER, b"21")
+        hub.unreadable(HEATER, "http://heater/t answers 401")
+
+    def allow_it(hub: Hub) -> None:
+        refuse_it(hub)
+        hub.received(HEATER, b"22")
+
+    assert reported(tmp_path, refuse_it) == ["cannot be read: http://heater/t answers 401"]
+    assert reported(tmp_path, allow_it) == []
+
+
 def test_what_an_earlier_run_has_left_on_the_map_is_taken_back(tmp_path: Path) -> None:
     def begin_again(hub: Hub) -> None:
         hub.received(HEATER, b"21")
