@@ -128,7 +128,11 @@ class Building:
 
     def _renew_ways(self, roadmap: RoadmapRead, static_solids: tuple[Solid, ...]) -> None:
         lanes = lanes_of(self._map, self._ontology)
-        opened = tuple((solid.name, solid.x, solid.y, solid.z, solid.yaw, solid.role) for solid in static_solids)
+        # The cabin of a lift is at all its landings, wherever it is now.
+        heights = [None if solid.role is Role.LIFT else solid.z for solid in static_solids]
+        opened = tuple(
+            (solid.name, solid.x, solid.y, height, solid.yaw, solid.role) for solid, height in zip(static_solids, heights, strict=True)
+        )
         if (opened, lanes, roadmap.edition) == self._ways_key:
             return
         levels = sorted({place.level for place in roadmap.places})
