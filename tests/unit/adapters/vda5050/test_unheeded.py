@@ -120,11 +120,11 @@ def test_an_update_continues_what_the_vehicle_says_that_it_has() -> None:
     dialogue.run(1)
     assert dialogue.orders()[-1] == update, "the vehicle may not have said all yet"
     dialogue.run(3)
-    again = dialogue.orders()[-1]
-    assert (again.order_update_id, [node.node_id for node in again.nodes if node.released]) == (2, ["B", "C", "D"])
+    repetition = dialogue.orders()[-1]
+    assert (repetition.order_update_id, [node.node_id for node in repetition.nodes if node.released]) == (2, ["B", "C", "D"])
     dialogue.state(orderUpdateId=2, nodeStates=listed(B=True, C=True, D=True))
     dialogue.run(30)
-    assert dialogue.orders()[-1] == again
+    assert dialogue.orders()[-1] == repetition
 
 
 def test_a_vehicle_that_never_takes_more_of_its_order_is_given_up() -> None:
@@ -159,9 +159,9 @@ def test_a_cancellation_that_failed_has_not_halted_a_vehicle_that_waits() -> Non
     dialogue.state(driving=False, actionStates=[reported(action, "FAILED")])
     dialogue.run(4)
     assert not any(isinstance(effect, Halted) for effect in dialogue.effects)
-    again = instant_actions(dialogue, "cancelOrder")
-    assert len(again) == 2
-    assert again[0].action_id != again[1].action_id
+    cancellations = instant_actions(dialogue, "cancelOrder")
+    assert len(cancellations) == 2
+    assert cancellations[0].action_id != cancellations[1].action_id
     cancel(dialogue)
     assert any(isinstance(effect, Halted) for effect in dialogue.effects)
 

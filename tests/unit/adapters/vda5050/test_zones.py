@@ -131,8 +131,8 @@ def test_a_vehicle_does_in_a_zone_what_it_has_for_that() -> None:
     assert pair.of(Refused) == [Refused(description="does not have lamp in Zone1")]
     pair.follow("A", "B", "C", "D")
     pair.run(10)
-    done = pair.vehicle.state().zone_action_states or ()
-    assert [(state.action_type, state.action_status) for state in done] == [("horn", ActionStatus.FINISHED)] * 2
+    performed = pair.vehicle.state().zone_action_states or ()
+    assert [(state.action_type, state.action_status) for state in performed] == [("horn", ActionStatus.FINISHED)] * 2
     pair.follow(*"DBDBDBDBD", first=3)
     pair.run(60)
     assert "clearZoneActions" in pair.instant_actions()

@@ -272,7 +272,6 @@ OF_NO_USE: Mapping[str, frozenset[str]] = {
     "VehicleError": frozenset({"errorDescriptionTranslations", "errorHintTranslations"}),
     "Visualization": frozenset({"plannedPath", "intermediatePath"}),
     "Edge": frozenset({"rotationAllowed"}),
-    "Zone": frozenset({"entryActions", "duringActions", "exitActions"}),
     "Geometry": frozenset({"wheelDefinitions", "envelopes3d"}),
     "Configuration": frozenset({"versions", "network"}),
     "ArrayLengths": frozenset(
